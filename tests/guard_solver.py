@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from twin_gait.gait import TICK, LegSignals
-from twin_gait.gait.guards import WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 
 OWN_TIME = "time_in_phase_s"
 OTHER_TIME = "other.time_in_phase_s"
@@ -55,5 +55,5 @@ class Measurements:
                 math.radians(self.signals[f"{prefix}{name}.velocity_deg_per_s"]) for name in joints
             ),
             foot_load=self.signals[f"{prefix}foot.load_bw"],
-            walk=self.signals.get(WALK, 1.0),
+            walk=self.signals.get("walk", 1.0),
         )

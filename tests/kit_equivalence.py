@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 from kit_mutants import Mutant
 
-from twin_gait.gait.feasibility import OTHER_TIME, TIME, ZERO, Bound, Requirement, Way, bound_of, ways
+from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, ways
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
+from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, GaitTable, Transition
 from twin_gait.testing.exits import Exit, decisive, reads_only_own_time, reads_own_time, turning_tick
 from twin_gait.testing.reference import Vector, exits, holds, is_pure_time_out

@@ -11,19 +11,10 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from twin_gait.gait.guards import (
-    OTHER,
-    WALK,
-    AllOf,
-    AnyOf,
-    Comparison,
-    Guard,
-    PhaseMembership,
-    all_signal_names,
-    signal_scale,
-)
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.signals import OTHER, all_signal_names, signal_scale
 from twin_gait.gait.table import LONGEST, TICK, GaitTable, PhaseParameters, Transition
-from twin_gait.testing.reference import exits, to_si
+from twin_gait.testing.reference import exits
 
 SHIFT = 1e-6  # of a threshold, relative to it or to 1, in the unit of the table; one tick of a time
 _UNIT = {"deg": 180.0 / math.pi, "bw": 100.0, "s": 1000.0}  # read as rad, per cent, ms
@@ -190,7 +181,7 @@ def _comparison_mutants(table: GaitTable, guard: Comparison) -> Guards:
     yield "comparison", f"{guard} not strict", replace(guard, threshold=_not_strict(guard))
     for shifted in _shifted(guard):
         yield "threshold", f"{guard} at {shifted!r}", replace(guard, threshold=shifted)
-    if guard.signal != WALK:
+    if guard.signal != "walk":
         factor = _UNIT[guard.signal.rsplit("_", 1)[-1]]
         yield "unit", f"{guard} in another unit", replace(guard, threshold=guard.threshold * factor)
     for name in _mistaken(table, guard.signal):
@@ -215,8 +206,8 @@ def _not_strict(guard: Comparison) -> float:
     outward = -math.inf if guard.operator == ">" else math.inf
     if guard.threshold == 0.0:
         return math.copysign(1e-300, outward)
-    present, moved = to_si(guard.signal, guard.threshold), guard.threshold
-    while to_si(guard.signal, moved) == present:
+    present, moved = guard.threshold * signal_scale(guard.signal), guard.threshold
+    while moved * signal_scale(guard.signal) == present:
         moved = math.nextafter(moved, outward)
     return moved
 

@@ -17,7 +17,8 @@ from transitions import Machine
 
 from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.experiment.problem import Problem
-from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership, signal_scale
+from twin_gait.gait.guards import AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.signals import OTHER, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.parameters import FrictionParameters
 from twin_gait.vocabulary import Side

@@ -7,15 +7,8 @@ from table_builder import JOINTS, phase
 
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait import GaitTable, Transition
-from twin_gait.gait.guards import (
-    AllOf,
-    AnyOf,
-    Comparison,
-    Guard,
-    PhaseMembership,
-    all_signal_names,
-    signal_unit,
-)
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.signals import all_signal_names, signal_of
 
 PHASES = ("stance", "swing", "rest")
 _NAMES = all_signal_names(JOINTS)
@@ -30,7 +23,7 @@ def _threshold(draw: st.DrawFn, name: str) -> float:
 @st.composite
 def comparisons(draw: st.DrawFn) -> Comparison:
     signal = draw(st.sampled_from(_NAMES))
-    alike = [name for name in _NAMES if signal_unit(name) == signal_unit(signal)]
+    alike = [name for name in _NAMES if signal_of(name).unit == signal_of(signal).unit]
     minus = draw(st.none() | st.sampled_from(alike))
     threshold = _threshold(draw, signal)
     return Comparison(signal=signal, minus=minus, operator=draw(st.sampled_from("<>")), threshold=threshold)

@@ -14,7 +14,7 @@ from guard_solver import holds
 from table_builder import JOINTS, guard, phase
 
 from twin_gait.checking.check import build_case
-from twin_gait.checking.exits import NOISE, ambiguity, cascade, hysteresis, shadowed_exit
+from twin_gait.checking.exits import ambiguity, cascade, hysteresis, shadowed_exit
 from twin_gait.checking.finding import CheckCase, Finding, label
 from twin_gait.checking.graph import TwoLegs, deadlock, starting_pairs
 from twin_gait.checking.signals import Point, SignalSpace
@@ -23,7 +23,8 @@ from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, LegSignals, Transition
 from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Bound, Requirement, Way, bound_of, ways
-from twin_gait.gait.guards import WALK, AllOf, AnyOf, Guard, PhaseMembership, all_signal_names
+from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.signals import ANGLE, all_signal_names
 from twin_gait.vocabulary import Side
 
 # Limits of urdf/twin.urdf: lowest and highest angle in [deg], speed in [deg] / [s].
@@ -53,7 +54,7 @@ class Vectors:
         if quantity in ("load_bw", TIME):
             values = generator.uniform(0.0, 2.0, self.count)
             return values if quantity == "load_bw" else np.round(values / TICK) * TICK
-        if name == WALK:
+        if name == "walk":
             return generator.uniform(0.0, 1.0, self.count)
         low, high, speed = TWIN[name.rsplit(".", 2)[-2]]
         return generator.uniform(*((low, high) if quantity == "angle_deg" else (-speed, speed)), self.count)
@@ -298,7 +299,7 @@ def test_noise_does_undo_a_reported_switch() -> None:
     angle = finding.counterexample["hip.angle_deg"]
     assert isinstance(angle, float)
     assert angle > 10.0
-    assert angle - NOISE["angle_deg"] < 9.8
+    assert angle - ANGLE.noise < 9.8
 
 
 # ---------------------------------------------------------------------------------- two legs

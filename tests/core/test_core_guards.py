@@ -12,16 +12,9 @@ from table_builder import JOINTS, guard, transition, two_phase_table
 
 from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait.guards import (
-    AllOf,
-    AnyOf,
-    Comparison,
-    Guard,
-    PhaseMembership,
-    all_signal_names,
-    signal_scale,
-)
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import all_signal_names, signal_scale
 
 NAMES = all_signal_names(JOINTS)
 PHASES = ("stance", "swing")

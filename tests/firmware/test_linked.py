@@ -7,7 +7,7 @@ import pytest
 
 from twin_gait.core.guards import Comparison, GuardProgram, is_above
 from twin_gait.firmware.linked import part_ticks
-from twin_gait.gait.guards import all_signal_names
+from twin_gait.gait.signals import OTHER_TIME, all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName
 
@@ -42,6 +42,6 @@ def test_no_tick_changes_its_side_of_a_threshold(factor, rng):
 
 def test_other_thresholds_stay():
     assert parted(ANGLE, 1.0, 0.0123).threshold == 0.0123
-    program = GuardProgram(0, [], [], [], [Comparison(TIME, TIME + len(NAMES) // 2, 1.0, -1.0, 0.0005)])
+    program = GuardProgram(0, [], [], [], [Comparison(TIME, NAMES.index(OTHER_TIME), 1.0, -1.0, 0.0005)])
     part_ticks(program, NAMES)
     assert program.comparisons[0].threshold == 0.0005

@@ -13,8 +13,9 @@ from table_builder import JOINTS, guard, phase, transition, two_phase_table
 
 from twin_gait.exceptions import GaitTableError, MeasurementError
 from twin_gait.gait import GaitStateMachine, GaitTable, LegSignals, PhaseSwitch, compile_guards
-from twin_gait.gait.guards import AllOf, AnyOf, all_signal_names
+from twin_gait.gait.guards import AllOf, AnyOf
 from twin_gait.gait.machine import signal_list
+from twin_gait.gait.signals import all_signal_names
 from twin_gait.vocabulary import Side
 
 

@@ -10,19 +10,9 @@ from hypothesis import strategies as st
 from table_builder import JOINTS, transition, two_phase_table
 
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait.guards import (
-    AllOf,
-    AnyOf,
-    Comparison,
-    Guard,
-    PhaseMembership,
-    all_signal_names,
-    parse_guard,
-    signal_names,
-    signal_scale,
-    signal_unit,
-)
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, parse_guard
 from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import all_signal_names, signal_names, signal_of, signal_scale
 from twin_gait.vocabulary import GaitPhase
 
 PHASES = tuple(str(phase) for phase in GaitPhase)
@@ -36,7 +26,7 @@ def parse(text: str) -> Guard:
 @st.composite
 def comparisons(draw: st.DrawFn) -> Comparison:
     signal = draw(st.sampled_from(NAMES))
-    others = [name for name in NAMES if signal_unit(name) == signal_unit(signal)]
+    others = [name for name in NAMES if signal_of(name).unit == signal_of(signal).unit]
     return Comparison(
         signal=signal,
         minus=draw(st.none() | st.sampled_from(others)),

@@ -22,7 +22,8 @@ from kit_mutants import mutants
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait import TICK, GaitStateMachine, GaitTable, compile_guards
-from twin_gait.gait.guards import WALK, Comparison, PhaseMembership, signal_names
+from twin_gait.gait.guards import Comparison, PhaseMembership
+from twin_gait.gait.signals import signal_names
 from twin_gait.testing import TransitionTest, transition_tests
 from twin_gait.testing.cases import approval_text, check_approved
 from twin_gait.testing.exits import decisive
@@ -204,7 +205,7 @@ def test_any_measurements_keep_both_legs_in_the_cycle(name: str, seed: int) -> N
             other = 1 - leg
             signals = {**measured[leg], OWN_TIME: times[leg]}
             signals |= {f"other.{key}": value for key, value in measured[other].items()}
-            signals |= {OTHER_TIME: times[other], WALK: float(tick // TOLD_TICKS % 2 == 0)}
+            signals |= {OTHER_TIME: times[other], "walk": float(tick // TOLD_TICKS % 2 == 0)}
             found = Measurements(signals, phases[other])
             switch = machine.step(
                 tick,

@@ -75,7 +75,7 @@ def test_switches_come_at_the_first_tick_after_the_crossing():
 @pytest.mark.parametrize("rate", [50.0, 128.0, 4000.0])
 def test_a_log_of_another_rate_switches_at_the_same_instants(rate):
     time = np.arange(round(4.0 * rate) + 1) / rate
-    recording = at_ticks("log", time, {Side.LEFT: {HIP: sine(time), KNEE: 0.0 * time}}, {}, {})
+    recording = at_ticks("log", time, {Side.LEFT: {HIP: sine(time), KNEE: 0.0 * time}}, {}, {}, {})
     assert recording.n_ticks == 4001
     result = replay(recording, two_way_table())
     found = [switch.time for switch in result.switches]
@@ -95,7 +95,7 @@ def test_the_velocity_is_that_of_the_firmwares_filter():
 def test_samples_on_the_ticks_are_kept_bit_for_bit():
     time = 17.3 + np.arange(200) * TICK
     hip = np.random.default_rng(3).uniform(-1.0, 1.0, size=200)
-    recording = at_ticks("log", time, {Side.LEFT: {HIP: hip}}, {}, {})
+    recording = at_ticks("log", time, {Side.LEFT: {HIP: hip}}, {}, {}, {})
     assert (recording.angles[Side.LEFT][HIP] == hip).all()
     np.testing.assert_allclose(recording.time, time, atol=1e-9)
 
@@ -104,7 +104,7 @@ def test_interpolation_meets_every_sample_and_overshoots_none():
     time = np.arange(21) * 0.01
     hip = np.where(time < 0.1, 0.0, 0.5)  # a step, where a cubic spline would overshoot
     names = np.array(["stance" if instant < 0.1 else "swing" for instant in time], dtype=object)
-    recording = at_ticks("log", time, {Side.LEFT: {HIP: hip}}, {}, {Side.LEFT: names})
+    recording = at_ticks("log", time, {Side.LEFT: {HIP: hip}}, {}, {Side.LEFT: names}, {})
     values = recording.angles[Side.LEFT][HIP]
     np.testing.assert_allclose(values[::10], hip, atol=1e-12)
     assert values.min() >= 0.0 and values.max() <= 0.5

@@ -28,7 +28,8 @@ from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
 from twin_gait.gait.documents import Held, PhaseLogic, Stay, transition_table, truth_table
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, all_signal_names, parse_guard
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, parse_guard
+from twin_gait.gait.signals import all_signal_names
 from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, ring
 from twin_gait.report.diagram_words import state_diagram_mermaid
 from twin_gait.report.state_diagram import phase_colours, state_diagram_svg

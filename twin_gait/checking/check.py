@@ -26,11 +26,12 @@ from twin_gait.checking.finding import (
     unused_waiver,
     waive,
 )
-from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
+from twin_gait.checking.signals import ANY_ANGLE, FIXED, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
 from twin_gait.experiment.problem import scaled_table
+from twin_gait.gait.signals import HIGHEST_VELOCITY, device_parts
 from twin_gait.gait.table import GaitTable
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import World
@@ -87,14 +88,16 @@ def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckC
         without an experiment the normal ranges of human joints.
     """
     if experiment is None:
-        limits = {joint: JOINT_RANGES.get(joint, ANY_ANGLE) for joint in table.joints}
+        limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, *device_parts())}
         return CheckCase(table=table, experiment=None, limits=limits)
     driving = replace(experiment, table=table)
     world = driving.build_world()
     return CheckCase(
         table=scaled_table(driving, world),
         experiment=driving,
-        limits={joint: _angles(world, JointName(joint)) for joint in table.joints},
+        # The pelvis is guided in all worlds: no coordinate turns any part of the device but the joints.
+        limits=dict.fromkeys(device_parts(), FIXED)
+        | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
     )

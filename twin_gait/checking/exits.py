@@ -7,13 +7,11 @@ from collections.abc import Iterator, Sequence
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
-from twin_gait.gait.feasibility import OTHER_TIME, TIME, Bound, Requirement, translated
-from twin_gait.gait.guards import WALK, AllOf, AnyOf, Comparison, Guard, atoms
+from twin_gait.gait.feasibility import Bound, Requirement, translated
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, atoms
+from twin_gait.gait.signals import ANGLE, LOAD, OTHER_TIME, TIME, VELOCITY, signal_of
 from twin_gait.gait.table import TICK, Transition
 
-# Noise of a measured signal from tick to tick, by the last word of its name: assumptions. The encoder's
-# own step is far below (0.0004° of the joint); cuffs, gears and the foot on the belt shake more.
-NOISE = {"angle_deg": 0.5, "velocity_deg_per_s": 5.0, "load_bw": 0.02, WALK: 0.0}
 _NOISY, _ENTRY = "noisy.", (TICK, TICK)
 
 
@@ -309,7 +307,7 @@ def _undone(space: SignalSpace, there: int, back: int) -> list[Finding]:
     read = dict.fromkeys(name for atom in compared for name in (atom.signal, atom.minus or atom.signal))
     # A noisy signal is as far as the noise from the signal at the switch.
     noise = [
-        Bound(*pair, NOISE[name.rsplit(".", 1)[-1]])
+        Bound(*pair, signal_of(name).noise)
         for name in read
         if not name.endswith(TIME)
         for pair in ((_NOISY + name, name), (name, _NOISY + name))
@@ -330,8 +328,8 @@ def _undone(space: SignalSpace, there: int, back: int) -> list[Finding]:
             second,
             "hysteresis",
             Severity.WARNING,
-            f"{label(second)} can undo {label(first)} in the next tick: noise of {NOISE['angle_deg']:g}°, "
-            f"{NOISE['velocity_deg_per_s']:g} deg/s or {NOISE['load_bw']:g} of body weight is enough",
+            f"{label(second)} can undo {label(first)} in the next tick: noise of {ANGLE.noise:g}°, "
+            f"{VELOCITY.noise:g} deg/s or {LOAD.noise:g} of body weight is enough",
             "part the thresholds by more than the noise, or give the way back a debounce_ms",
             space.counterexample(point),
         )

@@ -59,7 +59,7 @@ class CheckCase:
     Attributes:
         table: The gait table, scaled to the experiment where there is one.
         experiment: What the table drives; None if it has joints that no leg model here has.
-        limits: Lowest and highest angle of each joint of the table in [rad].
+        limits: Lowest and highest angle in [rad] of each joint of the table, and of what else has signals.
         velocity_limits: Highest speed of each joint of the table in [rad] / [s].
         first_phases: In which the legs start, leg by leg; nothing without an experiment.
         shared: What one rule has worked out and another needs too.

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, label
 from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
-from twin_gait.gait.feasibility import OTHER_TIME, TIME, Requirement, translated
-from twin_gait.gait.guards import OTHER
+from twin_gait.gait.feasibility import Requirement, translated
+from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
 Pair = tuple[str, str]

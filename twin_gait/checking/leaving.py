@@ -12,12 +12,10 @@ import numpy as np
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
-from twin_gait.checking.signals import LONGEST_STAY, SignalSpace, signal_space
-from twin_gait.gait.feasibility import OTHER_TIME, TIME
-from twin_gait.gait.guards import signal_scale
+from twin_gait.checking.signals import SignalSpace, signal_space
+from twin_gait.gait.signals import ANGLE, LOAD, LONGEST_STAY, OTHER_TIME, TIME, VELOCITY
 from twin_gait.gait.table import TICK, DrivenBy
 
-_LOAD = "foot.load_bw"
 _POINT = 1e-7  # [rad]; half the width of a range that stands for one angle, beyond the rounding of sums
 
 
@@ -74,15 +72,12 @@ def _some_exit_opens(
     """Whether a guarded exit can be open with angles and velocities of the joints in some ranges, in SI."""
     ranges = {TIME: (TICK, space.time_out(phase)), OTHER_TIME: (0.0, LONGEST_STAY)}
     for joint, angle, velocity in zip(leg.joints, angles, velocities, strict=True):
-        for name, (low, high) in (
-            (f"{joint}.angle_deg", angle.tolist()),
-            (f"{joint}.velocity_deg_per_s", velocity.tolist()),
-        ):
-            ranges[name] = (low / signal_scale(name), high / signal_scale(name))
+        for signal, (low, high) in ((ANGLE, angle.tolist()), (VELOCITY, velocity.tolist())):
+            ranges[signal.of(joint)] = (low / signal.unit.factor, high / signal.unit.factor)
     for index in _guarded_exits(space, phase):
         loaded = in_contact(leg, phase) or _is_driven_by_contact(space, leg, index)
-        load = space.range(_LOAD) if loaded else (0.0, 0.0)
-        if space.possible([space.requirement(index)], {**ranges, _LOAD: load}):
+        load = space.range(LOAD.name) if loaded else (0.0, 0.0)
+        if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
             return True
     return False
 
@@ -189,7 +184,7 @@ def _posture(leg: HangingLeg, rest: Rest) -> str:
 
 def _middle(leg: HangingLeg, rest: Rest) -> dict[str, float | str]:
     pairs = zip(leg.joints, rest.middle.tolist(), strict=True)
-    return {f"{joint}.angle_deg": round(math.degrees(angle), 2) for joint, angle in pairs}
+    return {ANGLE.of(joint): round(math.degrees(angle), 2) for joint, angle in pairs}
 
 
 RULES = (cannot_leave, leaves_in_motion_only)

@@ -16,8 +16,8 @@ from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.core.actuator import saturate
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
-from twin_gait.gait.feasibility import TIME
-from twin_gait.gait.guards import OTHER, Comparison, atoms, signal_scale
+from twin_gait.gait.guards import Comparison, atoms
+from twin_gait.gait.signals import ANGLE, OTHER, TIME, VELOCITY, Signal
 from twin_gait.parameters import FrictionLaw
 
 _STEPS = 2000
@@ -199,11 +199,11 @@ def _candidates(
     ):
         ends = (rest.corners[:, joint].min(), rest.corners[:, joint].max())
         angles = np.degrees(ends) if waits else np.degrees(np.linspace(low, high, samples))
-        name = f"{leg.joints[joint]}.angle_deg"
+        name = ANGLE.of(leg.joints[joint])
         least, most = space.range(name)
         names.append(name)
         values.append(np.clip([*angles, *_thresholds(space, index, name)], least, most).tolist())
-        names.append(f"{leg.joints[joint]}.velocity_deg_per_s")
+        names.append(VELOCITY.of(leg.joints[joint]))
         values.append([0.0] if waits else [0.0, math.degrees(speed), *_thresholds(space, index, names[-1])])
     choices = [list(dict.fromkeys(several)) for several in values]
     lengths = [len(several) for several in choices]
@@ -255,11 +255,11 @@ def postures(
     # A guard off the way: the point that opens it has to do.
     found = found or [dict(backgrounds[0].signals)]
 
-    def column(quantity: str) -> np.ndarray:
-        names = [f"{joint}.{quantity}" for joint in leg.joints]
-        return np.array([[own.get(name, 0.0) * signal_scale(name) for name in names] for own in found])
+    def column(signal: Signal) -> np.ndarray:
+        names = [signal.of(joint) for joint in leg.joints]
+        return np.array([[own.get(name, 0.0) * signal.unit.factor for name in names] for own in found])
 
-    return Postures(column("angle_deg"), column("velocity_deg_per_s"))
+    return Postures(column(ANGLE), column(VELOCITY))
 
 
 def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DEPTH) -> list[np.ndarray]:

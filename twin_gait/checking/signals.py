@@ -10,8 +10,6 @@ from twin_gait.checking.finding import CheckCase
 from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import (
-    OTHER_TIME,
-    TIME,
     ZERO,
     Bound,
     Requirement,
@@ -21,16 +19,26 @@ from twin_gait.gait.feasibility import (
     solutions,
     translated,
 )
-from twin_gait.gait.guards import OTHER, WALK, Comparison, Guard, all_signal_names, atoms, signal_scale
+from twin_gait.gait.guards import Comparison, Guard, atoms
 from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import (
+    LONGEST_STAY,
+    OTHER,
+    OTHER_TIME,
+    TIME,
+    Known,
+    all_signal_names,
+    is_device,
+    part_of,
+    signal_of,
+    signal_scale,
+)
 from twin_gait.gait.table import TICK, Transition
 
 OTHER_PHASE = "other.phase"
 # Time in the phase just after a switch, at which the exits of the new phase are read first.
 ENTRY_TIME = "entry." + TIME
 _END = "end."  # of a debounce
-HIGHEST_LOAD = 2.0  # [body weight]: walking loads a foot with 1.2 at most, running with 2 to 3
-LONGEST_STAY = 3600.0  # [s], for a phase without a time-out
 
 _DEGREE = math.pi / 180.0
 # Where no leg model says more: normal ranges of motion (Merck Manual: hip -15 … 125°, knee 0 … 130°,
@@ -40,9 +48,7 @@ JOINT_RANGES = {
     "knee": (-5.0 * _DEGREE, 140.0 * _DEGREE),
     "ankle": (-55.0 * _DEGREE, 30.0 * _DEGREE),
 }
-ANY_ANGLE = (-math.pi, math.pi)
-# [rad] / [s]: an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
-HIGHEST_VELOCITY = 500.0 * _DEGREE
+ANY_ANGLE, FIXED = (-math.pi, math.pi), (0.0, 0.0)
 
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -78,7 +84,7 @@ class SignalSpace:
         self.others = self.table.phase_names if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
         self.names = all_signal_names(self.table.joints)
-        self._scales = {name: signal_scale(name) for name in self.names}
+        self._known = Known(case.limits, case.velocity_limits)
         self._openings: dict[tuple[int, str | None], Point | None] = {}
         self._firing: dict[int, bool] = {}
 
@@ -115,17 +121,9 @@ class SignalSpace:
 
     def range(self, name: str) -> tuple[float, float]:
         """Range of a measured signal in the units of the table; either leg's."""
-        if name.rpartition(".")[2] == WALK:
-            return 0.0, 1.0
         # The unknowns of a search may have further words in front: other, entry, noisy, end.
-        _, joint_or_foot, quantity = f".{name}".rsplit(".", 2)
-        if quantity == "load_bw":
-            return 0.0, HIGHEST_LOAD
-        if quantity == "velocity_deg_per_s":
-            highest = self.case.velocity_limits.get(joint_or_foot, HIGHEST_VELOCITY) / _DEGREE
-            return -highest, highest
-        low, high = self.case.limits[joint_or_foot]
-        return low / _DEGREE, high / _DEGREE
+        low, high = signal_of(name).range(self._known, part_of(name))
+        return low / signal_scale(name), high / signal_scale(name)
 
     def find(
         self,
@@ -180,8 +178,7 @@ class SignalSpace:
         def limits(names: Iterable[str]) -> list[Bound]:
             found = []
             for name in names:
-                free = (0.0, LONGEST_STAY) if name.endswith(TIME) else None
-                low, high = ranges.get(name) or free or self.range(name)
+                low, high = ranges.get(name) or self.range(name)
                 found += [Bound(ZERO, name, -low), Bound(name, ZERO, high)]
             return [_in_ticks(item) for item in found]
 
@@ -230,11 +227,12 @@ class SignalSpace:
 
     def measured(self, point: Point) -> list[float]:
         """Signals of a point as the evaluator reads them; those that it leaves open are 0."""
-        values = [point.signals.get(name, 0.0) * scale for name, scale in self._scales.items()]
-        if point.other is None:
-            half = len(values) // 2  # the other leg's end before the command to walk
-            values[half:-1] = [math.nan] * half
-        return values
+        return [
+            math.nan
+            if point.other is None and name.startswith(OTHER)
+            else point.signals.get(name, 0.0) * signal_scale(name)
+            for name in self.names
+        ]
 
     def _phase_number(self, phase: str | None) -> int:
         return -1 if phase is None else self.table.phase_index(phase)
@@ -290,7 +288,7 @@ def entered(point: Point) -> Point:
 
 def swapped(name: str) -> str:
     """Name that the other leg has for a signal; both are told the same."""
-    if name == WALK:
+    if is_device(name):
         return name
     return name.removeprefix(OTHER) if name.startswith(OTHER) else OTHER + name
 

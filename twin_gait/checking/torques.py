@@ -14,6 +14,7 @@ from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_ratio_of, impedance_torque
+from twin_gait.gait.signals import ANGLE, VELOCITY
 from twin_gait.gait.table import TICK, Transition
 
 # A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
@@ -138,8 +139,8 @@ def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
     for joint, angle, velocity in zip(
         leg.joints, jump.angles.tolist(), jump.velocities.tolist(), strict=True
     ):
-        found[f"{joint}.angle_deg"] = round(math.degrees(angle), 2)
-        found[f"{joint}.velocity_deg_per_s"] = round(math.degrees(velocity), 1)
+        found[ANGLE.of(joint)] = round(math.degrees(angle), 2)
+        found[VELOCITY.of(joint)] = round(math.degrees(velocity), 1)
     return found
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates
 from twin_gait.core.blending import blend, blend_share
-from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint, joint_signals, leg_signals
+from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram
 from twin_gait.core.safety import (
@@ -23,11 +23,19 @@ from twin_gait.core.safety import (
     SUPPLY_TRIP,
     support_share,
 )
+from twin_gait.gait import signals as declared
+from twin_gait.gait.signals import DEVICE_SIGNALS, JOINT_SIGNALS, LEG_SIGNALS
 
 # What a loop is bound to, and a firmware printed with: legs, actuated joints of a leg, whether inertia
 # torques are wanted, the equilibrium follows a path, and the impedance is shared with the wearer.
 LEGS, JOINTS_PER_LEG = 1, 2
 INERTIA_WANTED = FOLLOWS = ASSISTS = False
+
+# Places in the list of signals: among those of a joint, of a leg behind them, of the device behind both legs.
+PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
+ANGLE, VELOCITY = map(JOINT_SIGNALS.index, (declared.ANGLE, declared.VELOCITY))
+LOAD, TIME_IN_PHASE = map(LEG_SIGNALS.index, (declared.LOAD, declared.TIME_IN_PHASE))
+WALK = DEVICE_SIGNALS.index(declared.WALK)
 
 
 @dataclass(slots=True)
@@ -113,6 +121,17 @@ class ControlledLeg:
 
 
 @dataclass(slots=True)
+class Device:
+    """What is heard of the device as a whole, for the guards of both legs.
+
+    Attributes:
+        walk: 1 to walk, 0 to stand.
+    """
+
+    walk: float = declared.WALK.first
+
+
+@dataclass(slots=True)
 class WatchedSupply:
     """The bus voltage as the gait controller sees it.
 
@@ -177,9 +196,10 @@ class ControllerState:
         joints: Leg by leg: left hip, left knee, right hip, …
         legs: Left, right.
         program: Transitions of the gait table with their guards.
-        signals: What the guards read: of this leg, of the other, then the command to walk.
+        signals: What the guards read: of this leg, of the other, then of the device.
         supply: The bus voltage.
         model: For gravity and inertia torques.
+        device: Heard of it as a whole.
         trip: Of the monitor.
         last_rest: Last tick in which the legs were told to stand.
     """
@@ -190,6 +210,7 @@ class ControllerState:
     signals: list[float]
     supply: WatchedSupply
     model: ControlModel
+    device: Device = field(default_factory=Device)
     trip: Trip = field(default_factory=Trip)
     last_rest: int = 0
 
@@ -216,9 +237,14 @@ def hear_board(controller: ControllerState, limits: Limits, number: int, heard: 
         joint.measurement.cause = BUS_TRIP
 
 
+def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
+    """Take all that is heard of the device as a whole."""
+    hear_command(controller, heard.walk, tick)
+
+
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
     """Take the command to walk, 1, or to stand, 0."""
-    controller.signals[len(controller.signals) - 1] = walk
+    controller.device.walk = walk
     if walk == 0.0:
         controller.last_rest = tick
 
@@ -291,18 +317,24 @@ def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
     leg.before = leg.phase
 
 
-def write_signals(controller: ControllerState, rates: Rates, number: int, place: int) -> None:
-    """Write what is measured on a leg where the guards read it.
+def write_signals(controller: ControllerState, rates: Rates, number: int) -> None:
+    """Write all that the guards of a leg read: of itself, of the other leg, and of the device."""
+    write_leg(controller, rates, number, 0)
+    other = PER_JOINT * JOINTS_PER_LEG + PER_LEG
+    if LEGS == 2:
+        write_leg(controller, rates, 1 - number, other)
+    controller.signals[2 * other + WALK] = controller.device.walk
 
-    Args:
-        place: Of the first signal: 0 for the leg itself, half of all signals for the other.
-    """
-    signals = controller.signals
+
+def write_leg(controller: ControllerState, rates: Rates, number: int, first: int) -> None:
+    """Write what is measured on a leg from a place in the list of signals on."""
+    leg, signals, behind = controller.legs[number], controller.signals, first + PER_JOINT * JOINTS_PER_LEG
     for position in range(JOINTS_PER_LEG):
         measured = controller.joints[number * JOINTS_PER_LEG + position].measurement
-        joint_signals(measured.angle, measured.velocity, signals, place + 2 * position)
-    leg = controller.legs[number]
-    leg_signals(leg.load, leg.ticks, rates.period, signals, place + 2 * JOINTS_PER_LEG)
+        signals[first + PER_JOINT * position + ANGLE] = measured.angle
+        signals[first + PER_JOINT * position + VELOCITY] = measured.velocity
+    signals[behind + LOAD] = leg.load
+    signals[behind + TIME_IN_PHASE] = leg.ticks * rates.period
 
 
 def enter_phase(controller: ControllerState, number: int, tick: int) -> None:

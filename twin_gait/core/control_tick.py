@@ -125,32 +125,6 @@ def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
     encoder.velocity_slow = total / window
 
 
-def joint_signals(angle: float, velocity: float, signals: list[float], place: int) -> None:
-    """Write the signals of a joint in the order in which guards read them: angle, fast velocity.
-
-    Args:
-        angle: Measured in [rad].
-        velocity: Fast estimate in [rad] / [s].
-        signals: Changed in place.
-        place: Of the first one.
-    """
-    signals[place] = angle
-    signals[place + 1] = velocity
-
-
-def leg_signals(load: float, ticks_in_phase: int, period: float, signals: list[float], place: int) -> None:
-    """Write the signals of a leg that follow those of its joints: foot load, time in phase.
-
-    Args:
-        load: Foot load over body weight.
-        period: Length of a tick in [s].
-        signals: Changed in place.
-        place: Of the first one.
-    """
-    signals[place] = load
-    signals[place + 1] = ticks_in_phase * period
-
-
 @dataclass(slots=True)
 class Setpoint:
     """What a gait table asks of a joint.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,7 +14,6 @@ from twin_gait.experiment.control import ControlMode
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.experiment.path import Path, driven_rows, reference_path, starting_on_path
 from twin_gait.experiment.wearer import Wearer, wearer_of
-from twin_gait.gait.guards import all_signal_names
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
@@ -93,10 +91,6 @@ class Problem:
         return tuple(
             (side, joint) for side, leg in legs.items() for joint, _ in leg.items() if joint not in controlled
         )
-
-    def first_signals(self) -> list[float]:
-        """Signals before anything is measured, with the command to walk at the end."""
-        return [math.nan] * (len(all_signal_names(self.table.joints)) - 1) + [1.0]
 
     def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
         """Motor and gear of a joint."""

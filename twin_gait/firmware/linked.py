@@ -23,8 +23,7 @@ from twin_gait.firmware.units import (
     Settings,
     Surroundings,
 )
-from twin_gait.gait.feasibility import OTHER_TIME, TIME
-from twin_gait.gait.guards import all_signal_names
+from twin_gait.gait.signals import OTHER_TIME, TIME, all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
 from twin_gait.simulation.compiled_engine import laid_out

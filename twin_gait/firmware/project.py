@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.control import TripCause
+from twin_gait.control.gait_controller import Device
 from twin_gait.control.joint_board import Demand, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
@@ -237,15 +238,16 @@ def _table(joints: Sequence[str], vectors: Vectors) -> Iterator[str]:
     read = ("angle", "voltage", "current", "current_deviation")
     sides = [f"foot_{number}" for number in range(inputs["surroundings"]["loads"].shape[1])]
     given = [f"{joint}_{name}" for joint in joints for name in read]
+    device = [item.name for item in fields(Device)]
     yield ",".join(
-        [*given, *(f"{side}_load" for side in sides), "bus_voltage", "walk"]
+        [*given, *(f"{side}_load" for side in sides), "bus_voltage", *device]
         + [f"{joint}_{name}" for joint in joints for name in ("torque", "target_current")]
         + [*(f"{side}_phase" for side in sides), "trip_cause"]
     )
     for row, expected in zip(inputs, outputs, strict=True):
         around, commands = row["surroundings"], expected["commands"]
         numbers = [item for board in row["boards"] for item in (board[name] for name in read)]
-        numbers += [*around["loads"], around["bus_voltage"], around["walk"]]
+        numbers += [*around["loads"], around["bus_voltage"], *around["device"].tolist()]
         numbers += [item for command in commands for item in (command["torque"], command["target_current"])]
         phases = [*expected["decision"]["phases"], expected["decision"]["trip_cause"]]
         yield ",".join([*(repr(float(item)) for item in numbers), *(str(int(item)) for item in phases)])

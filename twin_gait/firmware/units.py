@@ -14,6 +14,7 @@ from twin_gait.control.gait_controller import (
     INERTIA_WANTED,
     LEGS,
     ControllerState,
+    Device,
     begin_tick,
     demand,
     demand_hold,
@@ -22,7 +23,7 @@ from twin_gait.control.gait_controller import (
     fade,
     has_cause,
     hear_board,
-    hear_command,
+    hear_device,
     hear_load,
     pose,
     trip,
@@ -169,12 +170,12 @@ class Surroundings:
     Attributes:
         loads: Of the feet over body weight.
         bus_voltage: In [V].
-        walk: 1 to walk, 0 to stand.
+        device: For the guards of both legs.
     """
 
     loads: list[float]
     bus_voltage: float = 0.0
-    walk: float = 1.0
+    device: Device = field(default_factory=Device)
 
 
 @dataclass(slots=True)
@@ -248,11 +249,11 @@ def decide(controller: ControllerState, settings: Settings, inputs: Surroundings
 
 
 def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None:
-    """Take loads, voltage and command."""
+    """Take loads, voltage and what is heard of the device as a whole."""
     for number in range(len(controller.legs)):
         hear_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
-    hear_command(controller, inputs.walk, tick)
+    hear_device(controller, inputs.device, tick)
 
 
 def watch(controller: ControllerState, limits: Limits, tick: int) -> None:
@@ -272,9 +273,8 @@ def walk(controller: ControllerState, rates: Rates, tick: int) -> None:
         begin_tick(controller, number, tick)
     for number in range(LEGS):
         leg, other_phase = legs[number], -1
-        write_signals(controller, rates, number, 0)
+        write_signals(controller, rates, number)
         if LEGS == 2:
-            write_signals(controller, rates, 1 - number, len(signals) // 2)
             other_phase = legs[1 - number].before
         leg.chosen = next_transition(
             controller.program, leg.before, leg.ticks, signals, other_phase, leg.debounce

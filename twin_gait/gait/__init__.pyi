@@ -1,7 +1,7 @@
 from .machine import GaitStateMachine as GaitStateMachine
-from .machine import LegSignals as LegSignals
 from .machine import PhaseSwitch as PhaseSwitch
 from .program import compile_guards as compile_guards
+from .signals import LegSignals as LegSignals
 from .table import TICK as TICK
 from .table import Blending as Blending
 from .table import BlendingLaw as BlendingLaw

@@ -13,8 +13,9 @@ import string
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from twin_gait.gait.feasibility import TIME, ZERO, Bound, bound_of, solve
+from twin_gait.gait.feasibility import ZERO, Bound, bound_of, solve
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
+from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK, Blending, GaitTable, JointImpedance, PhaseParameters, Scaling
 
 # A truth table with more conditions or rows is not read by anyone: the exits are listed in order instead.

@@ -15,14 +15,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership, mapped
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, mapped
+from twin_gait.gait.signals import OTHER, signal_of
 
 ZERO = ""  # the number zero, against which single signals are bounded
-TIME, OTHER_TIME = "time_in_phase_s", "other.time_in_phase_s"
 STRICT_MARGIN = 1e-12  # a solution keeps this distance from strict limits, relative to them or to 1
-# A comfortable distance from a threshold, by the last word of a signal.
-ROOM = {"angle_deg": 1.0, "velocity_deg_per_s": 5.0, "load_bw": 0.05, TIME: 0.01, WALK: 0.25}
-SHARES = (1.0, 1e-2, 1e-4, 0.0)  # of that distance, the largest that is possible is kept
+SHARES = (1.0, 1e-2, 1e-4, 0.0)  # of the comfortable distance, the largest that is possible is kept
 MOST_BRANCHES = 20_000
 
 Phases = tuple[str | None, ...]  # of the other leg; None stands for a leg that is not there
@@ -78,7 +76,7 @@ def equal(name: str, other: str, value: float) -> list[Bound]:
 
 def bound_of(atom: Comparison, true: bool) -> Bound:
     """A comparison, or its negation, as a bound in the units of the table."""
-    room = ROOM[atom.signal.rsplit(".", 1)[-1]]
+    room = signal_of(atom.signal).room
     if (atom.operator == "<") is true:
         return Bound(atom.signal, atom.minus or ZERO, atom.threshold, strict=true, room=room)
     return Bound(atom.minus or ZERO, atom.signal, -atom.threshold, strict=true, room=room)

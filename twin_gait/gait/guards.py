@@ -13,10 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from twin_gait.exceptions import GaitTableError
-
-_DEGREE = math.pi / 180.0
-OTHER = "other."
-WALK = "walk"  # what the legs are told: 1 to walk, 0 to stand
+from twin_gait.gait.signals import DEVICE_NAMES, all_signal_names, signal_names, signal_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,37 +120,6 @@ def _bracketed(guard: Guard) -> str:
     return f"({guard})" if isinstance(guard, (AllOf, AnyOf)) else str(guard)
 
 
-def signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of one leg in the order of the list of signals: angles and velocities, foot load, time."""
-    names = []
-    for joint in joints:
-        names += [f"{joint}.angle_deg", f"{joint}.velocity_deg_per_s"]
-    return [*names, "foot.load_bw", "time_in_phase_s"]
-
-
-def all_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of this leg, those of the other, then the command, in the order of the list of signals.
-
-    Their positions are the indices in the guard program.
-    """
-    own = signal_names(joints)
-    return [*own, *(OTHER + name for name in own), WALK]
-
-
-# In words, by the end of a signal's name; the command to walk has none.
-UNITS = {"_deg": "deg", "_deg_per_s": "deg/s", "_bw": "body weights", "_s": "s", "": "no unit"}
-
-
-def signal_unit(name: str) -> str:
-    """Unit of a signal: the longest key of ``UNITS`` that its name ends with."""
-    return max((end for end in UNITS if name.endswith(end)), key=len)
-
-
-def signal_scale(name: str) -> float:
-    """Factor from the unit in a signal's name to SI."""
-    return _DEGREE if name.endswith(("_deg", "_deg_per_s")) else 1.0
-
-
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _SIGNAL = r"[A-Za-z_][\w.]*"
 _COMPARISON = re.compile(rf"\s*({_SIGNAL})\s*(?:-\s*({_SIGNAL})\s*)?(<=|>=|<|>|==|=)\s*({_NUMBER})\s*")
@@ -193,10 +159,10 @@ def parse_guard(text: str, joints: Sequence[str], phases: Sequence[str]) -> Guar
         if name is not None and name not in known:
             raise GaitTableError(
                 f"guard {text!r}: no signal {name!r}; there are {', '.join(signal_names(joints))}, "
-                f"the same with 'other.' in front, and {WALK}"
+                f"the same with 'other.' in front, and {', '.join(DEVICE_NAMES)}"
             )
-    if minus is not None and signal_unit(signal) != signal_unit(minus):
-        units = " and ".join(UNITS[signal_unit(name)] for name in (signal, minus))
+    if minus is not None and signal_of(signal).unit != signal_of(minus).unit:
+        units = " and ".join(signal_of(name).unit.words for name in (signal, minus))
         raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units: {units}")
     return Comparison(signal=signal, minus=minus, operator=operator, threshold=_finite(text, number))
 

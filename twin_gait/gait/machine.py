@@ -15,8 +15,8 @@ from transitions import Machine
 
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
-from twin_gait.gait.guards import OTHER, all_signal_names
 from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import OTHER, LegSignals, all_signal_names, values_of_device, values_of_leg
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.vocabulary import Side
 
@@ -44,22 +44,6 @@ class PhaseSwitch(NamedTuple):
     def time(self) -> float:
         """Time of the switch in [s]."""
         return self.tick * TICK
-
-
-class LegSignals(NamedTuple):
-    """Measured signals of one leg in SI units, and what it is told.
-
-    Attributes:
-        angles: Joint angles in [rad], in the order of the table's joints.
-        velocities: Joint velocities in [rad] / [s].
-        foot_load: Normal force of the foot over body weight.
-        walk: Command: 1 to walk, 0 to stand. A leg reads its own only.
-    """
-
-    angles: tuple[float, ...]
-    velocities: tuple[float, ...]
-    foot_load: float = 0.0
-    walk: float = 1.0
 
 
 class GaitStateMachine:
@@ -159,8 +143,8 @@ class GaitStateMachine:
 
         Args:
             tick: Present tick.
-            signals: This leg's signals, the other's, then the command, in the order of
-                :func:`twin_gait.gait.guards.all_signal_names`, SI units; NaN marks the signals of a
+            signals: This leg's signals, the other's, then the device's, in the order of
+                :func:`twin_gait.gait.signals.all_signal_names`, SI units; NaN marks the signals of a
                 leg that is not there. A list is read faster than a NumPy array.
             other_phase: Index of the other leg's phase at the start of the tick, -1 without one.
 
@@ -168,7 +152,7 @@ class GaitStateMachine:
             The switch, or None if the leg stays.
 
         Raises:
-            MeasurementError: If a signal of this leg, of a present other leg, or the command is not finite.
+            MeasurementError: If a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
         index = self._choose(tick - self.entry_tick, signals, other_phase)
@@ -217,21 +201,17 @@ def signal_list(
         other_time_in_phase: Of the other leg in [s].
 
     Returns:
-        ``2 n + 1`` numbers with n signals a leg and the command; NaN for an absent other leg.
+        This leg's numbers, the other's, and those of the device; NaN for an absent other leg.
 
     Raises:
         MeasurementError: If the number of joints is not that of the table.
     """
-    first = _leg_list(table, own, time_in_phase)
-    second = [math.nan] * len(first) if other is None else _leg_list(table, other, other_time_in_phase)
-    return [*first, *second, own.walk]
-
-
-def _leg_list(table: GaitTable, leg: LegSignals, time_in_phase: float) -> list[float]:
-    if len(leg.angles) != len(table.joints) or len(leg.velocities) != len(table.joints):
-        raise MeasurementError(
-            f"expected an angle and a velocity for each of {', '.join(table.joints)}, "
-            f"got {len(leg.angles)} angles and {len(leg.velocities)} velocities"
-        )
-    pairs = [value for pair in zip(leg.angles, leg.velocities, strict=True) for value in pair]
-    return [*pairs, leg.foot_load, time_in_phase]
+    for leg in (own,) if other is None else (own, other):
+        if len(leg.angles) != len(table.joints) or len(leg.velocities) != len(table.joints):
+            raise MeasurementError(
+                f"expected an angle and a velocity for each of {', '.join(table.joints)}, "
+                f"got {len(leg.angles)} angles and {len(leg.velocities)} velocities"
+            )
+    first = values_of_leg(own, time_in_phase)
+    second = [math.nan] * len(first) if other is None else values_of_leg(other, other_time_in_phase)
+    return [*first, *second, *values_of_device(own)]

@@ -13,7 +13,8 @@ from twin_gait.core.guards import (
     TransitionRule,
 )
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership, all_signal_names, signal_scale
+from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.signals import all_signal_names, signal_scale
 from twin_gait.gait.table import GaitTable, Transition
 
 OPEN_RESULTS = 62  # results that wait to be joined are bits of a signed 64-bit integer

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from twin_gait.core.impedance import damping_from_ratio
-from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, mapped, signal_scale
+from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, mapped
+from twin_gait.gait.signals import ANGLE, signal_scale
 from twin_gait.gait.table import GaitTable, PhaseParameters
 from twin_gait.vocabulary import JointName, Side
 
@@ -80,7 +81,7 @@ def _scale_guard(guard: Guard, excursion: float, centre: float) -> Guard:
 
 def _is_hip_angle(signal: str | None) -> bool:
     """Whether a signal is a hip angle of either leg; an absent second signal does not speak against it."""
-    return signal is None or signal.endswith(f"{JointName.HIP}.angle_deg")
+    return signal is None or signal.endswith(ANGLE.of(JointName.HIP))
 
 
 def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.ndarray:

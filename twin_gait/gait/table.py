@@ -15,7 +15,8 @@ from typing import Annotated
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, AllOf, Comparison, Guard, PhaseMembership, all_signal_names, atoms
+from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership, atoms
+from twin_gait.gait.signals import OTHER, all_signal_names
 from twin_gait.parameters import require
 from twin_gait.parameters.quantities import (
     DEGREE,

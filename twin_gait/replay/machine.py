@@ -7,19 +7,27 @@ that lacks a signal which a guard reads is refused.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from twin_gait.core.control_tick import joint_signals, leg_signals, measure_joint, new_encoder
+from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, all_signal_names
-from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch, signal_list
 from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import (
+    DEVICE_SIGNALS,
+    LOAD,
+    OTHER,
+    LegSignals,
+    Scope,
+    all_signal_names,
+    part_of,
+    signal_of,
+)
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.parameters import SensorParameters
 from twin_gait.replay.recording import Recording
@@ -106,8 +114,7 @@ class _Loop:
         self._fast_gain = first_order_gain(TICK, time_constant)
         self._decimation = sensors.decimation
         self._encoders = [new_encoder(0.0, 0.0, sensors.window) for _ in range(self._angles.shape[1])]
-        self._signals = [math.nan] * len(all_signal_names(table.joints))
-        self._signals[-1] = 1.0  # who is recorded walking was told to
+        self._device = _device_rows(recording)
         program = compile_guards(table)
         self._machines = [
             GaitStateMachine(
@@ -123,26 +130,28 @@ class _Loop:
         """Measure, decide, record."""
         for encoder, angle in zip(self._encoders, self._angles[tick].tolist(), strict=True):
             measure_joint(encoder, tick, angle, TICK, self._fast_gain, self._decimation)
-        ticks = [tick - machine.entry_tick for machine in self._machines]
+        times = [machine.time_in_phase(tick) for machine in self._machines]
         before = [machine.phase_index for machine in self._machines]
+        legs = [self._leg(leg, tick) for leg in range(len(self._machines))]
         for leg, machine in enumerate(self._machines):
-            self._write_signals(leg, tick, ticks, 0)
-            other_phase = -1
-            if len(self._machines) == 2:
-                self._write_signals(1 - leg, tick, ticks, len(self._signals) // 2)
-                other_phase = before[1 - leg]
-            switch = machine.advance(tick, self._signals, other_phase)
+            others = len(legs) - 1 - leg
+            own, other = legs[leg], legs[1 - leg] if len(legs) == 2 else None
+            signals = signal_list(self._table, times[leg], own, other, times[others])
+            switch = machine.advance(tick, signals, -1 if other is None else before[others])
             if switch is not None:
                 self._switches.append(switch)
         self._phase[tick] = [machine.phase_index for machine in self._machines]
         self._velocity[tick] = [encoder.velocity_fast for encoder in self._encoders]
 
-    def _write_signals(self, leg: int, tick: int, ticks: Sequence[int], place: int) -> None:
+    def _leg(self, leg: int, tick: int) -> LegSignals:
         joints = len(self._table.joints)
-        for number, encoder in enumerate(self._encoders[leg * joints : (leg + 1) * joints]):
-            joint_signals(encoder.angle, encoder.velocity_fast, self._signals, place + 2 * number)
-        load = float(self._loads[tick, leg])
-        leg_signals(load, ticks[leg], TICK, self._signals, place + 2 * joints)
+        encoders = self._encoders[leg * joints : (leg + 1) * joints]
+        return LegSignals(
+            tuple(encoder.angle for encoder in encoders),
+            tuple(encoder.velocity_fast for encoder in encoders),
+            float(self._loads[tick, leg]),
+            **{name: float(values[tick]) for name, values in self._device.items()},
+        )
 
     def result(self) -> Replay:
         """Phases, velocities and switches."""
@@ -170,6 +179,14 @@ def _load_rows(recording: Recording, body_weight: float | None) -> np.ndarray:
     return np.column_stack([recording.loads.get(side, nothing) / body_weight for side in recording.sides])
 
 
+def _device_rows(recording: Recording) -> dict[str, np.ndarray]:
+    """Signals of the device by field, as at first where they were not recorded: who walks was told to."""
+    return {
+        signal.field: recording.device.get(signal.name, np.full(recording.n_ticks, signal.first))
+        for signal in DEVICE_SIGNALS
+    }
+
+
 def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Mapping[Side, str]) -> str:
     asked = start_phases.get(side)
     if asked is not None:
@@ -183,7 +200,6 @@ def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Map
     return recorded if recorded in table.phases else table.phase_names[0]
 
 
-FOOT_LOAD = "foot.load_bw"
 OTHER_PHASE = f"{OTHER}phase"
 
 
@@ -231,16 +247,16 @@ def _lacking(recording: Recording, signal: str, body_weight: float | None) -> st
         return "the log has one leg: add --mirror to make the other one of it, or take another table"
     if signal == OTHER_PHASE:
         return ""
-    name = signal.removeprefix(OTHER)
-    if name == FOOT_LOAD:
+    declared = signal_of(signal)
+    if declared is LOAD:
         lacking = [side for side in recording.sides if side not in recording.loads]
         if lacking:
             return f"the log has no {lacking[0]}_foot_normal_force_N: name it in --columns"
         return "" if body_weight else "the weight is not known: add --total-mass KG"
-    joint, _, quantity = name.partition(".")
-    if not quantity:
-        return ""  # the time in phase is the machine's own
+    if declared.column and signal not in recording.device:
+        return f"the log has no {declared.column}: name it in --columns"
+    joint = part_of(signal.removeprefix(OTHER)) if declared.scope is Scope.JOINT else ""
     for side, joints in recording.angles.items():
-        if joint not in joints:
+        if joint and joint not in joints:
             return f"the log has no angle of the {side} {joint}: name its column in --columns"
     return ""

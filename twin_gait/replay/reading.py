@@ -11,6 +11,7 @@ import numpy as np
 
 from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Convention
 from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.replay.recording import Recording, at_ticks
 from twin_gait.replay.tables import LogTable, read_table
 from twin_gait.vocabulary import JointName, Side
@@ -32,11 +33,15 @@ def _phase_key(side: Side) -> str:
     return f"{side}_phase"
 
 
+# Signals of the device by quantity, their columns without the unit.
+_OF_DEVICE = {signal.column.rpartition("_")[0]: signal for signal in DEVICE_SIGNALS if signal.column}
+
 QUANTITIES = (
     TIME,
     *(_angle_key(side, joint) for side in Side for joint in JointName),
     *(_load_key(side) for side in Side),
     *(_phase_key(side) for side in Side),
+    *_OF_DEVICE,
 )
 
 
@@ -97,7 +102,14 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
         phase = log_format.columns.get(_phase_key(side), f"{side}_phase")
         if phase in table or _phase_key(side) in log_format.columns:
             phases[side] = table.words(phase)
-    return at_ticks(table.source, time, angles, loads, phases)
+    device = {}
+    for key, signal in _OF_DEVICE.items():
+        column = log_format.columns.get(key, signal.column)
+        if column in table or key in log_format.columns:
+            turns = signal.column.endswith("_rad")
+            values = _radians(table, log_format, convention, column) if turns else table.numbers(column)
+            device[signal.name] = values
+    return at_ticks(table.source, time, angles, loads, phases, device)
 
 
 def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recording:
@@ -152,9 +164,7 @@ def _angles(
             column = _angle_column(table, log_format, convention, side, joint)
             if column is None:
                 continue
-            values = table.numbers(column)
-            if _unit(table, log_format, convention, column) == DEGREES:
-                values = np.radians(values)
+            values = _radians(table, log_format, convention, column)
             angles.setdefault(side, {})[str(joint)] = convention.to_house(joint, values)
     if not angles:
         asked = ", ".join(convention.columns.values()) or "the given columns"
@@ -165,6 +175,11 @@ def _angles(
             f"{', '.join(CONVENTIONS)}",
         )
     return angles
+
+
+def _radians(table: LogTable, log_format: LogFormat, convention: Convention, column: str) -> np.ndarray:
+    values = table.numbers(column)
+    return np.radians(values) if _unit(table, log_format, convention, column) == DEGREES else values
 
 
 def _angle_column(

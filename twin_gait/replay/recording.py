@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -33,6 +33,7 @@ class Recording:
         angles: Of each joint of each leg in [rad], flexion and dorsiflexion positive, shape ``(n,)``.
         loads: Normal force of the foot in [N], where it was recorded, shape ``(n,)``.
         phases: Recorded phase by name, where there is one, shape ``(n,)``.
+        device: Signals of the device by name in SI, where they were recorded, shape ``(n,)``.
     """
 
     source: str
@@ -40,6 +41,7 @@ class Recording:
     angles: Mapping[Side, Mapping[str, np.ndarray]]
     loads: Mapping[Side, np.ndarray]
     phases: Mapping[Side, np.ndarray]
+    device: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -63,6 +65,7 @@ def at_ticks(
     angles: Mapping[Side, Mapping[str, np.ndarray]],
     loads: Mapping[Side, np.ndarray],
     phases: Mapping[Side, np.ndarray],
+    device: Mapping[str, np.ndarray],
 ) -> Recording:
     """Bring samples of any rate to ticks of 1 ms.
 
@@ -76,6 +79,7 @@ def at_ticks(
         angles: Of each joint of each leg in [rad], finite, shape ``(n,)`` each.
         loads: Normal force of the feet in [N], finite, shape ``(n,)`` each.
         phases: Phases by name, shape ``(n,)`` each.
+        device: Signals of the device by name in SI, finite, shape ``(n,)`` each.
 
     Returns:
         The recording.
@@ -93,7 +97,7 @@ def at_ticks(
             )
     grid = time[0] + np.arange(round((time[-1] - time[0]) / TICK) + 1) * TICK
     if len(grid) == len(time) and np.abs(time - grid).max() <= SAME_INSTANT:
-        return Recording(source, float(time[0]), angles, loads, phases)
+        return Recording(source, float(time[0]), angles, loads, phases, device)
     grid = grid[grid <= time[-1] + SAME_INSTANT]
     held = np.clip(np.searchsorted(time, grid + SAME_INSTANT, side="right") - 1, 0, len(time) - 1)
 
@@ -106,6 +110,7 @@ def at_ticks(
         {side: {joint: smooth(item) for joint, item in joints.items()} for side, joints in angles.items()},
         {side: smooth(values) for side, values in loads.items()},
         {side: values[held] for side, values in phases.items()},
+        {name: smooth(values) for name, values in device.items()},
     )
 
 
@@ -192,7 +197,8 @@ def mirrored(recording: Recording, period: float | None = None) -> Recording:
             angles[item][joint] = part
     loads = both(recording.loads[side]) if recording.loads else {}
     phases = both(recording.phases[side]) if recording.phases else {}
-    return Recording(recording.source, recording.start + half * TICK, angles, loads, phases)
+    device = {name: values[half:] for name, values in recording.device.items()}
+    return Recording(recording.source, recording.start + half * TICK, angles, loads, phases, device)
 
 
 def stride_period(recording: Recording) -> float:

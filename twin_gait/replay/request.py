@@ -6,10 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import PlantParameters
 from twin_gait.gait.scaling import scale_table
+from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import require_positive
 from twin_gait.replay.machine import Replay, replay
@@ -119,8 +122,12 @@ def _open_run(directory: Path, request: ReplayRequest) -> _Walk:
     world = experiment.build_world()
     recording = read_recording(directory / LOG_FILE, request.log_format)
     walking = experiment.scenario.walking
+    # What a run does not log of the device stayed as at first: nothing in it moved the signal.
+    known = {
+        signal.name: np.full(recording.n_ticks, signal.first) for signal in DEVICE_SIGNALS if signal.column
+    } | dict(recording.device)
     return _Walk(
-        recording=replace(recording, source=str(directory)),
+        recording=replace(recording, source=str(directory), device=known),
         table=experiment.table,
         speed=None if walking is None else walking.speed,
         body_weight=world.body_weight,

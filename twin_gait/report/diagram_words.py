@@ -7,17 +7,9 @@ import textwrap
 from collections.abc import Sequence
 
 from twin_gait.gait.documents import number
-from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.signals import OTHER, part_of, signal_of
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, Transition
-
-# By the ending of a signal's name: what follows the joint, and the unit.
-_QUANTITIES = {
-    "angle_deg": ("", "°"),
-    "velocity_deg_per_s": (" velocity", "°/s"),
-    "load_bw": (" load", " BW"),
-    "time_in_phase_s": ("time in phase", " s"),
-    WALK: ("told to walk", ""),
-}
 
 
 def readable(name: str) -> str:
@@ -42,9 +34,8 @@ def damping_words(joint: JointImpedance, digits: int = 10) -> str:
 def signal_words(signal: str) -> tuple[str, str]:
     """Name of a signal in words, and its unit: ``("other hip velocity", "°/s")``."""
     leg = "other " if signal.startswith(OTHER) else ""
-    source, _, quantity = signal.removeprefix(OTHER).rpartition(".")
-    words, unit = _QUANTITIES[quantity]
-    return f"{leg}{readable(source) if source else ''}{words}", unit
+    part, declared = part_of(signal.removeprefix(OTHER)), signal_of(signal)
+    return f"{leg}{readable(part) if part else ''}{declared.words}", declared.unit.symbol
 
 
 def guard_words(guard: Guard) -> str:

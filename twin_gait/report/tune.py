@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from twin_gait.gait.signals import ANGLE
 from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report.canvas import SCREEN_WIDTH, amount, put_legend, readable, style_panel
 from twin_gait.report.pages import paragraphs, picture_of, render
@@ -26,7 +27,7 @@ _WORDS = {
     ".damping_Nms_per_rad": ", damping",
     ".friction_compensation_gain": ", friction compensation",
     "blending.duration_ms": "duration of the blend",
-    ".angle_deg": " angle",
+    ANGLE.of(""): " angle",
 }
 
 _TRIED: dict[str, Any] = {"marker": "o", "markersize": 3.5, "markeredgewidth": 0, "color": GREY}

@@ -24,6 +24,7 @@ from twin_gait.core.plant import ImposedMotion
 from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.experiment.problem import Problem
 from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
+from twin_gait.gait.signals import first_signals
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
@@ -246,7 +247,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
         ],
         legs=legs,
         program=_padded(problem.program),
-        signals=problem.first_signals(),
+        signals=first_signals(problem.table.joints),
         supply=WatchedSupply(
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),

@@ -29,6 +29,7 @@ SOURCES = (
     "../core",
     "../control/gait_controller",
     "../control/joint_board",
+    "../gait/signals",
     "../network/messages",
     "rooms",
     "binding",

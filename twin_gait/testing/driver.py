@@ -7,13 +7,21 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from twin_gait.exceptions import MeasurementError
-from twin_gait.gait.feasibility import OTHER_TIME, TIME
-from twin_gait.gait.guards import OTHER, WALK, signal_names
-from twin_gait.gait.machine import GaitStateMachine, LegSignals, PhaseSwitch
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import (
+    DEVICE_NAMES,
+    OTHER,
+    OTHER_TIME,
+    TIME,
+    LegSignals,
+    leg_signals,
+    signal_names,
+    signal_scale,
+)
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing.exits import Scenario
-from twin_gait.testing.reference import Steps, Vector, to_si
+from twin_gait.testing.reference import Steps, Vector
 from twin_gait.vocabulary import Side
 
 _BROKEN = (math.nan, math.inf, -math.inf)
@@ -61,14 +69,8 @@ def _legs(table: GaitTable, vector: Vector) -> _Legs:
     """Signals of both legs; what a vector does not name is 0."""
 
     def leg(prefix: str) -> LegSignals:
-        def value(name: str) -> float:
-            return to_si(name, vector.signals.get(prefix + name, 0.0))
-
-        return LegSignals(
-            angles=tuple(value(f"{joint}.angle_deg") for joint in table.joints),
-            velocities=tuple(value(f"{joint}.velocity_deg_per_s") for joint in table.joints),
-            foot_load=value("foot.load_bw"),
-            walk=value(WALK),
+        return leg_signals(
+            table.joints, lambda name: signal_scale(name) * vector.signals.get(prefix + name, 0.0)
         )
 
     other = None if vector.other_phase is None else leg(OTHER)
@@ -127,7 +129,7 @@ class Refusal(NamedTuple):
         vector = self.steps[-1].vector
         own = [name for name in signal_names(self.table.joints) if name != TIME]
         others = own if vector.other_phase is not None else []
-        for name in [*own, *(OTHER + name for name in others), WALK]:
+        for name in [*own, *(OTHER + name for name in others), *DEVICE_NAMES]:
             for value in _BROKEN:
                 spoilt = vector._replace(signals={**vector.signals, name: value})
                 self._refuses(factory, _legs(self.table, spoilt), f"{name} = {value}")

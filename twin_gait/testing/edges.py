@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from twin_gait.gait.feasibility import TIME, ZERO, Bound, Phases, Requirement, equal
+from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, equal
 from twin_gait.gait.guards import AnyOf, Comparison, PhaseMembership
+from twin_gait.gait.signals import TIME, signal_scale
 from twin_gait.gait.table import TICK
 from twin_gait.testing.exits import (
     LONGEST_RUN,
@@ -27,7 +28,7 @@ from twin_gait.testing.exits import (
     turning_tick,
     yields,
 )
-from twin_gait.testing.reference import Step, Steps, Vector, is_pure_time_out, to_si
+from twin_gait.testing.reference import Step, Steps, Vector, is_pure_time_out
 
 MARGIN = 1e-9  # distance from a threshold, relative to it or to 1, in the unit of the table
 
@@ -109,8 +110,9 @@ def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps | None) -> S
 
     def on(leave: Exit, steps: Steps) -> bool:
         signals = steps[0].vector.signals
-        minus = 0.0 if atom.minus is None else to_si(atom.minus, signals[atom.minus])
-        exact = to_si(atom.signal, signals[atom.signal]) - minus == to_si(atom.signal, atom.threshold)
+        scale = signal_scale(atom.signal)
+        minus = 0.0 if atom.minus is None else signals[atom.minus] * scale
+        exact = signals[atom.signal] * scale - minus == atom.threshold * scale
         return exact and yields(leave, steps)
 
     pins = equal(atom.signal, atom.minus or ZERO, atom.threshold)

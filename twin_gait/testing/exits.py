@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import (
-    OTHER_TIME,
-    TIME,
     ZERO,
     Bound,
     Phases,
@@ -21,6 +19,7 @@ from twin_gait.gait.feasibility import (
     most_comfortable,
 )
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, GaitTable, Transition
 from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, is_pure_time_out, outcomes
 

@@ -6,12 +6,11 @@ Plain recursion over the guards and plain counting of ticks. Nothing here calls 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from twin_gait.gait.feasibility import TIME
-from twin_gait.gait.guards import OTHER, AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.signals import OTHER, TIME, signal_scale
 from twin_gait.gait.table import TICK, GaitTable, Transition
 
 
@@ -37,11 +36,6 @@ class Step(NamedTuple):
 Steps = tuple[Step, ...]
 
 
-def to_si(name: str, value: float) -> float:
-    """Convert a value from the unit in a signal's name to SI."""
-    return math.radians(value) if name.endswith(("_deg", "_deg_per_s")) else value
-
-
 def holds(guard: Guard, vector: Vector, ticks: int) -> bool:
     """Whether a guard is open some ticks after the entry of the phase.
 
@@ -64,8 +58,8 @@ def _compares(atom: Comparison, vector: Vector, ticks: int) -> bool:
         if name.startswith(OTHER) and vector.other_phase is None:
             return False
         value = ticks * TICK if name == TIME else vector.signals.get(name, 0.0)
-        left += sign * to_si(name, value)
-    threshold = to_si(atom.signal, atom.threshold)
+        left += sign * (value * signal_scale(name))
+    threshold = atom.threshold * signal_scale(atom.signal)
     return left > threshold if atom.operator == ">" else left < threshold
 
 

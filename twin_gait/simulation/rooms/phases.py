@@ -24,10 +24,7 @@ def decide(e: Episode, tick: int) -> None:
             begin_tick(one.controller, number, tick)
     for number in range(LEGS):
         for one in lanes(e):
-            write_signals(one.controller, one.rates, number, 0)
-            if LEGS == 2:
-                signals = one.controller.signals
-                write_signals(one.controller, one.rates, 1 - number, len(signals) // 2)
+            write_signals(one.controller, one.rates, number)
         advance(e, number, tick)
         switching = False
         for one in lanes(e):

@@ -19,6 +19,7 @@ from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.overrides import assign
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
+from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable
 from twin_gait.vocabulary import JointName, Side
 
@@ -224,7 +225,7 @@ def _comparisons(guards: Sequence[Guard], path: tuple[str | int, ...], cause: st
         if isinstance(guard, (AllOf, AnyOf)):
             kind = "all" if isinstance(guard, AllOf) else "any"
             yield from _comparisons(guard.guards, (*path, index, kind), cause)
-        elif isinstance(guard, Comparison) and guard.signal.endswith("angle_deg"):
+        elif isinstance(guard, Comparison) and signal_of(guard.signal) is ANGLE:
             left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
             yield Parameter(
                 name=f"{cause}: {left} {guard.operator}",

@@ -1,0 +1,258 @@
+"""The signals that guards read, each declared once.
+
+A further one is declared here; the gait controller keeps and writes it
+(:mod:`twin_gait.control.gait_controller`), and a room of the tick measures it. Grammar, check, test kit,
+diagram, replay and firmware go by the declaration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from typing import NamedTuple
+
+OTHER = "other."  # in front of a signal of the other leg
+
+HIGHEST_LOAD = 2.0  # [body weight]: walking loads a foot with 1.2 at most, running with 2 to 3
+LONGEST_STAY = 3600.0  # [s], for a phase without a time-out
+_DEGREE = math.pi / 180.0
+# [rad] / [s]: an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
+HIGHEST_VELOCITY = 500.0 * _DEGREE
+
+
+class Scope(Enum):
+    """What has a signal of its own: each joint, each leg, or the device as a whole."""
+
+    JOINT = "joint"
+    LEG = "leg"
+    DEVICE = "device"
+
+
+class Unit(NamedTuple):
+    """Unit of a table.
+
+    Attributes:
+        words: In messages.
+        symbol: Behind a number in a diagram.
+        factor: To SI.
+    """
+
+    words: str
+    symbol: str
+    factor: float = 1.0
+
+
+DEGREES = Unit("deg", "°", _DEGREE)
+DEGREES_PER_SECOND = Unit("deg/s", "°/s", _DEGREE)
+BODY_WEIGHTS = Unit("body weights", " BW")
+SECONDS = Unit("s", " s")
+NO_UNIT = Unit("no unit", "")
+
+
+class Known(NamedTuple):
+    """What a check knows of the device.
+
+    Attributes:
+        limits: Lowest and highest angle of each joint, and of what else turns, in [rad].
+        speeds: Highest ones in [rad] / [s], where they are known.
+    """
+
+    limits: Mapping[str, tuple[float, float]]
+    speeds: Mapping[str, float]
+
+
+# Lowest and highest value in SI, by what is known and what it belongs to: a joint, or a part of the device.
+Range = Callable[[Known, str], tuple[float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """A signal of guards.
+
+    Attributes:
+        name: In a table; of a joint what follows its name and a point.
+        scope: What has one of its own.
+        unit: Of its values in a table; what is measured is in SI.
+        field: Of :class:`LegSignals`; empty for the time in the phase, which the machine counts itself.
+        words: In a diagram, behind what it belongs to.
+        range: What it can be at all.
+        noise: From tick to tick, in the unit of the table: an assumption. The encoder's own step is far below
+            (0.0004° of the joint); cuffs, gears and the foot on the belt shake more.
+        room: Comfortable distance from a threshold, in the unit of the table, that the test kit keeps.
+        first: Before anything is measured, in SI; NaN opens no guard.
+        column: Of a log, in SI, from which a replay reads it; without one it stays as at first. Angles and
+            loads of the legs are read by :mod:`twin_gait.replay.reading`.
+    """
+
+    name: str
+    scope: Scope
+    unit: Unit
+    field: str
+    words: str
+    range: Range
+    noise: float
+    room: float
+    first: float = math.nan
+    column: str = ""
+
+    def of(self, joint: str) -> str:
+        """Name that it has in a table for a joint."""
+        return f"{joint}.{self.name}"
+
+
+ANGLE = Signal(
+    name="angle_deg",
+    scope=Scope.JOINT,
+    unit=DEGREES,
+    field="angles",
+    words="",
+    range=lambda known, joint: known.limits[joint],
+    noise=0.5,
+    room=1.0,
+)
+VELOCITY = Signal(
+    name="velocity_deg_per_s",
+    scope=Scope.JOINT,
+    unit=DEGREES_PER_SECOND,
+    field="velocities",
+    words=" velocity",
+    range=lambda known, joint: _either_way(known.speeds.get(joint, HIGHEST_VELOCITY)),
+    noise=5.0,
+    room=5.0,
+)
+LOAD = Signal(
+    name="foot.load_bw",
+    scope=Scope.LEG,
+    unit=BODY_WEIGHTS,
+    field="foot_load",
+    words=" load",
+    range=lambda known, foot: (0.0, HIGHEST_LOAD),
+    noise=0.02,
+    room=0.05,
+)
+TIME_IN_PHASE = Signal(
+    name="time_in_phase_s",
+    scope=Scope.LEG,
+    unit=SECONDS,
+    field="",
+    words="time in phase",
+    range=lambda known, leg: (0.0, LONGEST_STAY),
+    noise=0.0,
+    room=0.01,
+)
+WALK = Signal(  # what the legs are told: 1 to walk, 0 to stand
+    name="walk",
+    scope=Scope.DEVICE,
+    unit=NO_UNIT,
+    field="walk",
+    words="told to walk",
+    range=lambda known, device: (0.0, 1.0),
+    noise=0.0,
+    room=0.25,
+    first=1.0,
+)
+
+# In the order of the list of signals: joint by joint, then of the leg; all of the other leg; of the device.
+SIGNALS = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, WALK)
+JOINT_SIGNALS, LEG_SIGNALS, DEVICE_SIGNALS = (
+    tuple(signal for signal in SIGNALS if signal.scope is scope) for scope in Scope
+)
+DEVICE_NAMES = tuple(signal.name for signal in DEVICE_SIGNALS)  # both legs read the same
+TIME, OTHER_TIME = TIME_IN_PHASE.name, OTHER + TIME_IN_PHASE.name
+
+
+def _either_way(highest: float) -> tuple[float, float]:
+    return -highest, highest
+
+
+def signal_names(joints: Sequence[str]) -> list[str]:
+    """Signals of one leg in the order of the list of signals."""
+    names = [signal.of(joint) for joint in joints for signal in JOINT_SIGNALS]
+    return names + [signal.name for signal in LEG_SIGNALS]
+
+
+def all_signal_names(joints: Sequence[str]) -> list[str]:
+    """Signals of this leg, those of the other, then those of the device, in the order of the list of signals.
+
+    Their positions are the indices in the guard program.
+    """
+    own = signal_names(joints)
+    return [*own, *(OTHER + name for name in own), *DEVICE_NAMES]
+
+
+def first_signals(joints: Sequence[str]) -> list[float]:
+    """List of signals before anything is measured, in SI; also what it has of a leg that is not there."""
+    return [signal_of(name).first for name in all_signal_names(joints)]
+
+
+@cache
+def signal_of(name: str) -> Signal:
+    """Declaration of a signal by its name in a table, which may have further words in front."""
+    return next(signal for signal in SIGNALS if f".{name}".endswith(f".{signal.name}"))
+
+
+def part_of(name: str) -> str:
+    """What a signal belongs to by its name: a joint, the foot, a part of the device; empty for none."""
+    return f"..{name}".rsplit(".", 2)[1]
+
+
+def device_parts() -> list[str]:
+    """Parts of the device that have signals."""
+    return [part for part in dict.fromkeys(map(part_of, DEVICE_NAMES)) if part]
+
+
+def is_device(name: str) -> bool:
+    """Whether both legs read the same signal."""
+    return signal_of(name).scope is Scope.DEVICE
+
+
+def signal_scale(name: str) -> float:
+    """Factor from the unit in a signal's name to SI."""
+    return signal_of(name).unit.factor
+
+
+class LegSignals(NamedTuple):
+    """Measured signals of one leg in SI units, and what it has of the device.
+
+    Attributes:
+        angles: Joint angles in [rad], in the order of the table's joints.
+        velocities: Joint velocities in [rad] / [s].
+        foot_load: Normal force of the foot over body weight.
+        walk: Command: 1 to walk, 0 to stand. A leg reads its own only.
+    """
+
+    angles: tuple[float, ...]
+    velocities: tuple[float, ...]
+    foot_load: float = 0.0
+    walk: float = WALK.first
+
+
+def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:
+    """Signals of a leg by their names.
+
+    Args:
+        joints: Of the table.
+        value: In SI by the name of a signal.
+    """
+    found: dict[str, tuple[float, ...] | float] = {}
+    for signal in SIGNALS:
+        if signal.scope is Scope.JOINT:
+            found[signal.field] = tuple(value(signal.of(joint)) for joint in joints)
+        elif signal.field:
+            found[signal.field] = value(signal.name)
+    return LegSignals(**found)  # type: ignore[arg-type]
+
+
+def values_of_leg(leg: LegSignals, time_in_phase: float) -> list[float]:
+    """Signals of a leg in the order of :func:`signal_names`, in SI."""
+    columns = [getattr(leg, signal.field) for signal in JOINT_SIGNALS]
+    values = [value for joint in zip(*columns, strict=True) for value in joint]
+    return values + [getattr(leg, signal.field) if signal.field else time_in_phase for signal in LEG_SIGNALS]
+
+
+def values_of_device(leg: LegSignals) -> list[float]:
+    """Signals of the device as a leg has them, in the order of ``DEVICE_NAMES``, in SI."""
+    return [getattr(leg, signal.field) for signal in DEVICE_SIGNALS]
