@@ -11,12 +11,11 @@ from pydantic import BeforeValidator, Field, model_validator
 from twin_gait.configuration.people import PatientEntry
 from twin_gait.configuration.sections import JointNumbers, PerJoint, Section
 from twin_gait.configuration.validation import Number, Strict, of_kind
+from twin_gait.control import AssistanceParameters, PathParameters
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import (
-    AssistanceParameters,
     ControlMode,
     ControlParameters,
-    PathParameters,
     PlantParameters,
 )
 from twin_gait.parameters import (
@@ -297,7 +296,7 @@ class ControlEntry(Section):
     """The controller."""
 
     parameters: ClassVar = ControlParameters
-    mode: ControlMode = ControlMode.IMPEDANCE
+    mode: ControlMode = ControlParameters.mode
     assistance: AssistanceEntry = AssistanceEntry()
     path: PathEntry = PathEntry()
     friction_model: JointFrictionEntry | None = None

@@ -19,10 +19,10 @@ from twin_gait.simulation.rows import Switch
 POINTS_PER_FOOT, PELVIS, FORWARD, SHIFT = 0, -1, -1, 0
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
-# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, the share of
-# the impedance adapts, commands come late, the ground rises, boards and gait controller talk over a bus, and
-# the springs are in the gait controller.
-ANKLES = RK4 = FAULTY = WEARER = ADAPTS = DELAYED = SLOPED = NETWORKED = CENTRAL = False
+# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts,
+# commands come late, the ground rises, boards and gait controller talk over a bus, and the springs are in the
+# gait controller.
+ANKLES = RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = False
 
 
 def dynamics(

@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from twin_gait.control import AssistanceParameters
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
+from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, simulate_together
@@ -60,14 +61,14 @@ class Controller:
         return replace(experiment, control=replace(experiment.control, mode=self.mode, assistance=assistance))
 
 
-_IMPEDANCE = ControlMode.IMPEDANCE
+_IMPEDANCE = ControlMode("impedance")
 _CONTROLLERS = (
     Controller("table", "five-phase table", "spring and damper of the gait table", _IMPEDANCE),
     Controller(
         "position",
         "position tracking",
         "a stiff spring that follows a predetermined path",
-        ControlMode.POSITION,
+        ControlMode("position"),
     ),
     Controller(
         "assist_as_needed",
@@ -87,19 +88,19 @@ _CONTROLLERS = (
         "transparent",
         "friction compensation only",
         "no spring; the gear's friction and the leg's weight in swing are carried",
-        ControlMode.TRANSPARENT,
+        ControlMode("transparent"),
     ),
     Controller(
         "gravity",
         "gravity compensation",
         "no spring; friction and the leg's whole weight are carried",
-        ControlMode.GRAVITY,
+        ControlMode("gravity"),
     ),
     Controller(
         "constant",
         "constant impedance",
         "one spring for the whole stride, the mean of the table's",
-        ControlMode.CONSTANT,
+        ControlMode("constant"),
     ),
 )
 CONTROLLERS = {item.name: item for item in _CONTROLLERS}
