@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from transitions import Machine
 
-from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.experiment import IntegrationMethod
 from twin_gait.experiment.problem import Problem
 from twin_gait.gait.guards import AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, signal_scale
@@ -344,7 +344,7 @@ def _require_known(problem: Problem) -> None:
     experiment, world, control = problem.experiment, problem.world, problem.experiment.control
     assert experiment.sensors.ideal and not experiment.sensors.offset
     assert control.delay == 0.0
-    assert control.mode is ControlMode.IMPEDANCE
+    assert control.mode == "impedance"
     assert control.assistance.is_full
     assert control.inertia_compensation == 0.0
     assert not experiment.faults

@@ -14,7 +14,6 @@ import numpy as np
 
 from twin_gait import JointName
 from twin_gait.checking import friction_torque
-from twin_gait.control import Controller
 from twin_gait.gait import TICK
 from twin_gait.simulation import BenchRun
 from twin_gait.worlds import (
@@ -56,7 +55,7 @@ def frequency_of(reach: float, fastest: float = HAND_VELOCITIES[0]) -> float:
 def torque_control(gain: float, *, stiffness: float = 0.0) -> TorqueControl:
     """Friction compensation (2.16) with G, or impedance control (2.18) with k in [N m] / [rad] too."""
     return TorqueControl(
-        controller=Controller(friction_model=MODEL),
+        friction_model=MODEL,
         friction_compensation_gain=gain,
         stiffness=stiffness,
         equilibrium_angle=EQUILIBRIUM,

@@ -16,7 +16,6 @@ from whatif.endings import Ending, classify
 
 from twin_gait import JointName, RunStatus
 from twin_gait.checking import LinearLoop, friction_slope, friction_torque, leg_motion
-from twin_gait.control import Controller
 from twin_gait.core import first_order_gain
 from twin_gait.gait import TICK
 from twin_gait.parameters import FrictionParameters, SensorParameters
@@ -56,7 +55,7 @@ DRIVE = DriveParameters(
 
 def controlled(model: FrictionParameters = MODEL, **settings: Any) -> TorqueControl:
     """Torque control with a compensator's friction model and attributes of :class:`TorqueControl`."""
-    return TorqueControl(controller=Controller(friction_model=model), **settings)
+    return TorqueControl(friction_model=model, **settings)
 
 
 def knee(mass: float = 0.0, **changes: Any) -> BenchJoint:
@@ -149,7 +148,7 @@ def linear_loop(test: BenchJoint, velocity: float, load: float = 0.0) -> LinearL
         stiffness=np.array([control.stiffness]),
         damping=np.array([control.damping]),
         gain=np.array([control.friction_compensation_gain]),
-        modelled_friction=np.array([friction_slope(control.controller.friction_model, velocity)]),
+        modelled_friction=np.array([friction_slope(control.friction_model, velocity)]),
         feed_forward=zero,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         decimation=sensors.decimation,

@@ -188,7 +188,7 @@ def test_loop_of_a_viscous_compensation_is_an_ellipse() -> None:
         breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=2.0
     )
     control = bench.torque_control(0.4, stiffness=STIFFNESS)
-    control = replace(control, controller=replace(control.controller, friction_model=viscous))
+    control = replace(control, friction_model=viscous)
     run = simulate_bench(rigidly(bench.with_ideal_current(bench.moved_by_hand(control))))
     rate = 2 * math.pi * bench.frequency_of(bench.REACH)
     ellipse = math.pi * 0.4 * 2.0 * bench.REACH**2 * rate * math.cos(rate * DELAY)

@@ -186,7 +186,7 @@ def test_growth_of_the_transition_matrix_is_that_of_the_simulated_joint() -> Non
         test,
         friction=BenchFriction(law=law.scaled(setting.ratio * slope)),
         sensors=replace(test.sensors, ideal=True),
-        control=replace(test.control, controller=controlled(law.scaled(slope)).controller, target_torque=0.0),
+        control=replace(test.control, friction_model=law.scaled(slope), target_torque=0.0),
         start_velocity=1e-7,
         gravity=0.0,
         duration=16.0,

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.control import Controller
 from twin_gait.core.dead_zone import dead_zone
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.exceptions import ParameterError
@@ -50,7 +49,7 @@ widths = st.floats(0.0, 10.0)
 
 
 def controlled(**settings: object) -> TorqueControl:
-    return TorqueControl(controller=Controller(friction_model=KNEE_FRICTION), **settings)  # type: ignore[arg-type]
+    return TorqueControl(friction_model=KNEE_FRICTION, **settings)  # type: ignore[arg-type]
 
 
 def knee(mass: float = 0.0, **changes: object) -> BenchJoint:

@@ -68,7 +68,6 @@ VISCOUS = BenchFriction(law=replace(NO_FRICTION.law, viscous_friction=2.06))
 IDEAL_DRIVE = DriveParameters(inductance=L, loop=CurrentLoop.IDEAL, noise=0.0, ripple=0.0, delay=0)
 STIFF_BATTERY = BatteryParameters(internal_resistance=0.0)
 EXACT = SensorParameters(ideal=True)
-MODEL = Controller(friction_model=KNEE_FRICTION)
 # Voltage of zero however fast the joint turns: the winding is shorted.
 SHORTED = DutyControl(amplitude=0.0, lowest_velocity=1e3)
 
@@ -98,7 +97,7 @@ def test_shorted_winding_of_a_turning_joint_gives_the_closed_form_of_the_rl_step
 
 
 def test_joint_under_constant_torque_with_viscous_friction_gives_the_closed_form() -> None:
-    control = TorqueControl(controller=MODEL, friction_compensation_gain=0.0, target_torque=3.0)
+    control = TorqueControl(friction_model=KNEE_FRICTION, friction_compensation_gain=0, target_torque=3.0)
     free = LinkParameters(mass=2.0, upper_stop=50.0)
     run = simulate_bench(knee(control=control, link=free, friction=VISCOUS, gravity=0.0, duration=4.0))
     inertia = ARMATURE + 0.02 + 2.0 * 0.3**2
@@ -183,7 +182,7 @@ def everything() -> BenchJoint:
     return bench_joint(
         KNEE,
         control=TorqueControl(
-            controller=MODEL,
+            friction_model=KNEE_FRICTION,
             friction_compensation_gain=0.3,
             stiffness=600.0,
             damping=60.0,
@@ -247,7 +246,7 @@ def test_same_seed_gives_the_same_log_and_another_seed_another_one() -> None:
 def test_torques_of_every_row_balance_the_acceleration() -> None:
     test = bench_joint(
         KNEE,
-        control=TorqueControl(controller=MODEL),
+        control=TorqueControl(friction_model=KNEE_FRICTION),
         imposed_motion=ImposedMotionParameters(amplitude=-0.7),
         duration=3.0,
     )
@@ -269,7 +268,7 @@ def test_torques_of_every_row_balance_the_acceleration() -> None:
 
 def test_works_of_all_torques_add_up_to_the_kinetic_energy() -> None:
     test = knee(
-        control=TorqueControl(controller=MODEL, target_torque=4.0),
+        control=TorqueControl(friction_model=KNEE_FRICTION, target_torque=4.0),
         imposed_motion=ImposedMotionParameters(),
         duration=0.6,
     )
@@ -284,7 +283,7 @@ def test_works_of_all_torques_add_up_to_the_kinetic_energy() -> None:
 def led_by_hand(**control: object) -> BenchRun:
     test = bench_joint(
         KNEE,
-        control=TorqueControl(controller=MODEL, **control),  # type: ignore[arg-type]
+        control=TorqueControl(friction_model=KNEE_FRICTION, **control),  # type: ignore[arg-type]
         link=LinkParameters(mass=0.0),
         imposed_motion=ImposedMotionParameters(amplitude=math.radians(-40)),
         friction=BenchFriction(law=KNEE_FRICTION.scaled(0.6)),
@@ -327,7 +326,7 @@ def test_impedance_of_a_joint_without_friction_has_the_slope_that_was_asked_for(
     k = 0.05 * 180 / math.pi
     test = knee(
         control=TorqueControl(
-            controller=MODEL, friction_compensation_gain=0.0, stiffness=k, equilibrium_angle=1.0
+            friction_model=KNEE_FRICTION, friction_compensation_gain=0.0, stiffness=k, equilibrium_angle=1.0
         ),
         link=LinkParameters(mass=0.0),
         friction=NO_FRICTION,
@@ -351,22 +350,27 @@ def test_default_controller_is_the_one_of_the_thesis() -> None:
     assert_allclose(run.column("friction_compensation_torque_Nm"), friction, rtol=1e-12, atol=1e-12)
 
 
-def bang_bang(
-    angle: float, fast: float, slow: float, k: float, b: float, equilibrium: float, gain: float, model: float
-) -> tuple[float, float]:
-    return (2.0 if angle < equilibrium else -2.0), gain * model
+class BangBang(Controller):
+    """Full torque towards the equilibrium."""
+
+    @staticmethod
+    def tick(memory, device, tick, period):  # type: ignore[no-untyped-def]
+        for joint in device.joints:
+            joint.demand.target = 2.0 if joint.measurement.angle < joint.demand.equilibrium else -2.0
 
 
-def test_controller_of_the_users_own_takes_the_place_of_the_thesis_one() -> None:
-    test = knee(
-        control=TorqueControl(
-            controller=Controller(friction_model=KNEE_FRICTION, law=bang_bang), equilibrium_angle=1.5
-        ),
-        duration=0.05,
-    )
-    runs = [simulate_bench(test, compiled=kind) for kind in (True, False)]
+def test_a_controller_of_the_users_own_acts_on_the_bench_too() -> None:
+    control = TorqueControl(friction_model=KNEE_FRICTION, controller=BangBang(), equilibrium_angle=1.5)
+    runs = [simulate_bench(knee(control=control, duration=0.05), compiled=kind) for kind in (True, False)]
     assert (runs[0].rows == runs[1].rows).all()
-    assert set(runs[0].column("impedance_torque_Nm")) == {-2.0}
+    assert set(runs[0].column("target_torque_Nm")) == {-2.0}
+    assert not runs[0].column("impedance_torque_Nm").any()
+
+
+def test_what_is_no_controller_is_refused_on_the_bench_too() -> None:
+    control = TorqueControl(friction_model=KNEE_FRICTION, controller=BangBang)  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match=r"write BangBang\(\)"):
+        simulate_bench(knee(control=control, duration=0.05))
 
 
 def test_old_friction_model_compensates_by_equation_2_5() -> None:
@@ -401,7 +405,9 @@ def test_delay_ripple_and_noise_each_worsen_the_current() -> None:
     def unrest(**changes: object) -> float:
         drive = replace(DriveParameters(inductance=L, noise=0.0, ripple=0.0, delay=0), **changes)  # type: ignore[arg-type]
         # A heavy rotor keeps the true current the same for all.
-        control = TorqueControl(controller=MODEL, friction_compensation_gain=0.0, target_torque=14.0)
+        control = TorqueControl(
+            friction_model=KNEE_FRICTION, friction_compensation_gain=0.0, target_torque=14.0
+        )
         heavy = LinkParameters(mass=0.0, inertia=1e6)
         test = knee(
             control=control,
@@ -425,7 +431,7 @@ def test_delay_ripple_and_noise_each_worsen_the_current() -> None:
 
 @pytest.mark.parametrize("joint", [JointName.KNEE, JointName.HIP])
 def test_bus_voltage_limits_the_speed_of_a_driven_joint(joint: JointName) -> None:
-    control = TorqueControl(controller=MODEL, friction_compensation_gain=0.0, target_torque=60.0)
+    control = TorqueControl(friction_model=KNEE_FRICTION, friction_compensation_gain=0, target_torque=60.0)
     free = LinkParameters(mass=0.0, upper_stop=100.0)
     test = bench_joint(
         joint,
@@ -501,7 +507,7 @@ def test_printed_load_angle_does_not_move_a_level_link() -> None:
 
 
 def test_losses_of_a_cold_gear_slow_a_driven_joint() -> None:
-    control = TorqueControl(controller=MODEL, friction_compensation_gain=0.0, target_torque=20.0)
+    control = TorqueControl(friction_model=KNEE_FRICTION, friction_compensation_gain=0, target_torque=20.0)
     free = LinkParameters(mass=0.0, upper_stop=50.0)
     reached = []
     for efficiency in (None, CatalogueEfficiency(temperature=25.0), CatalogueEfficiency(temperature=0.0)):
@@ -550,7 +556,9 @@ def test_friction_that_grows_with_the_load_is_felt_under_load_only() -> None:
 
 
 def pulled(torque: float) -> BenchRun:
-    control = TorqueControl(controller=MODEL, friction_compensation_gain=0.0, target_torque=torque)
+    control = TorqueControl(
+        friction_model=KNEE_FRICTION, friction_compensation_gain=0.0, target_torque=torque
+    )
     friction = BenchFriction(law=BRISTLES)
     link = LinkParameters(mass=0.0, upper_stop=50.0)
     return simulate_bench(knee(control=control, link=link, friction=friction, gravity=0.0, duration=2.0))
@@ -579,7 +587,7 @@ def test_progress_ends_at_the_last_tick_and_a_stop_keeps_what_was_done() -> None
 
 
 def test_run_that_explodes_says_so() -> None:
-    control = TorqueControl(controller=MODEL, friction_compensation_gain=0.0, target_torque=40.0)
+    control = TorqueControl(friction_model=KNEE_FRICTION, friction_compensation_gain=0, target_torque=40.0)
     light = bench_joint(
         KNEE, control=control, link=LinkParameters(mass=0.0, upper_stop=1e9, inertia=1e-4), gravity=0.0
     )
@@ -604,7 +612,7 @@ def test_run_that_explodes_says_so() -> None:
         (lambda: LinkParameters(mass=-1.0), "mass"),
         (lambda: DutyControl(duty_limit=2.0), "duty_limit"),
         (lambda: bench_joint(KNEE, duration=math.nan), "duration"),
-        (lambda: TorqueControl(controller=MODEL, stiffness=-1.0), "stiffness"),
+        (lambda: TorqueControl(friction_model=KNEE_FRICTION, stiffness=-1.0), "stiffness"),
         (lambda: BenchFriction(law=KNEE_FRICTION, coulomb_per_kelvin=math.inf), "coulomb_per_kelvin"),
         (
             lambda: simulate_bench(

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import twin_gait
 from twin_gait import load_experiment, simulate
-from twin_gait.exceptions import ModelError, ParameterError
+from twin_gait.exceptions import ModelError
 from twin_gait.experiment.problem import build_problem
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.generated import body_values, write_kernel
@@ -277,127 +277,6 @@ def test_a_later_start_needs_no_compiler():
     simulate(load_experiment("bench_leg", ["duration_s=0.1"]).experiment)
     found = subprocess.check_output([sys.executable, "-c", LATER], text=True)
     assert found.split() == ["100", "0", "False"]
-
-
-# ------------------------------------------------------------------ controllers of the user's
-
-
-def weaker(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-    """Half the spring, no friction compensation."""
-    return -0.5 * k * (angle - equilibrium) - b * fast, 0.0
-
-
-class Counting:
-    """A controller that numba cannot compile."""
-
-    def __init__(self) -> None:
-        self.calls = 0
-
-    def __call__(self, *values):
-        self.calls += 1
-        return weaker(*values)
-
-
-BENCH = ("bench_leg", ["duration_s=0.5"])
-
-
-def test_a_controller_of_ones_own_takes_the_place_of_the_thesis_in_both_engines():
-    compiled = simulate(load_experiment(*BENCH).experiment, controller=weaker)
-    stepping = f"integration={{method: {compiled.experiment.stepping.method}, step_ms: 1}}"
-    name, settings_ = BENCH
-    reference = load_experiment(name, [*settings_, "engine=pinocchio", stepping]).experiment
-    stepped = simulate(reference, controller=weaker)
-    standard = simulate(load_experiment(*BENCH).experiment)
-    assert not compiled.log["right_hip_friction_compensation_torque_Nm"].any()
-    assert standard.log["right_hip_friction_compensation_torque_Nm"].any()
-    for column in ("right_knee_angle_rad", "right_hip_motor_torque_Nm"):
-        np.testing.assert_allclose(compiled.log[column], stepped.log[column], atol=1e-9)
-
-
-def test_an_njit_controller_is_compiled_once():
-    import numba
-
-    controller = numba.njit(weaker)
-    first = simulate(load_experiment(*BENCH).experiment, controller=controller)
-    made = len(loops._loops)
-    told = []
-    second = simulate(
-        load_experiment(*BENCH).experiment, controller=controller, on_compile=lambda: told.append(1)
-    )
-    assert len(loops._loops) == made and not told
-    assert first.log.equals(second.log)
-
-
-def test_a_controller_that_cannot_be_compiled_works_and_says_so():
-    from twin_gait.simulation.simulator import SlowControllerWarning
-
-    controller = Counting()
-    with pytest.warns(SlowControllerWarning, match="stepping through Python"):
-        run = simulate(load_experiment("bench_leg", ["duration_s=0.1"]).experiment, controller=controller)
-    assert run.status == "completed"
-    assert controller.calls == 2 * 100
-
-
-def one_torque(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-    return -k * angle
-
-
-def three_torques(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-    return -k * angle, 0.0, 0.0
-
-
-def nothing(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-    pass
-
-
-def complex_torque(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-    return 1j * angle, 0.0
-
-
-def text_torque(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-    return "soft", 0.0
-
-
-def too_few(angle, fast, slow):
-    return 0.0, 0.0
-
-
-WRONG = [one_torque, three_torques, nothing, complex_torque, text_torque, too_few]
-
-
-@pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
-@pytest.mark.parametrize("controller", WRONG, ids=lambda item: item.__name__)
-def test_a_controller_that_returns_the_wrong_thing_is_named_in_one_line(controller, engine):
-    experiment = load_experiment("bench_leg", ["duration_s=0.1", f"engine={engine}"]).experiment
-    with pytest.raises(ParameterError, match=f"^controller '{controller.__name__}': expected ") as told:
-        simulate(experiment, controller=controller)
-    assert "\n" not in str(told.value)
-
-
-def test_a_wrong_answer_that_numba_cannot_compile_is_named_too():
-    from twin_gait.simulation.simulator import SlowControllerWarning
-
-    class Mute:
-        __name__ = "mute"
-
-        def __call__(self, *values):
-            return None
-
-    experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
-    with (
-        pytest.warns(SlowControllerWarning),
-        pytest.raises(ParameterError, match=r"^controller 'mute': .*got None"),
-    ):
-        simulate(experiment, controller=Mute())
-
-
-def test_a_controller_that_raises_in_compiled_code_is_named():
-    def divides(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-        return -k / (gain - gain), 0.0
-
-    experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
-    with pytest.raises(ParameterError, match=r"^controller 'divides': raised an error"):
-        simulate(experiment, controller=divides)
 
 
 # ------------------------------------------------------------------ what is compiled is what is written

@@ -13,11 +13,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.control.controller import Path as Walk
+from twin_gait.control.controllers.position import KNEE_HIGHEST, KNEE_LOWEST
 from twin_gait.core.assistance import Adaptation, adapted_assistance, cycle_place
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.experiment import ControlMode, Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.experiment.path import KNEE_HIGHEST, KNEE_LOWEST, reference_path
+from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
@@ -43,6 +44,12 @@ def experiment(*settings: str) -> Experiment:
     return load_experiment("treadmill", [WEARER, *settings]).experiment
 
 
+def reference_path(asked: Experiment) -> Walk:
+    """The walk that is followed, or against which the tracking error is measured."""
+    problem = build_problem(asked)
+    return problem.controller.walk(problem.plan)
+
+
 # ---------------------------------------------------------------- files
 
 
@@ -56,7 +63,7 @@ def test_keys_become_parameters_in_si():
         "control.assistance.least=0.1",
         "control.assistance.allowance_deg=3",
     ).control
-    assert control.mode is ControlMode.POSITION
+    assert control.mode == "position"
     assert_allclose([control.path.stiffness[joint] for joint in ("hip", "knee")], np.degrees([5.0, 6.0]))
     assert control.path.damping_ratio == 0.9
     assistance = control.assistance
@@ -142,7 +149,7 @@ def accelerations(angles: np.ndarray, cycle_ticks: int) -> np.ndarray:
 
 
 def test_followed_path_closes_and_stays_between_its_ends():
-    path = reference_path(experiment("control.mode=position"), SIDES)
+    path = reference_path(experiment("control.mode=position"))
     assert_allclose(path.angles[0], path.angles[-1])
     assert np.array_equal(path.starts, [0.0, 0.5])
     knee = path.angles[:, 1]
@@ -152,14 +159,14 @@ def test_followed_path_closes_and_stays_between_its_ends():
 def test_motor_can_accelerate_its_rotor_along_the_followed_knee_and_not_along_the_healthy_one():
     asked = experiment("control.mode=position")
     available = asked.control.limits.torque / KNEE_ACTUATOR.armature
-    followed = reference_path(asked, SIDES)
-    healthy = reference_path(experiment(), SIDES)
+    followed = reference_path(asked)
+    healthy = reference_path(experiment())
     assert accelerations(followed.angles, followed.cycle_ticks)[1] < 0.8 * available
     assert accelerations(healthy.angles, healthy.cycle_ticks)[1] > 2.0 * available
 
 
 def test_tracking_is_judged_by_the_healthy_walk():
-    path = reference_path(experiment(), SIDES)
+    path = reference_path(experiment())
     percent = np.linspace(0.0, 100.0, 101)
     for number, joint in enumerate((JointName.HIP, JointName.KNEE)):
         expected = reference_curve(joint, percent, speed=1.5 / 3.6, height=1.75)
@@ -170,13 +177,11 @@ def test_tracking_is_judged_by_the_healthy_walk():
 @pytest.mark.parametrize("leading", SIDES)
 def test_legs_begin_on_the_path(leading):
     problem = build_problem(experiment("control.mode=position", f"scenario.leading={leading}"))
-    assert problem.path is not None
+    angles = problem.controller.walk(problem.plan).angles
     for joint in problem.joints:
         number = 0 if joint.joint is JointName.HIP else 1
         percent = 0 if joint.side is leading else 50
-        assert problem.world.start_q[joint.coordinate] == pytest.approx(
-            problem.path.angles[percent, number], abs=1e-12
-        )
+        assert problem.world.start_q[joint.coordinate] == pytest.approx(angles[percent, number], abs=1e-12)
 
 
 def test_other_modes_begin_where_the_scenario_says():
@@ -207,7 +212,7 @@ def test_position_tracking_walks_a_minute():
 
 def test_equilibrium_in_the_log_is_the_path_at_the_instant():
     asked = experiment("control.mode=position", "duration_s=0.5", "engine=pinocchio")
-    path = reference_path(asked, SIDES)
+    path = reference_path(asked)
     log = simulate(asked).log
     share = np.arange(101) / 100.0
     for side, start in zip(SIDES, path.starts, strict=True):
@@ -248,7 +253,7 @@ def test_help_of_a_walk_is_the_law_of_the_errors_in_its_log():
     asked = experiment("control.assistance.adaptive=true", "duration_s=10")
     run = simulate(asked)
     assert run.status is RunStatus.COMPLETED
-    settings, path = asked.control.assistance, reference_path(asked, SIDES)
+    settings, path = asked.control.assistance, reference_path(asked)
     codes = np.asarray(run.log["left_phase"].cat.codes)
     entries = [tick for tick in range(1, len(codes)) if codes[tick] == 0 and codes[tick - 1] != 0]
     assert len(entries) >= 4

@@ -16,6 +16,7 @@ import pytest
 from numba.core.errors import NumbaError
 
 from twin_gait import load_experiment
+from twin_gait.control import Controller
 from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
@@ -209,16 +210,20 @@ def uncompiled(monkeypatch):
     return lambda *arguments: CompiledEngine(build_problem(load_experiment(*arguments).experiment))
 
 
-def own_law(angle, fast, slow, k, b, equilibrium, gain, friction):  # type: ignore[no-untyped-def]
-    return -k * angle, 0.0
+class Own(Controller):
+    """A controller that does nothing."""
+
+    @staticmethod
+    def tick(memory, device, tick, period):  # type: ignore[no-untyped-def]
+        pass
 
 
 def test_powers_and_a_controller_of_the_users_run_alone(uncompiled):
     assert kind_of(uncompiled("bench_leg", [])) is not None
     lugre = "plant.friction.knee={law: lugre, coulomb_friction_Nm: 3, bristle_stiffness_Nm_per_rad: 900}"
     assert kind_of(uncompiled("bench_leg", [lugre])) is None
-    problem = build_problem(load_experiment("bench_leg", []).experiment)
-    assert kind_of(CompiledEngine(problem, controller=own_law)) is None
+    problem = build_problem(load_experiment("bench_leg", []).experiment, Own())
+    assert kind_of(CompiledEngine(problem)) is None
 
 
 def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:

@@ -229,7 +229,11 @@ def test_a_table_may_control_fewer_joints(joints):
             ["leg.left.ankle=null"],
             "controls the ankle, which the left leg has not; give its name in the URDF",
         ),
-        (WALK, ["control.mode=position"], "control.mode: position has a path for hip, knee, gait table"),
+        (
+            WALK,
+            ["control.mode=position"],
+            "control.mode: position has a path for hip, knee; take another mode",
+        ),
         (WALK, ["network=can"], "expected a gait table for hip, knee, whose boards are on the bus"),
         (
             "treadmill",

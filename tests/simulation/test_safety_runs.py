@@ -9,9 +9,7 @@ from test_treadmill_gait import CHANGES, NOISE
 
 from twin_gait import load_experiment, simulate
 from twin_gait.control import TripCause
-from twin_gait.control.controller import checked
-from twin_gait.core.control_tick import controller_torques
-from twin_gait.exceptions import MeasurementError, TwinGaitError
+from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName, Side
 
@@ -162,21 +160,6 @@ def test_a_drive_that_does_not_obey_is_cut_off():
     assert not torque[run.trip.tick :].any()
 
 
-def test_a_controller_that_answers_no_number_trips():
-    calls = []
-
-    def breaks(angle, fast, slow, stiffness, damping, equilibrium, gain, friction):
-        calls.append(angle)
-        return (float("nan") if len(calls) > 200 else 0.0), 0.0
-
-    run = simulate(
-        load_experiment("bench_leg", ["duration_s=0.3", "engine=pinocchio"]).experiment, controller=breaks
-    )
-    assert run.trip == (100, TripCause.COMMAND, Side.RIGHT, JointName.HIP)
-    kept = [name for name in run.log if not name.endswith("_phase")]
-    assert np.isfinite(run.log[kept].to_numpy()).all()
-
-
 @pytest.mark.parametrize(
     ("cause", "setting"),
     [
@@ -202,16 +185,6 @@ def test_a_tighter_bound_trips_when_the_log_says_that_it_was_broken(cause, setti
     breach = breach_tick(run, run.trip)
     needed = stated_reaction(run.trip.cause, run.experiment.control.safety) - TICK
     assert breach <= hold_start(run) <= breach + needed / TICK + 1.5
-
-
-@pytest.mark.parametrize("field", ["angle", "velocity_fast", "velocity_slow"])
-@pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
-def test_a_call_of_a_controller_with_no_number_is_refused(field, wrong):
-    measured = {"angle": 0.1, "velocity_fast": 0.2, "velocity_slow": 0.3}
-    law, setpoint = checked(controller_torques), (100.0, 10.0, 0.2, 0.3, 4.0)
-    assert law(*measured.values(), *setpoint) == controller_torques(*measured.values(), *setpoint)
-    with pytest.raises(MeasurementError, match=field):
-        law(*{**measured, field: wrong}.values(), *setpoint)
 
 
 def test_without_a_monitor_nothing_trips():

@@ -233,7 +233,6 @@ def run_test_command(arguments: argparse.Namespace) -> int:
 
 
 def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | None:
-    from twin_gait.control import Controller
     from twin_gait.vocabulary import JointName
     from twin_gait.worlds.bench_joint import (
         BENCH_FRICTION,
@@ -255,7 +254,7 @@ def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | 
         )
     springy = arguments.controller == "impedance"
     return TorqueControl(
-        controller=Controller(friction_model=BENCH_FRICTION[joint]),
+        friction_model=BENCH_FRICTION[joint],
         old_model=OldFrictionModel() if arguments.controller == "old-friction" else None,
         friction_compensation_gain=arguments.friction_compensation_gain,
         target_torque=arguments.target_torque_Nm,

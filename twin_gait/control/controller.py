@@ -1,4 +1,9 @@
-"""The controller of one joint: what it sees, what it is told, what it answers."""
+"""A controller of the legs: what each phase asks of the joints, a memory, and what it does in a tick.
+
+The gait controller (:mod:`twin_gait.control.gait_controller`) fades into the setpoints of a phase and writes
+them, with what is fed forward, into the demand of each joint. A controller with a tick changes these demands
+before the boards hear them. It keeps nothing but its memory, which is part of the record of an episode.
+"""
 
 from __future__ import annotations
 
@@ -8,96 +13,245 @@ import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
-from twin_gait.core.control_tick import controller_torques
+import numpy as np
+
+from twin_gait.control.gait_controller import controller_tick
 from twin_gait.exceptions import MeasurementError, ParameterError
-from twin_gait.parameters import FrictionParameters
+from twin_gait.gait.scaling import InertiaAt
+from twin_gait.gait.table import TICK
+from twin_gait.measures.reference import reference_curve, reference_cycle_time
+from twin_gait.vocabulary import JointName, Side
 
-# From angle, fast and slow velocity; k, b, θ0, G; and the friction torque of the compensator's model at the
-# slow velocity to the impedance and the friction-compensation torque, as
-# :func:`twin_gait.core.control_tick.controller_torques`.
-ControllerFunction = Callable[..., tuple[float, float]]
+TickFunction = Callable[[Any, Any, int, float], None]
+PATH_SAMPLES = 101  # of a cycle, every percent
+_TRAILING_START = 0.5  # of the cycle, where the trailing leg begins
+_DEMANDED = ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target")
 
 
-@dataclass(frozen=True)
-class Controller:
-    """The controller of one joint; it keeps no state, everything it may use is handed in.
-
-    The default is the thesis's, impedance on friction compensation. With stiffness and damping of zero it is
-    the thesis's transparent mode: friction compensation with a target torque.
+class Path(NamedTuple):
+    """A walk that is followed, or against which the tracking error is measured.
 
     Attributes:
-        friction_model: The compensator's own friction model.
-        law: The control law.
+        angles: Of the joints of a leg over the cycle from foot contact in [rad], shape
+            ``(PATH_SAMPLES, joints_per_leg)``.
+        cycle_ticks: Ticks of a cycle.
+        starts: Share of the cycle at which each leg begins, shape ``(n_legs,)``.
     """
 
-    friction_model: FrictionParameters
-    law: ControllerFunction = controller_torques
+    angles: np.ndarray
+    cycle_ticks: int
+    starts: np.ndarray
 
 
-def checked(law: ControllerFunction) -> ControllerFunction:
-    """A control law that is handed nothing that is not finite, and whose answer is looked at.
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a controller knows before the walk.
 
-    Returns:
-        The law; it raises MeasurementError if a measurement is not finite, ParameterError if the answer is
-        not two torques.
+    Attributes:
+        sides: The legs, in the order of the device's.
+        joints: Names of the joints of a leg, in their order.
+        phases: Names of the phases by number.
+        leading: Leg that begins with the gait cycle.
+        speed: Of walking in [m] / [s], as near to it as healthy walking is known.
+        height: Of the wearer in [m].
+        inertia: Effective inertia of a joint in [kg m²], from leg, posture and the joint's name.
     """
 
-    def torques(angle: float, fast: float, slow: float, *rest: float) -> tuple[float, float]:
-        if not math.isfinite(angle + fast + slow):
-            _refuse({"angle": angle, "velocity_fast": fast, "velocity_slow": slow})
-        answer = law(angle, fast, slow, *rest)
-        if law is not controller_torques:
-            require_torques(law, answer)
-        return answer
+    sides: tuple[Side, ...]
+    joints: tuple[str, ...]
+    phases: tuple[str, ...]
+    leading: Side
+    speed: float
+    height: float
+    inertia: InertiaAt
 
-    return torques
+    @property
+    def reference(self) -> Path:
+        """Healthy walking at this speed and height (Koopman et al. 2014)."""
+        percent = np.linspace(0.0, 100.0, PATH_SAMPLES)
+        angles = [
+            reference_curve(JointName(name), percent, speed=self.speed, height=self.height)
+            for name in self.joints
+        ]
+        starts = np.array([0.0 if side is self.leading else _TRAILING_START for side in self.sides])
+        return Path(np.array(angles).T, round(reference_cycle_time(self.speed, self.height) / TICK), starts)
 
 
-def name_of(law: ControllerFunction) -> str:
-    """What messages call a control law of the user's."""
-    return f"controller {getattr(law, '__name__', law)!r}"
+@dataclass(slots=True)
+class NoMemory:
+    """What a controller keeps that keeps nothing.
+
+    Attributes:
+        unused: No record is empty.
+    """
+
+    unused: int = 0
 
 
-def require_arguments(law: ControllerFunction) -> None:
-    """Refuse a control law that does not take what it is handed.
+class Controller:
+    """A controller of the legs; one of its own derives from this class and changes what it wants to.
+
+    As it stands it is impedance control: every joint has the setpoints of the gait table.
+
+    Attributes:
+        mode: Value of ``control.mode`` that stands for it; empty for a controller that does not ship.
+        tick: What it does in a tick of 1 ms, or None: a static method that takes its memory, the device, the
+            number of the tick and its length in [s]. Of the device it reads ``legs`` (``phase``, ``ticks``
+            since its start, ``load`` over body weight) and ``joints``, leg by leg (``measurement.angle`` in
+            [rad], ``measurement.velocity`` in [rad] / [s]); in the ``demand`` of a joint stand the setpoint
+            and what is fed forward, as :class:`twin_gait.control.joint_board.Demand`, to be changed in
+            place. After a trip of the safety monitor it is not called.
+    """
+
+    mode = ""
+    tick: TickFunction | None = None
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return type(self).__name__
+
+    @property
+    def by_phases(self) -> bool:
+        """Whether it is the phases that move the legs on; the monitor limits the time in one then."""
+        return True
+
+    @property
+    def unprinted(self) -> str:
+        """Why the firmware does not have it, with key, value and way out; empty if it does."""
+        return ""
+
+    def refusal(self, joints: tuple[JointName, ...]) -> str:
+        """Why it cannot drive some joints, with key and way out; empty if it can."""
+        return ""
+
+    def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
+        """Setpoints of a leg by phase.
+
+        Args:
+            rows: What the gait table says: k, b, θ0, G of each joint and the gravity share, shape
+                ``(n_phases, n_columns)``; may be changed in place.
+
+        Returns:
+            The same shape.
+        """
+        return rows
+
+    def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
+        """Angles in [rad] at which the joints of each leg have to begin; none leaves that to the world."""
+        return {}
+
+    def walk(self, plan: Plan) -> Path:
+        """The walk against which assistance that adapts measures the tracking error."""
+        return plan.reference
+
+    def memory(self, plan: Plan) -> Any:
+        """What it keeps, as it begins: a dataclass with slots, of numbers, such dataclasses and lists."""
+        return NoMemory()
+
+    def constants(self) -> dict[str, int]:
+        """Constants that a loop is bound to, by name; what they rule out is not compiled."""
+        return {"CONTROLLED": self.tick is not None}
+
+    def functions(self) -> dict[str, TickFunction]:
+        """Functions that a loop is bound to, by name."""
+        return {} if self.tick is None else {"controller_tick": self.tick}
+
+
+class UncompiledControllerError(ParameterError):
+    """numba cannot compile the tick of a controller."""
+
+
+def require_controller(controller: Any) -> None:
+    """Refuse what is no controller, or whose tick does not take what it is handed.
 
     Raises:
-        ParameterError: If it takes more or fewer arguments.
+        ParameterError: In one line, with what was expected.
     """
-    expected = inspect.signature(controller_torques).parameters
+    if not isinstance(controller, Controller):
+        name = getattr(controller, "__name__", type(controller).__name__)
+        got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
+        raise ParameterError(
+            f"controller {name!r}: expected an instance of a class derived from "
+            f"twin_gait.control.Controller, got {got}"
+        )
+    if controller.tick is None:
+        return
+    expected = inspect.signature(controller_tick).parameters
     try:
-        signature = inspect.signature(law)
+        signature = inspect.signature(controller.tick)
     except (TypeError, ValueError):  # written in C, for example
         return
     try:
         signature.bind(*expected)
     except TypeError as error:
         raise ParameterError(
-            f"{name_of(law)}: expected {len(expected)} arguments ({', '.join(expected)}), got {signature}"
+            f"controller {controller.name!r}: expected a static method tick({', '.join(expected)}), "
+            f"got tick{signature}"
         ) from error
 
 
-def require_torques(law: ControllerFunction, answer: Any) -> None:
-    """Refuse what is not two torques.
+def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
+    """Setpoints of a leg, as :meth:`Controller.setpoints`.
 
     Raises:
-        ParameterError: If it is anything else; a torque that is not finite is for the safety monitor.
+        ParameterError: If they are not finite numbers of the same shape.
     """
+    shape, given = rows.shape, controller.setpoints(plan, side, rows)
     try:
-        impedance, friction = answer
-        fits = isinstance(impedance, Real) and isinstance(friction, Real)
+        found = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
-        fits = False
-    if not fits:
-        raise ParameterError(f"{name_of(law)}: {EXPECTED_TORQUES}, got {reprlib.repr(answer)}")
+        found = np.empty(0)
+    if found.shape != shape or not np.isfinite(found).all():
+        raise ParameterError(
+            f"controller {controller.name!r}: expected setpoints of finite numbers of shape {shape}, "
+            f"got {reprlib.repr(given)}"
+        )
+    return found
 
 
-EXPECTED_TORQUES = "expected two torques in [N m], of the impedance and of the friction compensation"
+def checked(name: str, tick: TickFunction) -> TickFunction:
+    """A tick that is handed nothing that is not finite, and whose demands are looked at.
+
+    Args:
+        name: Of the controller.
+
+    Returns:
+        The tick; it raises MeasurementError if a measurement is not finite, ParameterError if it returns
+        something or demands what is no number. A demand that is not finite is for the safety monitor.
+    """
+
+    def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
+        for joint in device.joints:
+            for key in ("angle", "velocity"):
+                value = getattr(joint.measurement, key)
+                if not math.isfinite(value):
+                    raise MeasurementError(f"{key} of a joint is {value}; expected a finite measurement")
+        require_no_answer(name, tick(memory, device, number, period))  # type: ignore[func-returns-value]
+        for joint in device.joints:
+            for key in _DEMANDED:
+                value = getattr(joint.demand, key)
+                if not isinstance(value, Real):
+                    raise ParameterError(
+                        f"controller {name!r}: expected a number in demand.{key}, got {reprlib.repr(value)}"
+                    )
+
+    return checked_tick
 
 
-def _refuse(measurement: Mapping[str, float]) -> None:
-    for name, value in measurement.items():
-        if not math.isfinite(value):
-            raise MeasurementError(f"{name} of a joint is {value}; expected a finite measurement")
+def require_no_answer(name: str, answer: Any) -> None:
+    """Refuse a tick that returns something, which nobody would read.
+
+    Args:
+        name: Of the controller.
+
+    Raises:
+        ParameterError: If it is not None.
+    """
+    if answer is not None:
+        raise ParameterError(
+            f"controller {name!r}: expected a tick that changes demands in place and returns nothing, "
+            f"got {reprlib.repr(answer)}"
+        )

@@ -9,6 +9,7 @@ functions, and the C firmware is printed from them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates
 from twin_gait.core.blending import blend, blend_share
@@ -27,9 +28,9 @@ from twin_gait.gait import signals as declared
 from twin_gait.gait.signals import DEVICE_SIGNALS, JOINT_SIGNALS, LEG_SIGNALS
 
 # What a loop is bound to, and a firmware printed with: legs, actuated joints of a leg, whether inertia
-# torques are wanted, the equilibrium follows a path, and the impedance is shared with the wearer.
+# torques are wanted, and the controller changes the demands in every tick.
 LEGS, JOINTS_PER_LEG = 1, 2
-INERTIA_WANTED = FOLLOWS = ASSISTS = False
+INERTIA_WANTED = CONTROLLED = False
 
 # Places in the list of signals: among those of a joint, of a leg behind them, of the device behind both legs.
 PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
@@ -48,12 +49,9 @@ class ControlledJoint:
         blend_start: Setpoint at the last switch.
         blended: Present setpoint.
         target: Torque that is added to the command, in [N m].
-        assistance: Share of the impedance that the joint is given.
         measurement: Last heard from its board.
         demand: What its board is asked for.
         rate: Estimate of the acceleration in [rad] / [s²].
-        lead: Torque that lets the damper follow the path, in [N m].
-        tracking: Sum of the absolute errors of the stride in [rad].
         hold_angle: Angle at the trip in [rad].
         silent_ticks: Since its board was heard.
     """
@@ -63,12 +61,9 @@ class ControlledJoint:
     blend_start: Setpoint
     blended: Setpoint
     target: float
-    assistance: float
     measurement: Measurement = field(default_factory=Measurement)
     demand: Demand = field(default_factory=Demand)
     rate: float = 0.0
-    lead: float = 0.0
-    tracking: float = 0.0
     hold_angle: float = 0.0
     silent_ticks: int = 0
 
@@ -84,8 +79,6 @@ class ControlledLeg:
         gravity_start: Share at the last switch.
         gravity: Present share.
         frozen_speed: Speed of the hip at which a load that stands still is broken in [rad] / [s].
-        path_start: Share of the cycle at which the leg begins.
-        stride_ticks: Length of the last stride.
         before: Phase at the start of the tick.
         entry_tick: Tick in which the phase was entered.
         ticks: Since then.
@@ -96,7 +89,6 @@ class ControlledLeg:
         load_streak: Consecutive ticks in which the load stood still while the hip turned.
         phase_cause: Of a trip in this tick: the phase has timed out.
         load_cause: Of a trip in this tick: the load stands still.
-        stride_start: Tick in which its stride began.
     """
 
     phase: int
@@ -105,8 +97,6 @@ class ControlledLeg:
     gravity_start: float
     gravity: float
     frozen_speed: float
-    path_start: float
-    stride_ticks: int
     before: int = 0
     entry_tick: int = 0
     ticks: int = 0
@@ -117,7 +107,6 @@ class ControlledLeg:
     load_streak: int = 0
     phase_cause: int = NO_TRIP
     load_cause: int = NO_TRIP
-    stride_start: int = 0
 
 
 @dataclass(slots=True)
@@ -199,6 +188,7 @@ class ControllerState:
         signals: What the guards read: of this leg, of the other, then of the device.
         supply: The bus voltage.
         model: For gravity and inertia torques.
+        memory: Of the controller, :mod:`twin_gait.control.controller`.
         device: Heard of it as a whole.
         trip: Of the monitor.
         last_rest: Last tick in which the legs were told to stand.
@@ -210,6 +200,7 @@ class ControllerState:
     signals: list[float]
     supply: WatchedSupply
     model: ControlModel
+    memory: object
     device: Device = field(default_factory=Device)
     trip: Trip = field(default_factory=Trip)
     last_rest: int = 0
@@ -387,26 +378,38 @@ def estimate_acceleration(controller: ControllerState, rates: Rates, number: int
     controller.model.a[joint.control_place] = joint.rate
 
 
+def controller_tick(memory: Any, device: Any, tick: int, period: float) -> None:
+    """What the controller does in a tick, see :class:`twin_gait.control.controller.Controller`."""
+    raise NotImplementedError
+
+
+def change_demands(controller: ControllerState, rates: Rates, tick: int) -> None:
+    """Let the controller change what the phases demand."""
+    for number in range(len(controller.joints)):
+        demand_setpoint(controller, number)
+    controller_tick(controller.memory, controller, tick, rates.period)
+
+
 def demand(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
-    """Ask a board for the present setpoint and what is fed forward, or to hold its joint after a trip."""
+    """Ask a board for what the phase demands, or the controller has, or to hold its joint after a trip."""
+    joint = controller.joints[number]
+    if controller.trip.tick >= 0:
+        share = support_share(tick - controller.trip.tick, limits.lowering_ticks)
+        demand_hold(joint, limits, share, controller.model.gravity_torque[joint.control_place])
+    elif not CONTROLLED:
+        demand_setpoint(controller, number)
+
+
+def demand_setpoint(controller: ControllerState, number: int) -> None:
+    """Ask a board for the present setpoint and what is fed forward."""
     joint, leg = controller.joints[number], controller.legs[number // JOINTS_PER_LEG]
     asked, setpoint, place = joint.demand, joint.blended, joint.control_place
     weight, inertia = controller.model.gravity_torque[place], controller.model.inertia_torque[place]
-    if controller.trip.tick >= 0:
-        share = support_share(tick - controller.trip.tick, limits.lowering_ticks)
-        demand_hold(joint, limits, share, weight)
-    else:
-        stiffness, damping = setpoint.stiffness, setpoint.damping
-        if ASSISTS:
-            stiffness *= joint.assistance
-            damping *= joint.assistance
-        asked.stiffness, asked.damping = stiffness, damping
-        asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
-        asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
-        asked.inertia = controller.model.inertia_gain * inertia
-        asked.target = joint.target
-        if FOLLOWS:
-            asked.target += joint.lead
+    asked.stiffness, asked.damping = setpoint.stiffness, setpoint.damping
+    asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
+    asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
+    asked.inertia = controller.model.inertia_gain * inertia
+    asked.target = joint.target
 
 
 def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: float) -> None:

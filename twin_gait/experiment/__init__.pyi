@@ -1,7 +1,5 @@
-from .control import AssistanceParameters as AssistanceParameters
 from .control import ControlMode as ControlMode
 from .control import ControlParameters as ControlParameters
-from .control import PathParameters as PathParameters
 from .experiment import LONGEST_RUN as LONGEST_RUN
 from .experiment import Experiment as Experiment
 from .integration import FINEST_STEP as FINEST_STEP

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
+from twin_gait.control.controller import Controller
+from twin_gait.control.controllers import CONTROLLERS
+from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
+from twin_gait.control.controllers.position import PathParameters
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import (
     HIP_FRICTION,
@@ -19,82 +22,21 @@ from twin_gait.parameters import (
     require,
 )
 from twin_gait.parameters.quantities import (
-    NOT_NEGATIVE,
     SHARE,
-    Angle,
-    Inline,
     Parameters,
-    PerAngle,
     Ratio,
-    RotaryStiffness,
     Time,
     Torque,
 )
 from twin_gait.vocabulary import JointName
 
 LONGEST_DELAY = 0.01  # [s]
-# In the mode ``position``, whose path was found on TWIN (twin_gait.experiment.path).
-PATH_JOINTS = (JointName.HIP, JointName.KNEE)
 
 
-class ControlMode(StrEnum):
-    """Where k, b, θ0, G and the gravity share come from."""
+# Which controller decides on k, b, θ0, G and the gravity share.
+ControlMode = StrEnum("ControlMode", {name.upper(): name for name in CONTROLLERS})  # type: ignore[misc]
 
-    IMPEDANCE = "impedance"  # the phases of the gait table
-    TRANSPARENT = "transparent"  # G and gravity shares of the table, no impedance
-    GRAVITY = "gravity"  # gravity carried in full and G of the table, no impedance (TWIN's gravity mode)
-    CONSTANT = "constant"  # one impedance for the whole stride: the mean of the table's
-    POSITION = "position"  # a stiff spring that follows a predetermined path (TWIN's walk mode)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AssistanceParameters(Parameters):
-    """How much of the impedance the legs are given.
-
-    Attributes:
-        share: Of k and b per joint, 0 to 1 (TwinCare's assistance); where adaptive, at the start.
-        adaptive: Whether the share of each joint changes from stride to stride, see
-            :func:`twin_gait.core.assistance.adapted_assistance`.
-        forgetting: f (assumption: assistance halves in seven strides without an error).
-        gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
-        allowance: e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
-        least: α_min (assumption).
-    """
-
-    share: Annotated[Mapping[JointName, Ratio], SHARE, Inline()] = field(
-        default_factory=lambda: {JointName.HIP: 1.0, JointName.KNEE: 1.0}
-    )
-    adaptive: bool = False
-    forgetting: Annotated[Ratio, SHARE] = 0.9
-    gain: Annotated[PerAngle, NOT_NEGATIVE] = 0.6
-    allowance: Annotated[Angle, NOT_NEGATIVE] = math.radians(4.0)
-    least: Annotated[Ratio, SHARE] = 0.2
-
-    @property
-    def is_full(self) -> bool:
-        """Whether the impedance is given as it is."""
-        return not self.adaptive and all(share == 1.0 for share in self.share.values())
-
-
-@dataclass(frozen=True, kw_only=True)
-class PathParameters(Parameters):
-    """Spring and damper that follow the predetermined path in the mode ``position``.
-
-    Attributes:
-        stiffness: In [N m] / [rad], per joint (assumption: the hip stiffer than in any phase of the shipped
-            table, so that the default wearer follows to 2°; the knee to 6° with 4 N m/deg, where the limits
-            cut 2 % of the ticks; with 7 it would be 4° and four times as many).
-        damping_ratio: ζ of the joint on this spring.
-        friction_compensation_gain: G.
-        gravity_compensation: Share of gravity compensation.
-    """
-
-    stiffness: Annotated[Mapping[JointName, RotaryStiffness], NOT_NEGATIVE] = field(
-        default_factory=lambda: {JointName.HIP: math.degrees(9.0), JointName.KNEE: math.degrees(4.0)}
-    )
-    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
-    friction_compensation_gain: Annotated[Ratio, SHARE] = 0.35
-    gravity_compensation: Annotated[Ratio, SHARE] = 0.0
+_USUAL = ControlMode("impedance")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +59,7 @@ class ControlParameters(Parameters):
             arrives; what holds a leg after a trip comes as late.
     """
 
-    mode: ControlMode = ControlMode.IMPEDANCE
+    mode: ControlMode = _USUAL
     assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
     path: PathParameters = field(default_factory=PathParameters)
     friction_model: Mapping[JointName, FrictionParameters] = field(
@@ -141,6 +83,16 @@ class ControlParameters(Parameters):
             f"a multiple of {TICK:g} s from 0 to {LONGEST_DELAY:g} s",
             self.delay,
         )
+
+    def controller(self, own: Controller | None = None) -> Controller:
+        """The controller of the mode, or one of the user's own, with its assistance.
+
+        A controller that ships has for its fields the parameters here of the same name.
+        """
+        kind = CONTROLLERS[self.mode]
+        settings = {name: getattr(self, name) for name in getattr(kind, "__dataclass_fields__", ())}
+        acting = kind(**settings) if own is None else own
+        return acting if self.assistance.is_full else Assistance(self.assistance, acting)
 
     @property
     def delay_ticks(self) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.control import PATH_JOINTS, ControlMode, ControlParameters
+from twin_gait.experiment.control import ControlParameters
 from twin_gait.experiment.integration import (
     Engine,
     Integration,
@@ -108,15 +108,9 @@ class Experiment(Parameters):
                 raise ParameterError(f"{controls}, which has no drive; give plant.actuators.{joint}")
             if joint not in self.control.friction_model:
                 raise ParameterError(f"control.friction_model.{joint}: {controls}; give its friction")
-        if self.control.mode is not ControlMode.POSITION:
-            return
-        if self.joints != PATH_JOINTS:
-            paths = f"position has a path for {', '.join(PATH_JOINTS)}"
-            raise ParameterError(f"control.mode: {paths}, {table} controls {names}; take another mode")
-        for joint in self.joints:
-            if joint not in self.control.path.stiffness:
-                spring = f"control.path.stiffness.{joint}"
-                raise ParameterError(f"{spring}: the {joint} follows a path; give its spring")
+        refused = self.control.controller().refusal(self.joints)
+        if refused:
+            raise ParameterError(f"{refused}; {table} controls {names}")
 
     @property
     def joints(self) -> tuple[JointName, ...]:

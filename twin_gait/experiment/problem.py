@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.control.controller import Controller, Plan, checked_setpoints, require_controller
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import GuardProgram
-from twin_gait.experiment.control import ControlMode
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.experiment.path import Path, driven_rows, reference_path, starting_on_path
+from twin_gait.experiment.path import plan_of, starting_at
 from twin_gait.experiment.wearer import Wearer, wearer_of
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
@@ -57,7 +57,8 @@ class Problem:
         resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
         fast_gain: Gain of the fast velocity filter.
         wearer: What the wearer does at the joints.
-        path: The walk to follow, or against which the tracking error is measured; None if neither is.
+        controller: What decides on the demands.
+        plan: What it knows.
     """
 
     experiment: Experiment
@@ -72,7 +73,8 @@ class Problem:
     resolution: np.ndarray
     fast_gain: float
     wearer: Wearer
-    path: Path | None
+    controller: Controller
+    plan: Plan
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -97,19 +99,31 @@ class Problem:
         return self.experiment.plant.actuators[joint.joint]
 
 
-def build_problem(experiment: Experiment) -> Problem:
-    """Lay an experiment out."""
-    world = starting_on_path(experiment).build_world()
-    control_model = experiment.build_control_model()
+def build_problem(experiment: Experiment, own: Controller | None = None) -> Problem:
+    """Lay an experiment out.
+
+    Args:
+        own: Controller that takes the place of the mode's.
+
+    Raises:
+        ParameterError: If the controller is none, or what it gives cannot be used.
+    """
+    if own is not None:
+        require_controller(own)
+    control_model, controller = experiment.build_control_model(), experiment.control.controller(own)
+    inertia = _inertia_of(control_model)
+    plan = plan_of(experiment, control_model.sides, inertia)
+    world = starting_at(experiment, controller.start(plan)).build_world()
     table = scaled_table(experiment, world)
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
         for side in world.model.sides
         for joint in experiment.joints
     )
-    inertia = _inertia_of(control_model)
-    resolved = [(side, resolve_phases(table, side, inertia)) for side in world.model.sides]
-    rows = np.array([driven_rows(experiment, table, row, inertia, side) for side, row in resolved])
+    rows = [
+        checked_setpoints(controller, plan, side, resolve_phases(table, side, inertia))
+        for side in world.model.sides
+    ]
     sensors = experiment.sensors
     ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
     counts = sensors.encoder_counts * ratio
@@ -121,20 +135,15 @@ def build_problem(experiment: Experiment) -> Problem:
         table=table,
         program=compile_guards(table),
         joints=joints,
-        phase_rows=rows,
+        phase_rows=np.array(rows),
         offset=offset,
         noise=_noise(experiment, len(joints)) + offset,
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         wearer=wearer_of(experiment, table, world.model.sides),
-        path=_path(experiment, world.model.sides),
+        controller=controller,
+        plan=plan,
     )
-
-
-def _path(experiment: Experiment, sides: tuple[Side, ...]) -> Path | None:
-    control = experiment.control
-    wanted = control.mode is ControlMode.POSITION or control.assistance.adaptive
-    return reference_path(experiment, sides) if wanted else None
 
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:

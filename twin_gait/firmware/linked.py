@@ -37,7 +37,7 @@ class LinkedUnit:
         record: At tick 0.
         inputs: Of a tick; only their shape is of meaning.
         outputs: Likewise.
-        structure: Constants that it is bound to.
+        structure: Constants and functions of the controller that it is bound to.
         kernel: Source of the functions of the controller's model.
     """
 
@@ -64,7 +64,8 @@ def linked_unit(problem: Problem) -> LinkedUnit:
     if structure["INERTIA_WANTED"]:
         texts.append(write_control_inertia(bodies.control_bodies))
     kernel = "\n\n".join([*write_side_by_side("".join(texts)), *texts])
-    return LinkedUnit(Exoskeleton(settings, boards, episode.controller), inputs, outputs, structure, kernel)
+    names = {**structure, **problem.controller.functions()}
+    return LinkedUnit(Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
 
 
 def trim(program: GuardProgram, controller: ControllerState) -> None:

@@ -56,7 +56,7 @@ def walk_with(
     """
     problem = build_problem(without_bus(experiment))
     engine = CompiledEngine(problem, on_compile=on_compile)
-    plant = loop_of(engine.pattern, None, on_compile, run_part)
+    plant = loop_of(engine.pattern, on_compile, run_part)
     rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
     engine.episode["recording"]["log"] = rows.ctypes.data
     record, address = engine.parts[0], engine.parts[0].ctypes.data

@@ -19,7 +19,7 @@ from twin_gait.control.gait_controller import Device
 from twin_gait.control.joint_board import Demand, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
-from twin_gait.experiment import ControlMode, Experiment
+from twin_gait.experiment import Experiment
 from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
@@ -184,10 +184,9 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
         FirmwareError: With key, value and way out.
     """
     control, network = experiment.control, experiment.network
-    if control.mode is ControlMode.POSITION:
-        raise FirmwareError("control.mode: position follows a path, which is not printed; set impedance")
-    if control.assistance.adaptive:
-        raise FirmwareError("control.assistance.adaptive: true is not printed; set false, and a share")
+    unprinted = control.controller().unprinted
+    if unprinted:
+        raise FirmwareError(unprinted)
     if control.delay_ticks > 0:
         raise FirmwareError(
             f"control.delay_ms: {control.delay_ticks} is of the simulated drive, and the firmware "

@@ -11,11 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from twin_gait.control.gait_controller import (
+    CONTROLLED,
     INERTIA_WANTED,
     LEGS,
     ControllerState,
     Device,
     begin_tick,
+    change_demands,
     demand,
     demand_hold,
     enter_phase,
@@ -246,6 +248,9 @@ def decide(controller: ControllerState, settings: Settings, inputs: Surroundings
     if controller.trip.tick < 0:
         walk(controller, settings.rates, tick)
     feed_forward(controller, settings.rates)
+    if CONTROLLED:
+        if controller.trip.tick < 0:
+            change_demands(controller, settings.rates, tick)
 
 
 def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None:

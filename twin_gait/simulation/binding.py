@@ -51,7 +51,7 @@ def bind(
         bound = done[function] = wrap(copy)  # before what it calls, so that it may call itself
         for name in _names_in(function.__code__):
             value = names.get(name, scope.get(name))
-            if isinstance(value, FunctionType) and (value.__module__ or "").startswith(OURS):
+            if is_ours(value):
                 value = visit(value)
             if name in names or name in scope:
                 scope[name] = value
@@ -61,6 +61,11 @@ def bind(
 
     assert isinstance(entry, FunctionType)
     return visit(entry)
+
+
+def is_ours(function: Any) -> bool:
+    """Whether something is a function of this package."""
+    return isinstance(function, FunctionType) and (function.__module__ or "").startswith(OURS)
 
 
 def _identity(function: FunctionType) -> Hashable:

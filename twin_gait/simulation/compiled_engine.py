@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.control import ControllerFunction, Trip
+from twin_gait.control import Trip
+from twin_gait.control.controller import TickFunction
 from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.kernels.generated import SIDE_BY_SIDE, body_values, kernel_structure, write_kernel
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
-from twin_gait.simulation.binding import kernel_functions
+from twin_gait.simulation.binding import is_ours, kernel_functions
 from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import Structure, new_episode, structure_of
@@ -57,7 +58,6 @@ class CompiledEngine:
 
     Attributes:
         problem: The experiment as an engine needs it.
-        controller: Control law of the user's, or None.
         layout: Names and positions of the log's columns.
         episode: The record, which changes as the loop runs.
         switches: Room for the switches of the phases.
@@ -69,26 +69,30 @@ class CompiledEngine:
         self,
         problem: Problem,
         *,
-        controller: ControllerFunction | None = None,
         record: bool = True,
         on_compile: Callable[[], None] | None = None,
     ) -> None:
         """Lay the problem out and get the compiled loop.
 
         Args:
-            controller: Control law that takes the place of the thesis's; numba must be able to compile it.
             record: Whether to keep the log; without it only the switches and the last state remain.
             on_compile: Called if the loop has to be compiled first.
+
+        Raises:
+            UncompiledControllerError: If numba cannot compile the controller.
         """
-        self.problem, self.controller = problem, controller
+        self.problem = problem
         self.layout = log_layout(problem)
         self._record = record
         bodies, episode, structure = laid_out(problem, record=record)
         self._store = stored(episode)
         self.episode = self._store[0]
         self._give_rows(episode)
-        self.pattern = Pattern(self._store.dtype, dtype_of(self.layout.row()), bodies, structure)
-        self.loop = loop_of(self.pattern, controller, on_compile)
+        acting = problem.controller
+        self.pattern = Pattern(
+            self._store.dtype, dtype_of(self.layout.row()), bodies, structure, acting.name, acting.functions()
+        )
+        self.loop = loop_of(self.pattern, on_compile)
 
     def _give_rows(self, episode: Episode) -> None:
         """Rows behind addresses; they live as long as the engine."""
@@ -198,17 +202,28 @@ class Pattern(NamedTuple):
         row: Layout of a row of the log.
         bodies: What the kernel is written for.
         structure: Constants that are bound.
+        controller: Name of the controller.
+        functions: Of the controller, that are bound.
     """
 
     episode: np.dtype[Any]
     row: np.dtype[Any]
     bodies: Bodies
     structure: Structure
+    controller: str
+    functions: Mapping[str, TickFunction]
 
     @property
     def text(self) -> str:
-        """All that the loop depends on beside its sources."""
-        return repr((_text(self.episode), _text(self.row), kernel_structure(*self.bodies), self.structure))
+        """All that the loop depends on beside its sources, and functions that are not of this package."""
+        bodies = kernel_structure(*self.bodies)
+        ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
+        return repr((_text(self.episode), _text(self.row), bodies, self.structure, ours))
+
+    @property
+    def own(self) -> tuple[TickFunction, ...]:
+        """Functions of the controller that are the user's own."""
+        return tuple(item for item in self.functions.values() if not is_ours(item))
 
 
 class Bodies(NamedTuple):
@@ -256,28 +271,37 @@ def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[Bod
 
 def loop_of(
     pattern: Pattern,
-    controller: ControllerFunction | None,
     on_compile: Callable[[], None] | None,
     entry: Callable[[int, int, int], int] = run_at,
 ) -> NativeFunction:
-    """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be."""
+    """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be.
+
+    Raises:
+        UncompiledControllerError: If numba cannot compile the controller.
+    """
+    own = {}
+    if pattern.own:
+        from twin_gait.simulation.compiling import compiled_ticks
+
+        own = compiled_ticks(pattern.controller, pattern.functions, pattern.episode["controller"])
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
         from twin_gait.simulation.vectors import in_vectors
 
         bound = bound_to(pattern)
-        names = {**bound, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
-        return compile_loop(entry, names, ARGUMENTS, controller)
+        names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
+        return compile_loop(entry, names, ARGUMENTS, own=pattern.controller if own else "")
 
     key = source_key(f"{entry.__name__} {pattern.text}", "compiled_engine", "vectors", "../kernels")
-    return kept_loop(key, ARGUMENTS, make, controller, on_compile)
+    return kept_loop(key, ARGUMENTS, make, on_compile, pattern.own)
 
 
 def bound_to(pattern: Pattern) -> dict[str, Any]:
     """All that a loop is bound to but for where its episodes are."""
     return {
         **pattern.structure,
+        **pattern.functions,
         **bound_kernel(pattern.bodies),
         **compiled_rows(pattern.row, *(pattern.episode[name].shape[0] for name in ("joints", "limbs"))),
     }

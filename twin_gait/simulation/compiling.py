@@ -23,14 +23,8 @@ from numba.core.errors import NumbaError
 from numba.core.untyped_passes import DeadBranchPrune, ReconstructSSA
 from numba.extending import intrinsic
 
-from twin_gait.control.controller import (
-    EXPECTED_TORQUES,
-    ControllerFunction,
-    name_of,
-    require_arguments,
-)
-from twin_gait.exceptions import ParameterError
-from twin_gait.simulation.binding import bind
+from twin_gait.control.controller import TickFunction, UncompiledControllerError, require_no_answer
+from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
 
 _BITS = ir.IntType(64)
@@ -168,7 +162,7 @@ def compile_loop(
     entry: Callable[..., int],
     names: Mapping[str, Any],
     n_arguments: int,
-    controller: ControllerFunction | None = None,
+    own: str = "",
     manner: Manner = ALONE,
 ) -> CompiledLoop:
     """Bind and compile a loop.
@@ -177,16 +171,9 @@ def compile_loop(
         entry: Takes and returns whole numbers; addresses are some.
         names: What the loop is bound to.
         n_arguments: Of the entry.
-        controller: Control law that takes the place of the thesis's.
+        own: What messages call functions of the user's among the names; empty without any.
         manner: How.
-
-    Raises:
-        ParameterError: If numba cannot compile the controller.
     """
-    if controller is not None:
-        if not compiles(controller):
-            raise ParameterError(f"{name_of(controller)}: numba cannot compile it")
-        names = {**names, "controller_torques": _jitted(controller)}
     loop = bind(
         entry,
         {**ON_BITS, **names},
@@ -199,9 +186,8 @@ def compile_loop(
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
     address = result.library.get_pointer_to_function(symbol)
-    law = None if controller is None else name_of(controller)
-    function = function_at(address, n_arguments, loop, law)
-    standalone = controller is None and _stands_alone(result.library)
+    function = function_at(address, n_arguments, loop, f"controller {own!r}" if own else None)
+    standalone = not own and _stands_alone(result.library)
     code = MachineCode(result.library._get_compiled_object(), symbol) if standalone else None
     return CompiledLoop(function, code)
 
@@ -228,29 +214,36 @@ def _stands_alone(library: Any) -> bool:
     return all(name.startswith("llvm.") or hasattr(process, name) for name in needed)
 
 
-@lru_cache(maxsize=16)
-def _jitted(function: ControllerFunction) -> Any:
-    return function if isinstance(function, Dispatcher) else numba.njit(nogil=True)(function)
-
-
-def compiles(function: ControllerFunction) -> bool:
-    """Whether numba can compile a control law.
+def compiled_ticks(
+    controller: str, functions: Mapping[str, TickFunction], device: np.dtype[Any]
+) -> dict[str, Any]:
+    """The user's functions among those of a controller, compiled.
 
     Args:
-        function: An ``njit`` function, or a Python function.
+        controller: Its name.
+        functions: By the names that a loop knows them by.
+        device: Layout of the record that they are handed, with their memory in it.
 
     Raises:
-        ParameterError: If it does not take eight numbers, or gives anything but two.
+        UncompiledControllerError: If numba cannot compile one.
+        ParameterError: If one returns something.
     """
-    require_arguments(function)
-    numbers = (numba.float64,) * 8
+    return {
+        name: _compiled_tick(controller, tick, name == "assisted_tick", device)
+        for name, tick in functions.items()
+        if not is_ours(tick)
+    }
+
+
+@lru_cache(maxsize=16)
+def _compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: np.dtype[Any]) -> Any:
+    memory = device["memory"]["other"] if assisted else device["memory"]
+    kinds = (numba.from_dtype(memory), numba.from_dtype(device), numba.int64, numba.float64)
     try:
-        compiled = _jitted(function)
-        compiled.compile(numbers)
-    except (NumbaError, TypeError, AttributeError):
-        return False
-    answer = compiled.overloads[numbers].signature.return_type
-    pair = answer.types if isinstance(answer, types.BaseTuple) else ()  # type: ignore[attr-defined]
-    if len(pair) != 2 or not all(isinstance(item, (types.Integer, types.Float)) for item in pair):
-        raise ParameterError(f"{name_of(function)}: {EXPECTED_TORQUES}, got {answer}")
-    return True
+        compiled = tick if isinstance(tick, Dispatcher) else bind(tick, ON_BITS, numba.njit(nogil=True))
+        compiled.compile(kinds)
+    except (NumbaError, TypeError, AttributeError, AssertionError) as error:
+        raise UncompiledControllerError(f"numba cannot compile the controller {controller!r}") from error
+    answer = compiled.overloads[kinds].signature.return_type
+    require_no_answer(controller, None if answer == types.none else answer)
+    return compiled

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
 from twin_gait.core.actuator import Motor
-from twin_gait.core.assistance import Adaptation
 from twin_gait.core.belt import Belt
 from twin_gait.core.can_bus import Bus
 from twin_gait.core.can_codec import SignalLayout
@@ -142,21 +141,6 @@ class Stages:
 
 
 @dataclass(slots=True)
-class Path:
-    """The reference walk: followed, or what the tracking error is measured against.
-
-    Attributes:
-        angles: Over a cycle in [rad], by sample and joint of a leg.
-        cycle_ticks: Length of a cycle.
-        adaptation: Of the assistance level.
-    """
-
-    angles: list[list[float]]
-    cycle_ticks: int
-    adaptation: Adaptation
-
-
-@dataclass(slots=True)
 class Lately:
     """A frame as its receiver has it, which may be later than it arrived.
 
@@ -277,7 +261,6 @@ class Episode:
     braces: list[Brace]
     braced: list[int]
     faults: list[Fault]
-    path: Path
     efforts: Efforts
     recording: Recording
     works: WorkRow = field(default_factory=WorkRow)

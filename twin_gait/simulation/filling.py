@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+import reprlib
+from typing import Any, TypeAlias
 
+from twin_gait.control.controller import Controller, Plan
 from twin_gait.control.gait_controller import (
     ControlledJoint,
     ControlledLeg,
@@ -14,14 +16,14 @@ from twin_gait.control.gait_controller import (
 )
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.core.actuator import Motor
-from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.estimation import new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
-from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import IntegrationMethod
 from twin_gait.experiment.problem import Problem
 from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.gait.signals import first_signals
@@ -38,13 +40,12 @@ from twin_gait.simulation.episode import (
     Lately,
     Limb,
     Network,
-    Path,
     Sole,
     Stages,
     Supply,
     Wire,
 )
-from twin_gait.simulation.record import ABSENT, Record, copied, taken_from
+from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
 from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
     NEVER,
@@ -89,9 +90,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "FAULTY": bool(experiment.faults),
         "INERTIA_WANTED": control.inertia_compensation > 0.0,
         "WEARER": problem.wearer.acts,
-        "FOLLOWS": control.mode is ControlMode.POSITION,
-        "ASSISTS": not control.assistance.is_full,
-        "ADAPTS": control.assistance.adaptive,
+        **problem.controller.constants(),
         "DELAYED": control.delay_ticks > 0,
         "SLOPED": problem.world.slope != 0.0,
         "NETWORKED": experiment.network is not None,
@@ -152,7 +151,6 @@ def new_episode(
         braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
-        path=_path(problem),
         efforts=Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
@@ -160,6 +158,21 @@ def new_episode(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
     )
+
+
+def memory_of(controller: Controller, plan: Plan) -> Any:
+    """What a controller keeps, at the start.
+
+    Raises:
+        ParameterError: If it is no record.
+    """
+    memory = controller.memory(plan)
+    if not is_record(memory):
+        raise ParameterError(
+            f"controller {controller.name!r}: expected a memory that is a dataclass with slots, of numbers, "
+            f"such dataclasses and lists of them, got {reprlib.repr(memory)}"
+        )
+    return memory
 
 
 def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
@@ -252,6 +265,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),
         model=_control_model(problem, bodies),
+        memory=memory_of(problem.controller, problem.plan),
     )
 
 
@@ -264,13 +278,12 @@ def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJo
         blend_start=copied(setpoints[phase]),
         blended=copied(setpoints[phase]),
         target=control.target_torque.get(joint.joint, 0.0),
-        assistance=control.assistance.share.get(joint.joint, 1.0),
         silent_ticks=-_delay_ticks(problem.experiment.network),
     )
 
 
 def _leg(problem: Problem, number: int) -> ControlledLeg:
-    side, path = problem.sides[number], problem.path
+    side = problem.sides[number]
     name = problem.world.initial_phases[side]
     phase = 0 if name is None else problem.table.phase_index(name)
     shares = problem.phase_rows[number, :, -1].tolist()
@@ -281,8 +294,6 @@ def _leg(problem: Problem, number: int) -> ControlledLeg:
         gravity_start=shares[phase],
         gravity=shares[phase],
         frozen_speed=problem.experiment.control.safety.frozen_speed,
-        path_start=0.0 if path is None else float(path.starts[number]),
-        stride_ticks=1 if path is None else path.cycle_ticks,
     )
 
 
@@ -361,10 +372,3 @@ def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
 def _imposed_motion(problem: Problem) -> ImposedMotion:
     motion = problem.world.imposed_motion
     return ImposedMotion(-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if motion is None else copied(motion)
-
-
-def _path(problem: Problem) -> Path:
-    adaptation = taken_from(Adaptation, problem.experiment.control.assistance)
-    if problem.path is None:
-        return Path([], 1, adaptation)
-    return Path(problem.path.angles.tolist(), problem.path.cycle_ticks, adaptation)

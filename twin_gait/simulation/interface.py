@@ -20,10 +20,10 @@ POINTS_PER_FOOT, PELVIS, FORWARD, SHIFT = 0, -1, -1, 0
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
 # Whether legs have ankles, those are controlled, some joint is not, the integration is Runge-Kutta's, there
-# are faults, the wearer acts, the share of the impedance adapts, commands come late, the ground rises, boards
+# are faults, the wearer acts, commands come late, the ground rises, boards
 # and gait controller talk over a bus, and the springs are in the gait controller.
 ANKLES = POWERED_ANKLES = PASSIVE = False
-RK4 = FAULTY = WEARER = ADAPTS = DELAYED = SLOPED = NETWORKED = CENTRAL = False
+RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = False
 
 
 def dynamics(

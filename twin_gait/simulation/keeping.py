@@ -27,6 +27,7 @@ SECRET_BYTES = 32
 # What a compiled loop is made of or made by, in this package; folders stand for all their modules.
 SOURCES = (
     "../core",
+    "../control/controllers",
     "../control/gait_controller",
     "../control/joint_board",
     "../gait/signals",

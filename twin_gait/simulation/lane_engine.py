@@ -123,7 +123,7 @@ def kind_of(engine: CompiledEngine) -> Hashable | None:
 
     Powers of any exponent, of some laws of friction, and a controller of the user's are no vector code.
     """
-    if engine.controller is not None or engine.pattern.structure["OTHER_LAWS"]:
+    if engine.pattern.own or engine.pattern.structure["OTHER_LAWS"]:
         return None
     words = engine.parts[0].view(np.int64)
     return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
@@ -139,7 +139,7 @@ def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> Native
         names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
         return compile_loop(run_at, names, ARGUMENTS, manner=IN_LOCKSTEP)
 
-    return kept_loop(_key_of(pattern), ARGUMENTS, make, None, on_compile)
+    return kept_loop(_key_of(pattern), ARGUMENTS, make, on_compile)
 
 
 def has_lane_loop(engine: CompiledEngine) -> bool:

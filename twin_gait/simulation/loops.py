@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from twin_gait.control import ControllerFunction
 from twin_gait.simulation.keeping import cache_folder
 from twin_gait.simulation.machine_code import NativeFunction, load_function, read_code, write_code
 
@@ -14,33 +13,33 @@ if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
 
 # What this process has loaded or compiled; all episodes of a batch mostly share one loop.
-_loops: dict[tuple[str, ControllerFunction | None], NativeFunction] = {}
+_loops: dict[tuple[str, tuple[Any, ...]], NativeFunction] = {}
 
 
 def kept_loop(
     key: str,
     n_arguments: int,
     make: Callable[[], CompiledLoop],
-    controller: ControllerFunction | None,
     on_compile: Callable[[], None] | None,
+    own: tuple[Any, ...] = (),
 ) -> NativeFunction:
-    """The loop of a key and a control law.
+    """The loop of a key.
 
-    With a control law of the user's it is compiled once in this process and not kept on disk, because the
-    sources that the function depends on are unknown.
+    With functions of the user's it is compiled once in this process and not kept on disk, because the sources
+    that they depend on are unknown.
 
     Args:
         key: From :func:`twin_gait.simulation.keeping.source_key`.
         n_arguments: Of the loop.
         make: Compiles it.
-        controller: Control law that takes the place of the thesis's.
         on_compile: Called if it has to be compiled, which takes 10 to 20 s.
+        own: Functions of the user's.
     """
-    if (key, controller) not in _loops:
-        path = _path_of(key) if controller is None else None
+    if (key, own) not in _loops:
+        path = None if own else _path_of(key)
         code = None if path is None else read_code(path)
         if code is not None:
-            _loops[key, controller] = load_function(code, n_arguments)
+            _loops[key, own] = load_function(code, n_arguments)
         else:
             if on_compile is not None:
                 on_compile()
@@ -48,14 +47,14 @@ def kept_loop(
             if compiled.code is not None and path is not None:
                 # Two processes may do this at once: the file is put in place in one step, both are as good.
                 write_code(path, compiled.code)
-            _loops[key, controller] = compiled.function
-    return _loops[key, controller]
+            _loops[key, own] = compiled.function
+    return _loops[key, own]
 
 
 def is_kept(key: str) -> bool:
-    """Whether :func:`kept_loop` would compile nothing, with the thesis's control law."""
+    """Whether :func:`kept_loop` would compile nothing, without functions of the user's."""
     path = _path_of(key)
-    return (key, None) in _loops or (path is not None and path.is_file())
+    return (key, ()) in _loops or (path is not None and path.is_file())
 
 
 def _path_of(key: str) -> Path | None:

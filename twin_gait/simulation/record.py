@@ -1,10 +1,11 @@
 """One definition of a record: its class for mypy, a dtype of it for NumPy and numba, plain instances.
 
 A record is a dataclass with slots whose fields are ``float``, ``int``, ``bool``, other records, or lists of
-them, all entries of a list alike; parameters that do not change may stand in it as they are declared. An
-instance gives the lengths of the lists, and so the dtype; a list that is empty, or a field that is
-:data:`ABSENT` or of another kind, is left out of it, and only code that a constant rules out may name it.
-Records are never assigned as a whole: that copies in compiled code and aliases in plain Python.
+them, all entries of a list alike; parameters that do not change may stand in it as they are declared. A field
+that is an ``object`` holds a record of any class. An instance gives the lengths of the lists, and so the
+dtype; a list that is empty, or a field that is :data:`ABSENT` or of another kind, is left out of it, and only
+code that a constant rules out may name it. Records are never assigned as a whole: that copies in compiled
+code and aliases in plain Python.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
             hint = hints[item.name]
             while get_args(hint):
                 hint = get_args(hint)[0]
-            if hint in _CODES or is_dataclass(hint):
+            if hint in _CODES or is_dataclass(hint) or hint is object:
                 result.append((item.name, hint))
         _known[kind] = tuple(result)
     return _known[kind]
@@ -75,6 +76,16 @@ def entries(sample: Any) -> tuple[Any, ...]:
             value = [entries(item) for item in value] if isinstance(value, list) else entries(value)
         result.append(value)
     return tuple(result)
+
+
+def is_record(sample: Any) -> bool:
+    """Whether all of something can stand in a record."""
+    try:
+        stored(sample)
+        names = [name for name, _ in kinds_of(type(sample))]
+        return hasattr(sample, "__slots__") and names == [item.name for item in fields(sample)]
+    except (TypeError, ValueError, NameError, AttributeError, IndexError):
+        return False
 
 
 def numbers_in(sample: Any) -> list[float]:

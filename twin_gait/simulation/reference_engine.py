@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.control.controller import ControllerFunction, checked
-from twin_gait.core.control_tick import controller_torques
+from twin_gait.control.controller import checked
 from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.simulation.binding import bind
+from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import COMPLETED, Episode
@@ -45,13 +44,11 @@ class ReferenceEngine:
     def __init__(
         self,
         problem: Problem,
-        controller: ControllerFunction | None = None,
         kernel: Mapping[str, Callable[..., Any]] | None = None,
     ) -> None:
         """Set everything to time 0.
 
         Args:
-            controller: Control law that takes the place of the thesis's.
             kernel: Dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
         """
         self.problem = problem
@@ -70,7 +67,8 @@ class ReferenceEngine:
         kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
         rows = (self.log_row, self.switch_row, self.noise_row, self.effort_row, self.effort_noise_row)
         names = {**structure, **kernel, **{item.__name__: item for item in (*rows, self.advance)}}
-        names["controller_torques"] = checked(controller or controller_torques)
+        for name, tick in problem.controller.functions().items():
+            names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick)
         self._run_ticks = bind(run_ticks, names)
 
     def run(

@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 
-from twin_gait.control.controller import ControllerFunction, require_arguments
+from twin_gait.control.controller import Controller, UncompiledControllerError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -22,7 +22,7 @@ class SlowControllerWarning(UserWarning):
 def simulate(
     experiment: Experiment,
     *,
-    controller: ControllerFunction | None = None,
+    controller: Controller | None = None,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
@@ -34,10 +34,9 @@ def simulate(
 
     Args:
         experiment: Everything that the run needs.
-        controller: Control law of the joints with the signature of
-            :func:`twin_gait.core.control_tick.controller_torques`; that one by default. An ``njit``
-            function, or a Python function that numba can compile, is fused into the compiled engine. Any
-            other steps through the reference engine, slower, with a :class:`SlowControllerWarning`.
+        controller: Takes the place of the one that ``control.mode`` names. A tick that numba can compile is
+            fused into the compiled engine. Any other steps through the reference engine, slower, with a
+            :class:`SlowControllerWarning`.
         progress: Called now and then with ticks done and ticks in all.
         should_stop: Asked now and then; True ends the run and marks it as interrupted.
         on_compile: Called if the engine has to be compiled for this model first, which takes 10 to 20 s.
@@ -51,7 +50,7 @@ def simulate(
             or give what it should.
         MeasurementError: If, without a safety monitor, the state machine is handed something not finite.
     """
-    engine = engine_of(build_problem(experiment), on_compile, controller)
+    engine = engine_of(build_problem(experiment, controller), on_compile)
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
     return run_of(engine, result, time.perf_counter() - began)
@@ -85,33 +84,21 @@ def run_of(
     )
 
 
-def _compiles(controller: ControllerFunction) -> bool:
-    from twin_gait.simulation.compiling import compiles  # the compiler takes as long to load as all else
-
-    return compiles(controller)
-
-
 def engine_of(
-    problem: Problem,
-    on_compile: Callable[[], None] | None = None,
-    controller: ControllerFunction | None = None,
+    problem: Problem, on_compile: Callable[[], None] | None = None
 ) -> ReferenceEngine | CompiledEngine:
     """The engine that an experiment asks for, at tick 0.
 
     Args:
         on_compile: Called if it has to be compiled first.
-        controller: As in :func:`simulate`.
     """
-    if problem.experiment.engine is Engine.PINOCCHIO:
-        if controller is not None:
-            require_arguments(controller)
-        return ReferenceEngine(problem, controller)
-    if controller is None or _compiles(controller):
-        return CompiledEngine(problem, controller=controller, on_compile=on_compile)
-    warnings.warn(
-        f"numba cannot compile the controller {getattr(controller, '__name__', controller)!r}; "
-        "stepping through Python instead, which takes some twenty times as long",
-        SlowControllerWarning,
-        stacklevel=3,
-    )
-    return ReferenceEngine(problem, controller)
+    if problem.experiment.engine is Engine.COMPILED:
+        try:
+            return CompiledEngine(problem, on_compile=on_compile)
+        except UncompiledControllerError as error:
+            warnings.warn(
+                f"{error}; stepping through Python instead, which takes some twenty times as long",
+                SlowControllerWarning,
+                stacklevel=3,
+            )
+    return ReferenceEngine(problem)

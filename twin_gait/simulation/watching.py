@@ -7,7 +7,6 @@ import numpy as np
 from twin_gait.control import Trip, TripCause
 from twin_gait.core.faults import Fault
 from twin_gait.core.safety import Bounds
-from twin_gait.experiment import ControlMode
 from twin_gait.experiment.problem import ActuatedJoint, Problem
 from twin_gait.gait.table import TICK
 from twin_gait.worlds.faults import Fault as InjectedFault
@@ -41,7 +40,7 @@ def ticks(time: float) -> int:
 def phase_time_out_ticks(problem: Problem) -> int:
     """Longest time in a phase; no limit where the table drives nothing, or has no way out of a phase."""
     control = problem.experiment.control
-    if control.mode is not ControlMode.IMPEDANCE or not problem.table.transitions:
+    if not problem.controller.by_phases or not problem.table.transitions:
         return NEVER
     return ticks(control.safety.phase_time_out)
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from twin_gait import __version__
-from twin_gait.control import Controller
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.parameters import require, require_non_negative, require_positive
@@ -247,7 +246,7 @@ def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, fl
         bench,
         link=replace(bench.link, mass=mass),
         control=TorqueControl(
-            controller=Controller(friction_model=BENCH_FRICTION[campaign.joint]),
+            friction_model=BENCH_FRICTION[campaign.joint],
             friction_compensation_gain=0.0,
             stiffness=way.stiffness,
             damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * bench.actuator.armature),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from twin_gait.control.joint_board import Demand, Measurement
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
@@ -176,6 +177,51 @@ class Torques:
 
 
 @dataclass(slots=True)
+class DeviceJoint:
+    """The joint as a controller has it.
+
+    Attributes:
+        measurement: Angle and fast velocity.
+        demand: Of the torque control, changed by the controller.
+    """
+
+    measurement: Measurement = field(default_factory=Measurement)
+    demand: Demand = field(default_factory=Demand)
+
+
+@dataclass(slots=True)
+class DeviceLeg:
+    """The leg as a controller has it: in one phase for as long as the test lasts.
+
+    Attributes:
+        phase: 0.
+        entry_tick: 0.
+        ticks: Since the start.
+        load: 0: nobody stands on it.
+    """
+
+    phase: int = 0
+    entry_tick: int = 0
+    ticks: int = 0
+    load: float = 0.0
+
+
+@dataclass(slots=True)
+class BenchDevice:
+    """The bench as a controller has it, see :class:`twin_gait.control.Controller`.
+
+    Attributes:
+        memory: Of the controller.
+        joints: One.
+        legs: One.
+    """
+
+    memory: object
+    joints: list[DeviceJoint] = field(default_factory=lambda: [DeviceJoint()])
+    legs: list[DeviceLeg] = field(default_factory=lambda: [DeviceLeg()])
+
+
+@dataclass(slots=True)
 class BenchEpisode:
     """Everything that a tick reads and writes.
 
@@ -202,6 +248,7 @@ class BenchEpisode:
         unit: Inertial unit on the link.
         acceleration: For the inertia compensation.
         torque_control: What the torque control asks for.
+        device: What a controller sees and changes of it.
         path: Of its equilibrium angle.
         old_model: TWIN's old friction model.
         old: Whether it takes the place of the compensator's friction model.
@@ -235,6 +282,7 @@ class BenchEpisode:
     unit: InertialUnit
     acceleration: Acceleration
     torque_control: TorqueControl
+    device: BenchDevice
     path: CosinePath
     old_model: OldFrictionModel
     old: bool

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.control import Controller
+from twin_gait.control.controller import NoMemory, Plan
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.elementary import sine_cosine
@@ -16,10 +16,13 @@ from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import KNEE_FRICTION, require
+from twin_gait.measures.reference import SLOWEST
+from twin_gait.parameters import KNEE_FRICTION, Patient, require
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
+from twin_gait.simulation.filling import memory_of
 from twin_gait.simulation.record import taken_from
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_joint import (
     HORIZONTAL,
     TRANSPARENCY_STEPS,
@@ -70,6 +73,7 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
     link, friction, sensors = test.link, test.friction, test.sensors
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
+    acting = torque.controller
     path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
     sine, cosine = sine_cosine(variation.ripple_phase)
     unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
@@ -97,7 +101,8 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         imposed_motion=_imposed_motion(test),
         unit=unit,
         acceleration=_acceleration(test, unit),
-        torque_control=replace(torque, old_model=None, path=None),
+        torque_control=replace(torque, controller=None, old_model=None, path=None),
+        device=record.BenchDevice(NoMemory() if acting is None else memory_of(acting, _plan(test))),
         path=torque.path or path,
         old_model=torque.old_model or OldFrictionModel(),
         old=torque.old_model is not None,
@@ -136,9 +141,22 @@ def _imposed_motion(test: BenchJoint) -> ImposedMotion:
 
 def _torque_control(test: BenchJoint) -> TorqueControl:
     if not isinstance(test.control, TorqueControl):
-        return TorqueControl(controller=Controller(friction_model=KNEE_FRICTION))  # not looked at
-    model = test.control.controller.friction_model.normalised()
-    return replace(test.control, controller=Controller(friction_model=model))
+        return TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
+    return replace(test.control, friction_model=test.control.friction_model.normalised())
+
+
+def _plan(test: BenchJoint) -> Plan:
+    """What a controller knows of the bench; a walk there is none."""
+    inertia = test.actuator.armature + test.link.total_inertia
+    return Plan(
+        sides=(Side.RIGHT,),
+        joints=(JointName.KNEE,),
+        phases=("bench",),
+        leading=Side.RIGHT,
+        speed=SLOWEST,
+        height=Patient().height,
+        inertia=lambda side, posture, joint: inertia,
+    )
 
 
 def _transparency(test: BenchJoint) -> Transparency:

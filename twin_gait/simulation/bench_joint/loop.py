@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from twin_gait.control import ControllerFunction
-from twin_gait.core.control_tick import controller_torques
+from twin_gait.control.controller import Controller, checked, require_controller
 from twin_gait.core.friction import ASYMMETRIC, BRISTLE
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
@@ -113,15 +112,16 @@ def simulate_bench(
     Raises:
         ParameterError: If parts of the test do not go together.
     """
-    law = test.control.controller.law if isinstance(test.control, TorqueControl) else controller_torques
+    acting = test.control.controller if isinstance(test.control, TorqueControl) else None
+    if acting is not None:
+        require_controller(acting)
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or BenchVariation()), bench_noise(test, ticks, seed)
     rows = np.zeros((ticks, len(COLUMNS)))
     if compiled:
-        own = None if law is controller_torques else law
-        advance = _compiled(episode, noise, rows, own, on_compile)
+        advance = _compiled(episode, noise, rows, acting, on_compile)
     else:
-        advance = _plain(episode, noise, rows, law)
+        advance = _plain(episode, noise, rows, acting)
     done = end = ending = 0
     while done == end < ticks and ending == COMPLETED:
         if should_stop is not None and should_stop():
@@ -143,20 +143,26 @@ def _compiled(
     episode: BenchEpisode,
     noise: np.ndarray,
     rows: np.ndarray,
-    law: ControllerFunction | None,
+    acting: Controller | None,
     on_compile: Callable[[], None] | None,
 ) -> Advance:
     """The compiled loop of a test; the caller keeps noise and rows."""
     episode.log, episode.noise = rows.ctypes.data, noise.ctypes.data
-    store = stored(episode)
+    store, ticks, own = stored(episode), {}, ""
+    if acting is not None and acting.functions():
+        from twin_gait.simulation.compiling import compiled_ticks
+
+        own, ticks = acting.name, compiled_ticks(acting.name, acting.functions(), store.dtype["device"])
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
 
-        return compile_loop(run_at, {**structure, **_compiled_rows(store.dtype)}, _ARGUMENTS, law)
+        names = {**structure, **_compiled_rows(store.dtype), **ticks}
+        return compile_loop(run_at, names, _ARGUMENTS, own)
 
-    structure = _structure(episode)
-    loop = kept_loop(_key(store.dtype, str(structure)), _ARGUMENTS, make, law, on_compile)
+    structure = _structure(episode, acting)
+    functions = tuple(acting.functions().values()) if acting is not None else ()
+    loop = kept_loop(_key(store.dtype, str(structure)), _ARGUMENTS, make, on_compile, functions)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
 
 
@@ -166,9 +172,10 @@ def _key(episode: np.dtype[Any], structure: str) -> str:
     return source_key(repr((episode, _ROW, structure, TICK, DIVERGED_VELOCITY)), "bench_joint")
 
 
-def _structure(episode: BenchEpisode) -> dict[str, bool]:
+def _structure(episode: BenchEpisode, acting: Controller | None) -> dict[str, int]:
     """Constants that a loop is bound to; the laws beside (3.1) slow the others down."""
-    return {"OTHER_LAWS": episode.friction.law in (ASYMMETRIC, BRISTLE)}
+    constants = {} if acting is None else acting.constants()
+    return {"OTHER_LAWS": episode.friction.law in (ASYMMETRIC, BRISTLE), **constants}
 
 
 @lru_cache(maxsize=8)
@@ -187,11 +194,13 @@ def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
     return {"bench_at": record_at(episode), "log_row": jit(log_row), "noise": jit(noise)}
 
 
-def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, law: ControllerFunction) -> Advance:
+def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, acting: Controller | None) -> Advance:
     """The same rooms as plain Python, tick by tick."""
     log, table = [BenchRow() for _ in rows], noise.tolist()
     names = {"log_row": lambda e, tick: log[tick], "noise": lambda e, tick, place: table[tick][place]}
-    run = bind(run_ticks, {**names, **_structure(episode), "controller_torques": law})
+    functions = {} if acting is None else acting.functions()
+    ticks = {name: checked(acting.name, tick) for name, tick in functions.items()} if acting else {}
+    run = bind(run_ticks, {**names, **_structure(episode, acting), **ticks})
 
     def advance(first: int, end: int) -> tuple[int, int]:
         done = run(episode, first, end)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
-from twin_gait.control.gait_controller import FOLLOWS
+from twin_gait.control.gait_controller import CONTROLLED, change_demands
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, Episode
-from twin_gait.simulation.interface import ADAPTS, NETWORKED, PELVIS, SHIFT, each, lanes
+from twin_gait.simulation.interface import NETWORKED, PELVIS, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
 from twin_gait.simulation.rooms.network import exchange, tell
-from twin_gait.simulation.rooms.path import follow, track
 from twin_gait.simulation.rooms.phases import decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
@@ -55,15 +54,11 @@ def think(e: Episode, tick: int) -> None:
         walking |= one.controller.trip.tick < 0
     if walking:
         decide(e, tick)
-        if FOLLOWS:
-            for one in each(e):
-                if one.controller.trip.tick < 0:
-                    follow(one, tick)
-        if ADAPTS:
-            for one in each(e):
-                if one.controller.trip.tick < 0:
-                    track(one, tick)
     feed_forward(e)
+    if CONTROLLED:
+        for one in each(e):
+            if one.controller.trip.tick < 0:
+                change_demands(one.controller, one.rates, tick)
     control(e, tick)
 
 

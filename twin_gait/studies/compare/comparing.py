@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from twin_gait.control import AssistanceParameters
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
-from twin_gait.experiment.control import PATH_JOINTS
+from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, simulate_together
@@ -51,7 +51,8 @@ class Controller:
 
     def suits(self, experiment: Experiment) -> bool:
         """Whether it can drive the joints of an experiment."""
-        return self.mode is not ControlMode.POSITION or experiment.joints == PATH_JOINTS
+        control = replace(experiment.control, mode=self.mode)
+        return not control.controller().refusal(experiment.joints)
 
     def change(self, experiment: Experiment) -> Experiment:
         """The same experiment with this controller."""
@@ -64,14 +65,14 @@ class Controller:
         return replace(experiment, control=replace(experiment.control, mode=self.mode, assistance=assistance))
 
 
-_IMPEDANCE = ControlMode.IMPEDANCE
+_IMPEDANCE = ControlMode("impedance")
 _CONTROLLERS = (
     Controller("table", "five-phase table", "spring and damper of the gait table", _IMPEDANCE),
     Controller(
         "position",
         "position tracking",
         "a stiff spring that follows a predetermined path",
-        ControlMode.POSITION,
+        ControlMode("position"),
     ),
     Controller(
         "assist_as_needed",
@@ -91,19 +92,19 @@ _CONTROLLERS = (
         "transparent",
         "friction compensation only",
         "no spring; the gear's friction and the leg's weight in swing are carried",
-        ControlMode.TRANSPARENT,
+        ControlMode("transparent"),
     ),
     Controller(
         "gravity",
         "gravity compensation",
         "no spring; friction and the leg's whole weight are carried",
-        ControlMode.GRAVITY,
+        ControlMode("gravity"),
     ),
     Controller(
         "constant",
         "constant impedance",
         "one spring for the whole stride, the mean of the table's",
-        ControlMode.CONSTANT,
+        ControlMode("constant"),
     ),
 )
 CONTROLLERS = {item.name: item for item in _CONTROLLERS}

@@ -11,7 +11,6 @@ import pandas as pd
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
-from twin_gait.experiment import ControlMode
 from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import (
     battery_life,
@@ -232,9 +231,9 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
         Where it adapts, the first strides say how it began and not where it settles.
     """
     control = run.experiment.control
-    if control.mode in (ControlMode.TRANSPARENT, ControlMode.GRAVITY):
+    if control.mode in ("transparent", "gravity"):
         return 0.0
-    if control.mode is not ControlMode.IMPEDANCE:
+    if control.mode != "impedance":
         return control.assistance.share.get(joint, 1.0)
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
     codes = run.leg_record(side).phases

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from twin_gait.control import Controller
-from twin_gait.parameters import ActuatorParameters, require, require_non_negative, require_positive
+from twin_gait.parameters import (
+    ActuatorParameters,
+    FrictionParameters,
+    require,
+    require_non_negative,
+    require_positive,
+)
 from twin_gait.vocabulary import JointName
 
 TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
@@ -131,8 +137,9 @@ class TorqueControl:
     stiffness, impedance control (2.18); with the old model and an inertia compensation of 1, (2.7).
 
     Attributes:
-        controller: Law and friction model, the same interface as that of the gait.
-        old_model: Takes the place of the controller's friction model if given.
+        friction_model: The compensator's own friction model.
+        controller: Changes what is demanded in every tick, as one of the gait's does; None for none.
+        old_model: Takes the place of the friction model if given.
         friction_compensation_gain: G.
         compensation_velocity: At which velocity the friction is compensated.
         dead_zone: Speed below which it is not, in [rad] / [s]; taken off the speeds above it.
@@ -144,7 +151,8 @@ class TorqueControl:
         path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
     """
 
-    controller: Controller
+    friction_model: FrictionParameters
+    controller: Controller | None = None
     old_model: OldFrictionModel | None = None
     friction_compensation_gain: float = 0.35
     compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED

@@ -1,0 +1,294 @@
+"""Controllers of one's own, in both engines, and what is refused of them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.control import Controller, TripCause
+from twin_gait.control.controller import checked
+from twin_gait.control.controllers import CONTROLLERS
+from twin_gait.control.controllers.position import Position
+from twin_gait.core.assistance import cycle_place
+from twin_gait.exceptions import MeasurementError, ParameterError
+from twin_gait.experiment import ControlMode, Experiment
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation import loops
+from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.simulator import SlowControllerWarning
+from twin_gait.vocabulary import JointName, Side
+
+
+def bench(*settings: str) -> Experiment:
+    return load_experiment("bench_leg", ["duration_s=0.5", *settings]).experiment
+
+
+# ------------------------------------------------------------------ twenty lines
+
+
+@dataclass(slots=True)
+class Fading:
+    """Share of the springs that is left, by leg."""
+
+    left: list[float]
+
+
+class FadingHelp(Controller):
+    """Takes a tenth of its springs from a leg with every stride."""
+
+    def memory(self, plan):
+        return Fading([1.0] * len(plan.sides))
+
+    @staticmethod
+    def tick(memory, device, tick, period):
+        per_leg = len(device.joints) // len(device.legs)
+        for number in range(len(device.legs)):
+            leg = device.legs[number]
+            if leg.phase == 0 and leg.ticks == 0 and tick > 0:
+                memory.left[number] = max(0.5, 0.9 * memory.left[number])
+            for place in range(per_leg * number, per_leg * (number + 1)):
+                device.joints[place].demand.stiffness *= memory.left[number]
+
+
+@pytest.mark.compile
+def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
+    settings = ["duration_s=5", "scenario.support.guide=vertical"]
+    run = simulate(load_experiment("treadmill", settings).experiment, controller=FadingHelp())
+    problem = build_problem(run.experiment)
+    for number, side in enumerate(problem.sides):
+        codes = np.asarray(run.log[f"{side}_phase"].cat.codes)
+        strides = np.flatnonzero((codes[1:] == 0) & (codes[:-1] != 0)) + 1
+        ends = np.flatnonzero((codes[1:] != 0) & (codes[:-1] == 0))  # where its parameters have arrived
+        end = ends[ends > strides[0]][-1]
+        share = 0.9 ** (strides < end).sum()
+        assert 0.5 < share < 0.9
+        given = run.log[f"{side}_knee_stiffness_Nm_per_rad"].iloc[end]
+        assert given == pytest.approx(share * problem.phase_rows[number, 0, 4])
+
+
+# ------------------------------------------------------------------ engines
+
+
+class Weaker(Controller):
+    """Half the spring, no friction compensation, and a law of the package."""
+
+    @staticmethod
+    def tick(memory, device, tick, period):
+        before, share = cycle_place(tick * period, 101)
+        for joint in device.joints:
+            joint.demand.stiffness *= 0.5
+            joint.demand.gain = 0.0
+            joint.demand.target = 0.01 * (before + share)
+
+
+def test_a_controller_of_ones_own_acts_in_both_engines():
+    compiled, standard = simulate(bench(), controller=Weaker()), simulate(bench())
+    stepping = f"integration={{method: {compiled.experiment.stepping.method}, step_ms: 1}}"
+    stepped = simulate(bench("engine=pinocchio", stepping), controller=Weaker())
+    assert not compiled.log["right_hip_friction_compensation_torque_Nm"].any()
+    assert standard.log["right_hip_friction_compensation_torque_Nm"].any()
+    np.testing.assert_allclose(compiled.log["right_hip_target_torque_Nm"], compiled.log["time_s"], atol=1e-9)
+    for column in ("right_knee_angle_rad", "right_hip_motor_torque_Nm"):
+        np.testing.assert_allclose(compiled.log[column], stepped.log[column], atol=1e-9)
+
+
+def test_assistance_takes_its_share_of_what_the_controller_asks_for():
+    run = simulate(bench("control.assistance.knee=0.5"), controller=Weaker())
+    full = build_problem(bench()).phase_rows[0, :, [0, 4]]
+    first = run.log.iloc[0]
+    assert first["right_hip_stiffness_Nm_per_rad"] == 0.5 * full[0][0]
+    assert first["right_knee_stiffness_Nm_per_rad"] == 0.25 * full[1][0]
+
+
+def test_a_controller_that_is_compiled_by_its_writer_is_compiled_once():
+    controller, told = controller_with(numba.njit(halve)), []
+    first, made = simulate(bench(), controller=controller), len(loops._loops)
+    second = simulate(bench(), controller=controller, on_compile=lambda: told.append(1))
+    assert len(loops._loops) == made and not told
+    assert first.log.equals(second.log)
+
+
+def halve(memory, device, tick, period):
+    for joint in device.joints:
+        joint.demand.stiffness *= 0.5
+
+
+class Counts:
+    """A tick that numba cannot compile."""
+
+    def __init__(self, answer=None) -> None:
+        self.calls, self.answer = 0, answer
+
+    def __call__(self, memory, device, tick, period):
+        self.calls += 1
+        return self.answer
+
+
+def controller_with(tick_, **more) -> Controller:
+    """An instance of a class of one's own."""
+    return type("Mine", (Controller,), {"tick": staticmethod(tick_), **more})()
+
+
+def test_a_controller_that_cannot_be_compiled_works_and_says_so():
+    counts = Counts()
+    with pytest.warns(SlowControllerWarning, match="cannot compile the controller 'Mine'; stepping through"):
+        run = simulate(bench("duration_s=0.1"), controller=controller_with(counts))
+    assert run.status == "completed" and counts.calls == 100
+
+
+def test_setpoints_alone_cost_no_tick_and_take_the_place_of_the_modes():
+    class Soft(Controller):
+        def setpoints(self, plan, side, rows):
+            rows[:, 0] = 10.0
+            return rows
+
+    run = simulate(bench("control.mode=position"), controller=Soft())
+    assert set(run.log["right_hip_stiffness_Nm_per_rad"]) == {10.0}
+    problem = build_problem(bench(), Soft())
+    assert not laid_out(problem)[2]["CONTROLLED"] and not problem.controller.functions()
+
+
+# ------------------------------------------------------------------ what is refused
+
+
+def too_few(memory, device):
+    pass
+
+
+def answers(memory, device, tick, period):
+    return 1.0
+
+
+def text(memory, device, tick, period):
+    device.joints[0].demand.stiffness = "soft"
+
+
+def complex_number(memory, device, tick, period):
+    device.joints[0].demand.target = 1j
+
+
+class Draws:
+    pass
+
+
+@dataclass(slots=True)
+class Words:
+    """No record: it has a text."""
+
+    share: float
+    name: str = "no number"
+
+
+@dataclass(slots=True)
+class Ragged:
+    """No record: its lists are unlike."""
+
+    rows: list[list[float]]
+
+
+NO_MEMORY = "expected a memory that is a dataclass with slots"
+TAKES = r"static method tick\(memory, device, tick, period\), got tick\("
+WRONG = {
+    "a function": (halve, "controller 'halve': expected an instance .* got <class 'function'>"),
+    "the class": (
+        Weaker,
+        r"an instance .* got the class itself; write Weaker\(\)",
+    ),
+    "arguments": (
+        controller_with(too_few),
+        r"static method tick\(memory, device, tick, period\), got tick\(",
+    ),
+    "a method": (
+        type("Mine", (Controller,), {"tick": halve})(),
+        r"static method tick\(memory, .* got tick\(",
+    ),
+    "an answer": (
+        controller_with(answers),
+        "changes demands in place and returns nothing",
+    ),
+    "a text": (controller_with(text), "expected a number in demand.stiffness, got 'soft'"),
+    "a complex number": (controller_with(complex_number), "expected a number in demand.target, got 1j"),
+    "setpoints": (
+        controller_with(halve, setpoints=lambda self, plan, side, rows: rows[1:]),
+        r"expected setpoints of finite numbers of shape \(\d+, 9\), got ",
+    ),
+    "setpoints that are none": (
+        controller_with(halve, setpoints=lambda self, plan, side, rows: None),
+        r"expected setpoints of finite numbers of shape \(\d+, 9\), got None",
+    ),
+    "a setpoint that is not finite": (
+        controller_with(halve, setpoints=lambda self, plan, side, rows: rows * np.nan),
+        "expected setpoints of finite numbers",
+    ),
+    "a memory": (
+        controller_with(halve, memory=lambda self, plan: {"share": 1.0}),
+        NO_MEMORY,
+    ),
+    "a plain memory": (
+        controller_with(halve, memory=lambda self, plan: Draws()),
+        NO_MEMORY,
+    ),
+    "words": (controller_with(halve, memory=lambda self, plan: Words(1.0)), NO_MEMORY),
+    "rows": (
+        controller_with(halve, memory=lambda self, plan: Ragged([[1.0], [1.0, 2.0]])),
+        NO_MEMORY,
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore::twin_gait.simulation.simulator.SlowControllerWarning")
+@pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_controller_that_is_wrong_is_named_in_one_line(wrong, engine):
+    controller, message = WRONG[wrong]
+    with pytest.raises(ParameterError, match=message) as told:
+        simulate(bench("duration_s=0.1", f"engine={engine}"), controller=controller)
+    assert "\n" not in str(told.value) and re.match("controller '(Mine|Weaker|halve)': ", str(told.value))
+
+
+def test_a_controller_that_raises_in_compiled_code_is_named():
+    def divides(memory, device, tick, period):
+        joint = device.joints[0]
+        joint.demand.target = 1.0 / (joint.demand.gain - joint.demand.gain)
+
+    with pytest.raises(ParameterError, match=r"^controller 'Mine': raised an error"):
+        simulate(bench("duration_s=0.1"), controller=controller_with(divides))
+
+
+@pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
+def test_a_controller_that_demands_no_number_trips(engine):
+    def breaks(memory, device, tick, period):
+        device.joints[0].demand.target = 1e300 * 1e300 * 0.0 if tick >= 100 else 0.0
+
+    run = simulate(bench("duration_s=0.3", f"engine={engine}"), controller=controller_with(breaks))
+    assert run.trip == (100, TripCause.COMMAND, Side.RIGHT, JointName.HIP)
+    kept = [name for name in run.log if not name.endswith("_phase")]
+    assert np.isfinite(run.log[kept].to_numpy()).all()
+
+
+@pytest.mark.parametrize("field", ["angle", "velocity"])
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
+def test_a_tick_with_no_number_is_refused(field, wrong):
+    counts, device = Counts(), laid_out(build_problem(bench()))[1].controller
+    tick = checked("Mine", counts)
+    tick(device.memory, device, 0, 1e-3)
+    setattr(device.joints[1].measurement, field, wrong)
+    with pytest.raises(MeasurementError, match=field):
+        tick(device.memory, device, 1, 1e-3)
+    assert counts.calls == 1
+
+
+# ------------------------------------------------------------------ those that ship
+
+
+def test_a_module_of_the_folder_is_a_mode():
+    assert {str(mode) for mode in ControlMode} == set(CONTROLLERS)
+    assert CONTROLLERS["position"] is Position
+    stiff = load_experiment("bench_leg", ["control.mode=position", "control.path.damping_ratio=0.3"])
+    controller = build_problem(stiff.experiment).controller
+    assert isinstance(controller, Position) and controller.path.damping_ratio == 0.3

@@ -1,0 +1,212 @@
+"""A share of the impedance that another controller asks for: fixed, or as much as is needed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import numpy as np
+
+from twin_gait.control.controller import Controller, Path, Plan, TickFunction
+from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
+from twin_gait.core.assistance import Adaptation, adapted_assistance, cycle_place
+from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
+from twin_gait.vocabulary import JointName, Side
+
+# What a loop is bound to: whether the shares change from stride to stride, and the other controller has a
+# tick.
+ADAPTS = ASSISTED_ACTS = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssistanceParameters(Parameters):
+    """How much of the impedance the legs are given.
+
+    Attributes:
+        share: Of k and b per joint, 0 to 1 (TwinCare's assistance); where adaptive, at the start.
+        adaptive: Whether the share of each joint changes from stride to stride, see
+            :func:`twin_gait.core.assistance.adapted_assistance`.
+        forgetting: f (assumption: assistance halves in seven strides without an error).
+        gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
+        allowance: e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
+        least: α_min (assumption).
+    """
+
+    share: Annotated[Mapping[JointName, Ratio], SHARE, Inline()] = field(
+        default_factory=lambda: {JointName.HIP: 1.0, JointName.KNEE: 1.0}
+    )
+    adaptive: bool = False
+    forgetting: Annotated[Ratio, SHARE] = 0.9
+    gain: Annotated[PerAngle, NOT_NEGATIVE] = 0.6
+    allowance: Annotated[Angle, NOT_NEGATIVE] = math.radians(4.0)
+    least: Annotated[Ratio, SHARE] = 0.2
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the impedance is given as it is."""
+        return not self.adaptive and all(share == 1.0 for share in self.share.values())
+
+
+@dataclass(slots=True)
+class AssistedJoint:
+    """A joint that is assisted.
+
+    Attributes:
+        share: Of k and b that it is given.
+        tracking: Sum of the absolute errors of the stride in [rad].
+    """
+
+    share: float
+    tracking: float = 0.0
+
+
+@dataclass(slots=True)
+class AssistedLeg:
+    """The stride of a leg that is assisted.
+
+    Attributes:
+        path_start: Share of the cycle at which the leg begins.
+        stride_ticks: Length of the last stride.
+        stride_start: Tick in which its stride began.
+    """
+
+    path_start: float
+    stride_ticks: int
+    stride_start: int = 0
+
+
+@dataclass(slots=True)
+class AssistanceMemory:
+    """What assistance keeps.
+
+    Attributes:
+        other: Memory of the controller whose impedance is shared.
+        assisted: Leg by leg: left hip, left knee, right hip, …
+        strides: Of the legs; none where the shares stay.
+        angles: Walk against which the error is measured, over a cycle in [rad], by sample and joint of a leg.
+        adaptation: Of the shares.
+    """
+
+    other: object
+    assisted: list[AssistedJoint]
+    strides: list[AssistedLeg]
+    angles: list[list[float]]
+    adaptation: Adaptation
+
+
+def assisted_tick(memory: Any, device: Any, tick: int, period: float) -> None:
+    """Tick of the other controller; see :class:`twin_gait.control.Controller`."""
+    raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Assistance(Controller):
+    """Gives the joints a share of the impedance that another controller asks for.
+
+    Attributes:
+        parameters: Shares, and how they adapt.
+        other: The other controller.
+    """
+
+    parameters: AssistanceParameters
+    other: Controller
+
+    @property
+    def name(self) -> str:
+        """That of the other controller."""
+        return self.other.name
+
+    @property
+    def by_phases(self) -> bool:
+        """As the other controller."""
+        return self.other.by_phases
+
+    @property
+    def unprinted(self) -> str:
+        """Why the firmware does not have it."""
+        adaptive = "control.assistance.adaptive: true is not printed; set false, and a share"
+        return self.other.unprinted or (adaptive if self.parameters.adaptive else "")
+
+    def refusal(self, joints: tuple[JointName, ...]) -> str:
+        """As the other controller."""
+        return self.other.refusal(joints)
+
+    def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
+        """Those of the other controller."""
+        return self.other.setpoints(plan, side, rows)
+
+    def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
+        """As the other controller."""
+        return self.other.start(plan)
+
+    def walk(self, plan: Plan) -> Path:
+        """That of the other controller."""
+        return self.other.walk(plan)
+
+    def memory(self, plan: Plan) -> AssistanceMemory:
+        """That of the other controller, the shares, and the walk against which the error is measured."""
+        settings, strides, angles = self.parameters, [], []
+        adaptation = Adaptation(settings.forgetting, settings.gain, settings.allowance, settings.least)
+        shares = [settings.share.get(JointName(name), 1.0) for _ in plan.sides for name in plan.joints]
+        if settings.adaptive:
+            path = self.walk(plan)
+            strides = [AssistedLeg(start, path.cycle_ticks) for start in path.starts.tolist()]
+            angles = path.angles.tolist()
+        return AssistanceMemory(
+            self.other.memory(plan), [AssistedJoint(share) for share in shares], strides, angles, adaptation
+        )
+
+    def constants(self) -> dict[str, int]:
+        """With whether the shares adapt."""
+        acts = self.other.tick is not None
+        return {**super().constants(), "ADAPTS": self.parameters.adaptive, "ASSISTED_ACTS": acts}
+
+    def functions(self) -> dict[str, TickFunction]:
+        """With the tick of the other controller."""
+        other = {} if self.other.tick is None else {"assisted_tick": self.other.tick}
+        return {**super().functions(), **other}
+
+    @staticmethod
+    def tick(memory: AssistanceMemory, device: ControllerState, tick: int, period: float) -> None:
+        """Let the other controller act, adapt the shares at the end of a stride, and apply them."""
+        if ASSISTED_ACTS:
+            assisted_tick(memory.other, device, tick, period)
+        if ADAPTS:
+            for number in range(len(device.legs)):
+                leg = device.legs[number]
+                if tick > 0 and leg.phase == 0 and leg.entry_tick == tick:
+                    _end_stride(memory, number, tick)
+                _add_errors(memory, device, number, tick)
+        for number in range(len(device.joints)):
+            asked, share = device.joints[number].demand, memory.assisted[number].share
+            asked.stiffness *= share
+            asked.damping *= share
+
+
+def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, tick: int) -> None:
+    """Add the tracking errors of this tick to those of a leg's stride."""
+    stride, angles = memory.strides[number], memory.angles
+    progress = (tick - stride.stride_start) / stride.stride_ticks
+    if stride.stride_start == 0:
+        progress += stride.path_start
+    before, share = cycle_place(progress, len(angles))
+    for position in range(JOINTS_PER_LEG):
+        place = number * JOINTS_PER_LEG + position
+        start = angles[before][position]
+        wanted = start + share * (angles[before + 1][position] - start)
+        memory.assisted[place].tracking += abs(device.joints[place].measurement.angle - wanted)
+
+
+def _end_stride(memory: AssistanceMemory, number: int, tick: int) -> None:
+    """Adapt the shares of one leg to the errors of the stride that has ended."""
+    stride = memory.strides[number]
+    duration = tick - stride.stride_start
+    for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
+        joint = memory.assisted[place]
+        joint.share = adapted_assistance(memory.adaptation, joint.share, joint.tracking / duration)
+        joint.tracking = 0.0
+    if stride.stride_start > 0:  # the first stride may have begun half-way
+        stride.stride_ticks = duration
+    stride.stride_start = tick

@@ -1,0 +1,160 @@
+"""A stiff spring that follows a predetermined path (TWIN's walk mode)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+
+from twin_gait.control.controller import Controller, Path, Plan
+from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
+from twin_gait.core.assistance import cycle_place
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
+from twin_gait.core.impedance import damping_from_ratio
+from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Parameters, Ratio, RotaryStiffness
+from twin_gait.vocabulary import JointName, Side
+
+# The path of position tracking. TWIN's own is not published; this one is an assumption: the healthy walk,
+# changed until the default wearer walked on it, guided vertically and with an ankle orthosis of 200 Nm/rad
+# that is slack at 0°, each number for the reason beside it. With that orthosis the soft harness does as well;
+# with the preset's the default wearer walks on it only if guided vertically.
+#
+# The knee's motor has to accelerate its own rotor, 3.3 kg m² at the joint, with 60 N m: 18 rad/s² at most.
+# The healthy knee at 1.5 km/h asks for more than 50; two harmonics of it in a tenth more time ask for 12.
+PATH_JOINTS = (JointName.HIP, JointName.KNEE)
+PATH_HARMONICS = 2
+PATH_SLOWNESS = 1.1  # of the healthy stride time
+HIP_EXCURSION = 1.1  # of the healthy one: the belt is as fast, so that slower steps have to be longer
+HIP_OFFSET = math.radians(3.0)  # puts the middle of the step forward, so that the foot clears the belt
+# Two harmonics flatten the knee's peak and overextend it. It has to bend far enough for the toe to clear the
+# belt, and at its straightest to stay farther from the stop at -4° than the monitor's stop distance.
+KNEE_LOWEST, KNEE_HIGHEST = math.radians(8.0), math.radians(55.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathParameters(Parameters):
+    """Spring and damper that follow the predetermined path in the mode ``position``.
+
+    Attributes:
+        stiffness: In [N m] / [rad], per joint (assumption: the hip stiffer than in any phase of the shipped
+            table, so that the default wearer follows to 2°; the knee to 6° with 4 N m/deg, where the limits
+            cut 2 % of the ticks; with 7 it would be 4° and four times as many).
+        damping_ratio: ζ of the joint on this spring.
+        friction_compensation_gain: G.
+        gravity_compensation: Share of gravity compensation.
+    """
+
+    stiffness: Annotated[Mapping[JointName, RotaryStiffness], NOT_NEGATIVE] = field(
+        default_factory=lambda: {JointName.HIP: math.degrees(9.0), JointName.KNEE: math.degrees(4.0)}
+    )
+    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
+    friction_compensation_gain: Annotated[Ratio, SHARE] = 0.35
+    gravity_compensation: Annotated[Ratio, SHARE] = 0.0
+
+
+@dataclass(slots=True)
+class PathMemory:
+    """The walk that is followed.
+
+    Attributes:
+        angles: Over a cycle in [rad], by sample and joint of a leg.
+        cycle_ticks: Length of a cycle.
+        starts: Share of the cycle at which each leg begins.
+    """
+
+    angles: list[list[float]]
+    cycle_ticks: int
+    starts: list[float]
+
+
+@dataclass(frozen=True)
+class Position(Controller):
+    """Position tracking.
+
+    Attributes:
+        path: Spring and damper.
+    """
+
+    path: PathParameters = field(default_factory=PathParameters)
+
+    mode = "position"
+    by_phases = False
+    unprinted = "control.mode: position follows a path, which is not printed; set impedance"
+
+    def refusal(self, joints: tuple[JointName, ...]) -> str:
+        """It has a path for hip and knee alone, found on TWIN, and needs a spring for each."""
+        if joints != PATH_JOINTS:
+            return f"control.mode: position has a path for {', '.join(PATH_JOINTS)}; take another mode"
+        missing = [joint for joint in joints if joint not in self.path.stiffness]
+        return f"control.path.stiffness.{missing[0]}: position needs a spring for it" if missing else ""
+
+    def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
+        """The same spring in every phase; θ0 comes with the tick."""
+        path, posture = self.path, dict.fromkeys(plan.joints, 0.0)
+        rows[:] = 0.0
+        for number, name in enumerate(plan.joints):
+            first, stiffness = COLUMNS_PER_JOINT * number, path.stiffness[JointName(name)]
+            inertia = plan.inertia(side, posture, name)
+            rows[:, first + STIFFNESS] = stiffness
+            rows[:, first + DAMPING] = damping_from_ratio(path.damping_ratio, stiffness, inertia)
+            rows[:, first + GAIN] = path.friction_compensation_gain
+        rows[:, -1] = path.gravity_compensation
+        return rows
+
+    def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
+        """Where the path does.
+
+        Anything else is a step of the command as large as the spring is stiff, at which the monitor trips.
+        """
+        path = self.walk(plan)
+        return {side: _posture(path, start) for side, start in zip(plan.sides, path.starts, strict=True)}
+
+    def walk(self, plan: Plan) -> Path:
+        """The path."""
+        return device_walk(plan.reference)
+
+    def memory(self, plan: Plan) -> PathMemory:
+        """The path."""
+        path = self.walk(plan)
+        return PathMemory(path.angles.tolist(), path.cycle_ticks, path.starts.tolist())
+
+    @staticmethod
+    def tick(memory: PathMemory, device: ControllerState, tick: int, period: float) -> None:
+        """Move the equilibrium angles along the path, and let the dampers move with it."""
+        angles, cycle = memory.angles, memory.cycle_ticks
+        spacing = cycle * period / (len(angles) - 1)
+        for number in range(len(device.legs)):
+            before, share = cycle_place(memory.starts[number] + tick / cycle, len(angles))
+            for position in range(JOINTS_PER_LEG):
+                asked = device.joints[number * JOINTS_PER_LEG + position].demand
+                start = angles[before][position]
+                change = angles[before + 1][position] - start
+                asked.equilibrium = start + share * change
+                asked.target += asked.damping * change / spacing
+
+
+def device_walk(healthy: Path) -> Path:
+    """A walk that the motors can follow, made of the healthy one; see the constants of this module."""
+    hip, knee = _few_harmonics(healthy.angles).T
+    middle = hip[:-1].mean()
+    hip = middle + HIP_OFFSET + HIP_EXCURSION * (hip - middle)
+    share = (knee - knee.min()) / (knee.max() - knee.min())
+    knee = KNEE_LOWEST + share * (KNEE_HIGHEST - KNEE_LOWEST)
+    return Path(np.column_stack((hip, knee)), round(PATH_SLOWNESS * healthy.cycle_ticks), healthy.starts)
+
+
+def _few_harmonics(curves: np.ndarray) -> np.ndarray:
+    """The first harmonics of curves that close, shape ``(PATH_SAMPLES, n)``."""
+    spectrum = np.fft.rfft(curves[:-1], axis=0)
+    spectrum[PATH_HARMONICS + 1 :] = 0.0
+    smooth = np.fft.irfft(spectrum, n=len(curves) - 1, axis=0)
+    return np.vstack((smooth, smooth[:1]))
+
+
+def _posture(path: Path, start: float) -> dict[JointName, float]:
+    before, share = cycle_place(start, len(path.angles))
+    hip, knee = path.angles[before] + share * (path.angles[before + 1] - path.angles[before])
+    return {JointName.HIP: float(hip), JointName.KNEE: float(knee)}
