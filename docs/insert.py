@@ -135,6 +135,7 @@ def _section(path: str) -> Any:
     """Class of the parameters that a section of a file has."""
     from twin_gait.experiment import Experiment
     from twin_gait.gait import table
+    from twin_gait.worlds import world_of
 
     in_table = {
         "joint": table.JointImpedance,
@@ -148,8 +149,10 @@ def _section(path: str) -> Any:
     for step in path.split(".") if path != "experiment" else []:
         name, _, choice = step.partition(":")
         item = next(item for item in declarations(kind) if item.key == name)
-        kinds = [one for one in _classes(item.kind) if not choice or one.kind == choice]
-        kind = kinds[0]
+        if name == "scenario":
+            kind = world_of(choice)
+        else:
+            kind = next(one for one in _classes(item.kind) if not choice or one.kind == choice)
     return kind
 
 
