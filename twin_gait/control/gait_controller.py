@@ -199,7 +199,7 @@ class ControllerState:
         signals: What the guards read: of this leg, of the other, then of the device.
         supply: The bus voltage.
         model: For gravity and inertia torques.
-        device: Heard of it as a whole.
+        common: Heard of the device as a whole.
         trip: Of the monitor.
         last_rest: Last tick in which the legs were told to stand.
     """
@@ -210,7 +210,7 @@ class ControllerState:
     signals: list[float]
     supply: WatchedSupply
     model: ControlModel
-    device: Device = field(default_factory=Device)
+    common: Device = field(default_factory=Device)
     trip: Trip = field(default_factory=Trip)
     last_rest: int = 0
 
@@ -244,7 +244,7 @@ def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
 
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
     """Take the command to walk, 1, or to stand, 0."""
-    controller.device.walk = walk
+    controller.common.walk = walk
     if walk == 0.0:
         controller.last_rest = tick
 
@@ -323,7 +323,7 @@ def write_signals(controller: ControllerState, rates: Rates, number: int) -> Non
     other = PER_JOINT * JOINTS_PER_LEG + PER_LEG
     if LEGS == 2:
         write_leg(controller, rates, 1 - number, other)
-    controller.signals[2 * other + WALK] = controller.device.walk
+    controller.signals[2 * other + WALK] = controller.common.walk
 
 
 def write_leg(controller: ControllerState, rates: Rates, number: int, first: int) -> None:
