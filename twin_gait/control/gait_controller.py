@@ -35,7 +35,7 @@ INERTIA_WANTED = FOLLOWS = ASSISTS = False
 PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
 ANGLE, VELOCITY = map(JOINT_SIGNALS.index, (declared.ANGLE, declared.VELOCITY))
 LOAD, TIME_IN_PHASE = map(LEG_SIGNALS.index, (declared.LOAD, declared.TIME_IN_PHASE))
-WALK = DEVICE_SIGNALS.index(declared.WALK)
+TRUNK_PITCH, WALK = map(DEVICE_SIGNALS.index, (declared.TRUNK_PITCH, declared.WALK))
 
 
 @dataclass(slots=True)
@@ -125,9 +125,11 @@ class Device:
     """What is heard of the device as a whole, for the guards of both legs.
 
     Attributes:
+        trunk_pitch: Of the trunk from upright in [rad], positive forward.
         walk: 1 to walk, 0 to stand.
     """
 
+    trunk_pitch: float = declared.TRUNK_PITCH.first
     walk: float = declared.WALK.first
 
 
@@ -239,7 +241,13 @@ def hear_board(controller: ControllerState, limits: Limits, number: int, heard: 
 
 def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
     """Take all that is heard of the device as a whole."""
+    hear_trunk(controller, heard.trunk_pitch)
     hear_command(controller, heard.walk, tick)
+
+
+def hear_trunk(controller: ControllerState, pitch: float) -> None:
+    """Take the pitch of the trunk in [rad]."""
+    controller.common.trunk_pitch = pitch
 
 
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
@@ -323,6 +331,7 @@ def write_signals(controller: ControllerState, rates: Rates, number: int) -> Non
     other = PER_JOINT * JOINTS_PER_LEG + PER_LEG
     if LEGS == 2:
         write_leg(controller, rates, 1 - number, other)
+    controller.signals[2 * other + TRUNK_PITCH] = controller.common.trunk_pitch
     controller.signals[2 * other + WALK] = controller.common.walk
 
 

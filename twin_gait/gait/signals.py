@@ -127,12 +127,24 @@ LOAD = Signal(
 TIME_IN_PHASE = Signal(
     "time_in_phase_s", Scope.LEG, SECONDS, "", "time in phase", _between(0.0, LONGEST_STAY), room=0.01
 )
+TRUNK_PITCH = Signal(
+    "trunk.pitch_deg",
+    Scope.DEVICE,
+    DEGREES,
+    "trunk_pitch",
+    " pitch",
+    _limits,
+    noise=0.5,
+    room=1.0,
+    first=0.0,
+    column="trunk_pitch_rad",
+)
 WALK = Signal(  # what the legs are told: 1 to walk, 0 to stand
     "walk", Scope.DEVICE, NO_UNIT, "walk", "told to walk", _between(0.0, 1.0), room=0.25, first=1.0
 )
 
 # In the order of the list of signals: joint by joint, then of the leg; all of the other leg; of the device.
-SIGNALS = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, WALK)
+SIGNALS = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, TRUNK_PITCH, WALK)
 JOINT_SIGNALS, LEG_SIGNALS, DEVICE_SIGNALS = (
     tuple(signal for signal in SIGNALS if signal.scope is scope) for scope in Scope
 )
@@ -194,12 +206,14 @@ class LegSignals(NamedTuple):
         velocities: Joint velocities in [rad] / [s].
         foot_load: Normal force of the foot over body weight.
         walk: Command: 1 to walk, 0 to stand. A leg reads its own only.
+        trunk_pitch: Of the trunk from upright in [rad], positive forward; read likewise.
     """
 
     angles: tuple[float, ...]
     velocities: tuple[float, ...]
     foot_load: float = 0.0
     walk: float = WALK.first
+    trunk_pitch: float = TRUNK_PITCH.first
 
 
 def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:
