@@ -15,7 +15,7 @@ from table_builder import FIVE_PHASES
 
 from twin_gait.checking.check import RULES, build_case, check, counts, load_case, report, rules
 from twin_gait.checking.finding import CheckCase, Finding, Severity
-from twin_gait.checking.signals import JOINT_RANGES, SignalSpace
+from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES, SignalSpace
 from twin_gait.configuration import load_experiment, packaged_gait_tables
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.gait_table_file import (
@@ -368,7 +368,7 @@ def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path
     path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
     case = load_case(path)
     assert case.experiment is None
-    assert case.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")}
+    assert case.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")} | {"trunk": ANY_ANGLE}
     found = check(case)
     assert counts(found)["errors"] == 0
     assert {item.phase for item in found if item.rule == "missing_time_out"} == set(case.table.phases)
@@ -443,6 +443,44 @@ def test_one_leg_is_told_to_walk_too() -> None:
     bench = build_case(table, load_experiment("bench_leg").experiment)
     (told,) = (index for index, item in enumerate(table.transitions) if item.cause == "planted")
     assert SignalSpace(bench).opening(told) is not None
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        ("trunk.pitch_deg > 5", {"never_opens": "error", "threshold_beyond_limits": "warning"}),
+        ("trunk.pitch_deg > 0", {"never_opens": "error"}),
+        ("trunk.pitch_deg < 5", {"threshold_beyond_limits": "warning", "ambiguity": "warning"}),
+    ],
+)
+def test_guided_pelvis_does_not_pitch(condition: str, expected: dict[str, str]) -> None:
+    """A guard that only a pitching trunk opens never does, and one that a pitch closes always is."""
+    data = copy.deepcopy(sound())
+    add(data, FLEXION, "early_stance", condition)
+    found = {item.rule: str(item.severity) for item in findings_of(data, *expected) if "planted" in str(item)}
+    assert found == expected
+    if "threshold_beyond_limits" in expected:
+        assert any("trunk.pitch_deg" in item.reason and "0 … 0" in item.reason for item in findings_of(data))
+
+
+def test_trunk_of_another_machine_may_pitch_within_a_turn(tmp_path: Path) -> None:
+    path = tmp_path / "prosthesis.yaml"
+    path.write_text(KNEE_AND_ANKLE.replace("ankle.angle_deg > 5", "trunk.pitch_deg > 5"), encoding="utf-8")
+    case = load_case(path)
+    assert SignalSpace(case).range("other.trunk.pitch_deg") == pytest.approx((-180.0, 180.0))
+    assert counts(check(case))["errors"] == 0
+
+
+def test_noise_of_the_trunk_can_undo_a_switch(tmp_path: Path) -> None:
+    path = tmp_path / "prosthesis.yaml"
+    bent = KNEE_AND_ANKLE.replace("ankle.angle_deg > 5", "trunk.pitch_deg > 5")
+    back = '  - {from: late_stance, to: early_stance, cause: upright, all: ["trunk.pitch_deg < %s"]}\n'
+    found = {}
+    for threshold in ("4.8", "4.4"):
+        path.write_text(bent + back % threshold, encoding="utf-8")
+        found[threshold] = [item for item in check(load_case(path), GUARD_RULES) if item.rule == "hysteresis"]
+    assert found["4.8"] and not found["4.4"]
+    assert found["4.8"][0].counterexample["trunk.pitch_deg"] > 5.0
 
 
 def test_table_is_scaled_to_the_experiment() -> None:

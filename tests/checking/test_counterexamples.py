@@ -56,6 +56,8 @@ class Vectors:
             return values if quantity == "load_bw" else np.round(values / TICK) * TICK
         if name == "walk":
             return generator.uniform(0.0, 1.0, self.count)
+        if name == "trunk.pitch_deg":  # the pelvis is guided
+            return np.zeros(self.count)
         low, high, speed = TWIN[name.rsplit(".", 2)[-2]]
         return generator.uniform(*((low, high) if quantity == "angle_deg" else (-speed, speed)), self.count)
 

@@ -120,7 +120,7 @@ int main(int count, char **words)
             inputs.surroundings.loads[leg] = uniform(0.0, 1.0);
         }
         inputs.surroundings.bus_voltage = uniform(28.0, 29.0);
-        inputs.surroundings.device.walk = REAL(1.0);
+        inputs.surroundings.common.walk = REAL(1.0);
         ExoskeletonInputs given = inputs;
         JointBoardInputs *read = &given.boards[joint];
         if (now >= CALM) {
@@ -132,7 +132,7 @@ int main(int count, char **words)
             case STUCK: read->angle = inputs.boards[joint].angle = REAL(0.2); read->voltage += REAL(8.0); break;
             case WILD_DRIVE: read->voltage = wild(); read->current = wild(); read->current_deviation = wild(); break;
             case WILD_FEET: fill_wild(given.surroundings.loads, sizeof given.surroundings.loads); break;
-            case WILD_SUPPLY: given.surroundings.bus_voltage = wild(); given.surroundings.device.walk = wild(); break;
+            case WILD_SUPPLY: given.surroundings.bus_voltage = wild(); given.surroundings.common.walk = wild(); break;
             default:
                 for (size_t place = 0; place < JOINTS; place++) {
                     given.boards[place].angle = draw() % 8 ? given.boards[place].angle : wild();

@@ -31,7 +31,7 @@ from twin_gait.core.control_tick import (
 )
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import guard_holds, next_transition
-from twin_gait.core.safety import Bounds, Watched, watch_joint
+from twin_gait.core.safety import NO_TRIP, Bounds, Watched, watch_joint
 from twin_gait.experiment import build_problem
 from twin_gait.firmware import Library, Program, TranslationUnit, print_units, units
 from twin_gait.gait.program import compile_guards
@@ -265,6 +265,7 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
         "joint": episode.controller.joints[1],
         "rates": episode.rates,
         "limits": episode.limits,
+        "heard": episode.controller.common,
         "measurement": episode.controller.joints[0].measurement,
         "command": episode.joints[0].board.command,
         "demand": episode.controller.joints[0].demand,
@@ -334,10 +335,13 @@ def test_the_whole_unit_tick_by_tick(device):
                 board.current_deviation = 3.0 * (draw.random() < wild)
             inputs.surroundings.loads = [draw.uniform(0.0, 1.0), draw.uniform(0.0, 1.0)]
             inputs.surroundings.bus_voltage = draw.uniform(45.0, 50.0)
+            inputs.surroundings.common.trunk_pitch = draw.uniform(-0.2, 0.2)
             step(theirs, inputs, expected)
             library.call("exoskeleton_step", state, inputs, given)
             assert bits(given) == bits(expected), tick
             trips.add(expected.decision.trip_cause)
+            if trips == {NO_TRIP}:
+                assert theirs.controller.signals[-2:] == [inputs.surroundings.common.trunk_pitch, 1.0]
         library.read_back(state, found)
         assert bits(found) == bits(theirs)
         assert len(trips) > 1

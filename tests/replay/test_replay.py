@@ -331,6 +331,7 @@ def test_needed_signals_are_those_that_the_guards_name():
         ("other.phase in [swing]", {}, "other.phase .* one leg"),
         ("knee.angle_deg > 3", {"angles": {Side.LEFT: {HIP: np.zeros(5)}}}, "no angle of the left knee"),
         ("foot.load_bw > 0.1", {}, "no left_foot_normal_force_N"),
+        ("trunk.pitch_deg > 3", {}, "reads trunk.pitch_deg .* no trunk_pitch_rad: name it in --columns"),
         ("foot.load_bw > 0.1", {"loads": {Side.LEFT: np.zeros(5)}}, "add --total-mass"),
     ],
 )
@@ -338,6 +339,16 @@ def test_a_signal_that_the_log_lacks_is_named_with_its_transitions(condition, ch
     table = two_phase_table(transition("stance", "swing", condition, cause="why"))
     with pytest.raises(GaitTableError, match=message):
         replay(one_leg(np.zeros(5), **changes), table)
+
+
+def test_a_recorded_trunk_opens_guards():
+    table = two_phase_table(transition("stance", "swing", "trunk.pitch_deg > 5"))
+    pitch = np.radians(np.linspace(0.0, 10.0, 101))
+    recording = one_leg(np.zeros(101), device={"trunk.pitch_deg": pitch})
+    (switch,) = replay(recording, table).switches
+    assert switch.tick == np.flatnonzero(pitch > math.radians(5.0))[0]
+    late = mirrored(replace(recording, angles={Side.LEFT: {HIP: pitch, KNEE: pitch}}), 0.04)
+    assert late.device["trunk.pitch_deg"].tolist() == pitch[20:].tolist()
 
 
 def test_a_joint_that_no_guard_reads_may_be_missing():

@@ -131,6 +131,18 @@ def test_a_parquet_log_gives_the_measured_angles_to_the_last_bit(tmp_path, rng):
         assert recording.loads[Side.RIGHT].tolist() == [700.0, 650.0, 0.0]
 
 
+@pytest.mark.parametrize(
+    ("column", "asked"), [("trunk_pitch_rad", {}), ("pelvis_deg", {"trunk_pitch": "pelvis_deg"})]
+)
+def test_the_pitch_of_the_trunk_is_read_in_either_unit(tmp_path, column, asked):
+    text = f"time_s,left_hip_angle_rad,{column}\n0,0.5,0.1\n0.002,0.5,0.3\n"
+    columns = {"time": "time_s", "left_hip_angle": "left_hip_angle_rad", **asked} if asked else {}
+    recording = read_recording(write(tmp_path, "log.csv", text), LogFormat(columns=columns))
+    expected = np.array([0.1, 0.2, 0.3])
+    found = recording.device["trunk.pitch_deg"]
+    np.testing.assert_allclose(found, np.radians(expected) if asked else expected)
+
+
 def test_names_that_end_in_deg_are_degrees(tmp_path):
     text = "time_s,left_hip_angle_deg\n0,30\n0.001,30\n"
     path = write(tmp_path, "log.csv", text)

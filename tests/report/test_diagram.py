@@ -31,7 +31,7 @@ from twin_gait.gait.documents import Held, PhaseLogic, Stay, transition_table, t
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, parse_guard
 from twin_gait.gait.signals import all_signal_names
 from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, ring
-from twin_gait.report.diagram_words import state_diagram_mermaid
+from twin_gait.report.diagram_words import guard_words, state_diagram_mermaid
 from twin_gait.report.state_diagram import phase_colours, state_diagram_svg
 from twin_gait.vocabulary import Side
 
@@ -512,6 +512,24 @@ def test_mermaid_has_every_transition_and_no_character_that_it_reads_as_syntax()
             if all("_" in name for name in table.phase_names):
                 assert (source, target) == (item.source, item.target)
             assert not set(re.sub(r"#\d+;", "", label)) & set(":;<>#\"'{}%|")
+
+
+def test_every_signal_has_words_and_a_unit() -> None:
+    texts = [
+        "hip.angle_deg > 3",
+        "other.knee.velocity_deg_per_s < 3",
+        "foot.load_bw > 3",
+        "time_in_phase_s > 3",
+    ]
+    texts += ["trunk.pitch_deg > 3", "walk > 0.5"]
+    assert [guard_words(parse_guard(text, ("hip", "knee"), ())) for text in texts] == [
+        "hip > 3°",
+        "other knee velocity < 3°/s",
+        "foot load > 3 BW",
+        "time in phase > 3 s",
+        "trunk pitch > 3°",
+        "told to walk > 0.5",
+    ]
 
 
 def test_mermaid_gives_phases_named_like_its_own_words_other_identifiers() -> None:

@@ -319,6 +319,34 @@ def test_tables_pass_in_c(table: str) -> None:
     assert tests
 
 
+def trunk_table() -> GaitTable:
+    return two_phase_table(
+        transition("stance", "swing", "trunk.pitch_deg > 5", cause="bent", debounce_ticks=3),
+        transition("stance", "swing", "trunk.pitch_deg - hip.angle_deg < -3", cause="apart"),
+    )
+
+
+def test_the_trunk_is_driven_like_any_signal() -> None:
+    tests = {test.name: test for test in transition_tests(trunk_table())}
+    for what in ("fires just past", "holds just below", "holds on the threshold of"):
+        test = tests[f"stance→swing (bent)::{what} trunk.pitch_deg > 5"]
+        assert test.undecided is None
+        test.run()
+    assert failures(trunk_table(), lambda phase: Upright(trunk_table(), phase))  # a machine that reads none
+    (machine,) = compiled_machines([trunk_table()])
+    assert not failures(trunk_table(), machine)
+
+
+class Upright(GaitStateMachine):
+    """Takes the trunk for upright."""
+
+    def __init__(self, table: GaitTable, phase: str) -> None:
+        super().__init__(table, Side.LEFT, initial_phase=phase)
+
+    def step(self, tick, own, *others):
+        return super().step(tick, own._replace(trunk_pitch=0.0), *others)
+
+
 def test_what_has_more_than_the_bits_of_the_device_is_refused() -> None:
     """The results of conditions, and phases, are bits of one number of 32."""
     many = [guard(f"hip.angle_deg > {number}") for number in range(31)]

@@ -26,7 +26,7 @@ from twin_gait.checking.finding import (
     unused_waiver,
     waive,
 )
-from twin_gait.checking.signals import ANY_ANGLE, FIXED, JOINT_RANGES
+from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
@@ -95,8 +95,8 @@ def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckC
     return CheckCase(
         table=scaled_table(driving, world),
         experiment=driving,
-        # The pelvis is guided in all worlds: no coordinate turns any part of the device but the joints.
-        limits=dict.fromkeys(device_parts(), FIXED)
+        # The pelvis is guided in all worlds: no coordinate turns a part of the device but the joints.
+        limits=dict.fromkeys(device_parts(), (0.0, 0.0))
         | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),

@@ -48,7 +48,7 @@ JOINT_RANGES = {
     "knee": (-5.0 * _DEGREE, 140.0 * _DEGREE),
     "ankle": (-55.0 * _DEGREE, 30.0 * _DEGREE),
 }
-ANY_ANGLE, FIXED = (-math.pi, math.pi), (0.0, 0.0)
+ANY_ANGLE = (-math.pi, math.pi)
 
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -84,6 +84,7 @@ class SignalSpace:
         self.others = self.table.phase_names if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
         self.names = all_signal_names(self.table.joints)
+        self._scales = {name: signal_scale(name) for name in self.names}
         self._known = Known(case.limits, case.velocity_limits)
         self._openings: dict[tuple[int, str | None], Point | None] = {}
         self._firing: dict[int, bool] = {}
@@ -227,11 +228,10 @@ class SignalSpace:
 
     def measured(self, point: Point) -> list[float]:
         """Signals of a point as the evaluator reads them; those that it leaves open are 0."""
+        alone = point.other is None
         return [
-            math.nan
-            if point.other is None and name.startswith(OTHER)
-            else point.signals.get(name, 0.0) * signal_scale(name)
-            for name in self.names
+            math.nan if alone and name.startswith(OTHER) else point.signals.get(name, 0.0) * scale
+            for name, scale in self._scales.items()
         ]
 
     def _phase_number(self, phase: str | None) -> int:

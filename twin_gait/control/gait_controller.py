@@ -36,7 +36,7 @@ INERTIA_WANTED = CONTROLLED = False
 PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
 ANGLE, VELOCITY = map(JOINT_SIGNALS.index, (declared.ANGLE, declared.VELOCITY))
 LOAD, TIME_IN_PHASE = map(LEG_SIGNALS.index, (declared.LOAD, declared.TIME_IN_PHASE))
-WALK = DEVICE_SIGNALS.index(declared.WALK)
+TRUNK_PITCH, WALK = map(DEVICE_SIGNALS.index, (declared.TRUNK_PITCH, declared.WALK))
 
 
 @dataclass(slots=True)
@@ -114,9 +114,11 @@ class Device:
     """What is heard of the device as a whole, for the guards of both legs.
 
     Attributes:
+        trunk_pitch: Of the trunk from upright in [rad], positive forward.
         walk: 1 to walk, 0 to stand.
     """
 
+    trunk_pitch: float = declared.TRUNK_PITCH.first
     walk: float = declared.WALK.first
 
 
@@ -189,7 +191,7 @@ class ControllerState:
         supply: The bus voltage.
         model: For gravity and inertia torques.
         memory: Of the controller, :mod:`twin_gait.control.controller`.
-        device: Heard of it as a whole.
+        common: Heard of the device as a whole.
         trip: Of the monitor.
         last_rest: Last tick in which the legs were told to stand.
     """
@@ -201,7 +203,7 @@ class ControllerState:
     supply: WatchedSupply
     model: ControlModel
     memory: object
-    device: Device = field(default_factory=Device)
+    common: Device = field(default_factory=Device)
     trip: Trip = field(default_factory=Trip)
     last_rest: int = 0
 
@@ -230,12 +232,18 @@ def hear_board(controller: ControllerState, limits: Limits, number: int, heard: 
 
 def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
     """Take all that is heard of the device as a whole."""
+    hear_trunk(controller, heard.trunk_pitch)
     hear_command(controller, heard.walk, tick)
+
+
+def hear_trunk(controller: ControllerState, pitch: float) -> None:
+    """Take the pitch of the trunk in [rad]."""
+    controller.common.trunk_pitch = pitch
 
 
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
     """Take the command to walk, 1, or to stand, 0."""
-    controller.device.walk = walk
+    controller.common.walk = walk
     if walk == 0.0:
         controller.last_rest = tick
 
@@ -314,7 +322,8 @@ def write_signals(controller: ControllerState, rates: Rates, number: int) -> Non
     other = PER_JOINT * JOINTS_PER_LEG + PER_LEG
     if LEGS == 2:
         write_leg(controller, rates, 1 - number, other)
-    controller.signals[2 * other + WALK] = controller.device.walk
+    controller.signals[2 * other + TRUNK_PITCH] = controller.common.trunk_pitch
+    controller.signals[2 * other + WALK] = controller.common.walk
 
 
 def write_leg(controller: ControllerState, rates: Rates, number: int, first: int) -> None:

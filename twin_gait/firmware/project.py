@@ -237,16 +237,16 @@ def _table(joints: Sequence[str], vectors: Vectors) -> Iterator[str]:
     read = ("angle", "voltage", "current", "current_deviation")
     sides = [f"foot_{number}" for number in range(inputs["surroundings"]["loads"].shape[1])]
     given = [f"{joint}_{name}" for joint in joints for name in read]
-    device = [item.name for item in fields(Device)]
+    common = [item.name for item in fields(Device)]
     yield ",".join(
-        [*given, *(f"{side}_load" for side in sides), "bus_voltage", *device]
+        [*given, *(f"{side}_load" for side in sides), "bus_voltage", *common]
         + [f"{joint}_{name}" for joint in joints for name in ("torque", "target_current")]
         + [*(f"{side}_phase" for side in sides), "trip_cause"]
     )
     for row, expected in zip(inputs, outputs, strict=True):
         around, commands = row["surroundings"], expected["commands"]
         numbers = [item for board in row["boards"] for item in (board[name] for name in read)]
-        numbers += [*around["loads"], around["bus_voltage"], *around["device"].tolist()]
+        numbers += [*around["loads"], around["bus_voltage"], *around["common"].tolist()]
         numbers += [item for command in commands for item in (command["torque"], command["target_current"])]
         phases = [*expected["decision"]["phases"], expected["decision"]["trip_cause"]]
         yield ",".join([*(repr(float(item)) for item in numbers), *(str(int(item)) for item in phases)])

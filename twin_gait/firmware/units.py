@@ -172,12 +172,12 @@ class Surroundings:
     Attributes:
         loads: Of the feet over body weight.
         bus_voltage: In [V].
-        device: For the guards of both legs.
+        common: Heard of the device as a whole, for the guards of both legs.
     """
 
     loads: list[float]
     bus_voltage: float = 0.0
-    device: Device = field(default_factory=Device)
+    common: Device = field(default_factory=Device)
 
 
 @dataclass(slots=True)
@@ -258,7 +258,7 @@ def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None
     for number in range(len(controller.legs)):
         hear_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
-    hear_device(controller, inputs.device, tick)
+    hear_device(controller, inputs.common, tick)
 
 
 def watch(controller: ControllerState, limits: Limits, tick: int) -> None:

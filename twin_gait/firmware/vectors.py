@@ -106,7 +106,7 @@ def sensor_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
     return [
         (inputs["boards"]["angle"], record["joints"]["board"]["encoder"]["angle"]),
         (around["loads"], record["soles"]["load"]),
-        (around["device"], record["controller"]["device"]),
+        (around["common"], record["controller"]["common"]),
     ]
 
 

@@ -68,7 +68,7 @@ class Known(NamedTuple):
 Range = Callable[[Known, str], tuple[float, float]]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Signal:
     """A signal of guards.
 
@@ -76,15 +76,16 @@ class Signal:
         name: In a table; of a joint what follows its name and a point.
         scope: What has one of its own.
         unit: Of its values in a table; what is measured is in SI.
-        field: Of :class:`LegSignals`; empty for the time in the phase, which the machine counts itself.
+        field: Of :class:`LegSignals`, and of the gait controller's record of the device; empty for the time
+            in the phase, which a machine counts itself.
         words: In a diagram, behind what it belongs to.
         range: What it can be at all.
         noise: From tick to tick, in the unit of the table: an assumption. The encoder's own step is far below
             (0.0004° of the joint); cuffs, gears and the foot on the belt shake more.
         room: Comfortable distance from a threshold, in the unit of the table, that the test kit keeps.
         first: Before anything is measured, in SI; NaN opens no guard.
-        column: Of a log, in SI, from which a replay reads it; without one it stays as at first. Angles and
-            loads of the legs are read by :mod:`twin_gait.replay.reading`.
+        column: Of a log, in SI, from which a replay reads a signal of the device; without one it stays as at
+            first. How angles and loads are read, :mod:`twin_gait.replay.reading` says.
     """
 
     name: str
@@ -93,8 +94,8 @@ class Signal:
     field: str
     words: str
     range: Range
-    noise: float
-    room: float
+    noise: float = 0.0
+    room: float = 0.0
     first: float = math.nan
     column: str = ""
 
@@ -103,69 +104,52 @@ class Signal:
         return f"{joint}.{self.name}"
 
 
-ANGLE = Signal(
-    name="angle_deg",
-    scope=Scope.JOINT,
-    unit=DEGREES,
-    field="angles",
-    words="",
-    range=lambda known, joint: known.limits[joint],
-    noise=0.5,
-    room=1.0,
-)
+def _limits(known: Known, part: str) -> tuple[float, float]:
+    return known.limits[part]
+
+
+def _speeds(known: Known, joint: str) -> tuple[float, float]:
+    highest = known.speeds.get(joint, HIGHEST_VELOCITY)
+    return -highest, highest
+
+
+def _between(low: float, high: float) -> Range:
+    return lambda known, part: (low, high)
+
+
+ANGLE = Signal("angle_deg", Scope.JOINT, DEGREES, "angles", "", _limits, noise=0.5, room=1.0)
 VELOCITY = Signal(
-    name="velocity_deg_per_s",
-    scope=Scope.JOINT,
-    unit=DEGREES_PER_SECOND,
-    field="velocities",
-    words=" velocity",
-    range=lambda known, joint: _either_way(known.speeds.get(joint, HIGHEST_VELOCITY)),
-    noise=5.0,
-    room=5.0,
+    "velocity_deg_per_s", Scope.JOINT, DEGREES_PER_SECOND, "velocities", " velocity", _speeds, 5.0, 5.0
 )
 LOAD = Signal(
-    name="foot.load_bw",
-    scope=Scope.LEG,
-    unit=BODY_WEIGHTS,
-    field="foot_load",
-    words=" load",
-    range=lambda known, foot: (0.0, HIGHEST_LOAD),
-    noise=0.02,
-    room=0.05,
+    "foot.load_bw", Scope.LEG, BODY_WEIGHTS, "foot_load", " load", _between(0.0, HIGHEST_LOAD), 0.02, 0.05
 )
 TIME_IN_PHASE = Signal(
-    name="time_in_phase_s",
-    scope=Scope.LEG,
-    unit=SECONDS,
-    field="",
-    words="time in phase",
-    range=lambda known, leg: (0.0, LONGEST_STAY),
-    noise=0.0,
-    room=0.01,
+    "time_in_phase_s", Scope.LEG, SECONDS, "", "time in phase", _between(0.0, LONGEST_STAY), room=0.01
+)
+TRUNK_PITCH = Signal(
+    "trunk.pitch_deg",
+    Scope.DEVICE,
+    DEGREES,
+    "trunk_pitch",
+    " pitch",
+    _limits,
+    noise=0.5,
+    room=1.0,
+    first=0.0,
+    column="trunk_pitch_rad",
 )
 WALK = Signal(  # what the legs are told: 1 to walk, 0 to stand
-    name="walk",
-    scope=Scope.DEVICE,
-    unit=NO_UNIT,
-    field="walk",
-    words="told to walk",
-    range=lambda known, device: (0.0, 1.0),
-    noise=0.0,
-    room=0.25,
-    first=1.0,
+    "walk", Scope.DEVICE, NO_UNIT, "walk", "told to walk", _between(0.0, 1.0), room=0.25, first=1.0
 )
 
 # In the order of the list of signals: joint by joint, then of the leg; all of the other leg; of the device.
-SIGNALS = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, WALK)
+SIGNALS = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, TRUNK_PITCH, WALK)
 JOINT_SIGNALS, LEG_SIGNALS, DEVICE_SIGNALS = (
     tuple(signal for signal in SIGNALS if signal.scope is scope) for scope in Scope
 )
 DEVICE_NAMES = tuple(signal.name for signal in DEVICE_SIGNALS)  # both legs read the same
 TIME, OTHER_TIME = TIME_IN_PHASE.name, OTHER + TIME_IN_PHASE.name
-
-
-def _either_way(highest: float) -> tuple[float, float]:
-    return -highest, highest
 
 
 def signal_names(joints: Sequence[str]) -> list[str]:
@@ -222,12 +206,14 @@ class LegSignals(NamedTuple):
         velocities: Joint velocities in [rad] / [s].
         foot_load: Normal force of the foot over body weight.
         walk: Command: 1 to walk, 0 to stand. A leg reads its own only.
+        trunk_pitch: Of the trunk from upright in [rad], positive forward; read likewise.
     """
 
     angles: tuple[float, ...]
     velocities: tuple[float, ...]
     foot_load: float = 0.0
     walk: float = WALK.first
+    trunk_pitch: float = TRUNK_PITCH.first
 
 
 def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:

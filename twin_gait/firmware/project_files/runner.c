@@ -35,9 +35,9 @@ static bool read_row(FILE *file, Row *row)
         row->inputs.surroundings.loads[leg] = next_number(file);
     }
     row->inputs.surroundings.bus_voltage = next_number(file);
-    real *device = (real *)&row->inputs.surroundings.device;
-    for (size_t place = 0; place < sizeof row->inputs.surroundings.device / sizeof(real); place++) {
-        device[place] = next_number(file);
+    real *common = (real *)&row->inputs.surroundings.common;
+    for (size_t place = 0; place < sizeof row->inputs.surroundings.common / sizeof(real); place++) {
+        common[place] = next_number(file);
     }
     for (size_t joint = 0; joint < JOINTS; joint++) {
         row->outputs.commands[joint].torque = next_number(file);

@@ -1,7 +1,8 @@
-"""What the sensors read in a tick: encoders with their velocity estimates, and the loads of the feet."""
+"""What the sensors read in a tick: encoders with their velocity estimates, loads of the feet, the trunk."""
 
 from __future__ import annotations
 
+from twin_gait.control.gait_controller import hear_trunk
 from twin_gait.control.joint_board import model_friction, read_encoder, sample_velocity
 from twin_gait.core.contact import along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
@@ -18,7 +19,7 @@ from twin_gait.simulation.interface import (
 
 
 def measure(e: Episode, tick: int) -> None:
-    """Encoders, velocity estimates and foot loads."""
+    """Encoders, velocity estimates, foot loads, and the trunk, whose sensor is the gait controller's own."""
     for number in range(len(e.joints)):
         for one in lanes(e):
             one.joints[number].reading = _reading(one, number, tick)
@@ -32,6 +33,13 @@ def measure(e: Episode, tick: int) -> None:
         _measure_slowly(e, tick)
     if POINTS_PER_FOOT > 0:
         _measure_loads(e, tick)
+    for one in lanes(e):
+        hear_trunk(one.controller, trunk_pitch(one))
+
+
+def trunk_pitch(one: Episode) -> float:
+    """Pitch of the trunk in [rad]: none, as the pelvis is guided."""
+    return 0.0
 
 
 def _reading(one: Episode, number: int, tick: int) -> float:

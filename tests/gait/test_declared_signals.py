@@ -1,0 +1,105 @@
+"""Signals of guards are declared once: names, places and values follow from the declaration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, fields
+
+import pytest
+from table_builder import JOINTS, transition, two_phase_table
+
+from twin_gait.control.gait_controller import Device
+from twin_gait.core.guards import guard_holds
+from twin_gait.exceptions import GaitTableError, MeasurementError
+from twin_gait.gait import GaitStateMachine, LegSignals, compile_guards
+from twin_gait.gait.guards import parse_guard
+from twin_gait.gait.machine import signal_list
+from twin_gait.gait.signals import (
+    ANGLE,
+    DEVICE_SIGNALS,
+    LOAD,
+    SIGNALS,
+    TIME_IN_PHASE,
+    TRUNK_PITCH,
+    VELOCITY,
+    WALK,
+    Scope,
+    all_signal_names,
+    first_signals,
+    leg_signals,
+    part_of,
+    signal_of,
+)
+from twin_gait.vocabulary import Side
+
+NAMES = all_signal_names(JOINTS)
+LEG = (ANGLE, VELOCITY, ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)
+
+
+def test_the_list_is_in_the_order_of_the_declaration():
+    assert tuple(map(signal_of, NAMES)) == (*LEG, *LEG, TRUNK_PITCH, WALK)
+    assert NAMES[12:] == ["trunk.pitch_deg", "walk"]
+    assert [part_of(name) for name in NAMES[:6]] == ["hip", "hip", "knee", "knee", "foot", ""]
+    assert (
+        signal_of("noisy.other.knee.angle_deg") is ANGLE
+        and signal_of("entry.time_in_phase_s") is TIME_IN_PHASE
+    )
+
+
+def test_the_record_of_the_device_has_what_is_declared():
+    assert [item.name for item in fields(Device)] == [signal.field for signal in DEVICE_SIGNALS]
+    assert list(astuple(Device())) == [signal.first for signal in DEVICE_SIGNALS]
+
+
+def test_nothing_is_measured_at_first():
+    first = dict(zip(NAMES, first_signals(JOINTS), strict=True))
+    assert first.pop("walk") == 1.0 and first.pop("trunk.pitch_deg") == 0.0
+    assert all(map(math.isnan, first.values()))
+
+
+def test_every_signal_has_a_field_of_its_own_in_what_a_machine_is_given():
+    fields = [signal.field for signal in SIGNALS if signal is not TIME_IN_PHASE]
+    assert sorted(fields) == sorted(LegSignals._fields)
+    numbers = {name: float(place) for place, name in enumerate(NAMES)}
+    own, other = (
+        leg_signals(JOINTS, lambda name, front=front: numbers.get(front + name, math.nan))
+        for front in ("", "other.")
+    )
+    found = signal_list(
+        two_phase_table(), numbers["time_in_phase_s"], own, other, numbers["other.time_in_phase_s"]
+    )
+    assert found == list(numbers.values())
+
+
+@pytest.mark.parametrize("name", ["other.trunk.pitch_deg", "other.walk", "trunk.angle_deg", "pitch_deg"])
+def test_what_is_not_declared_is_no_signal(name):
+    with pytest.raises(GaitTableError, match=r"in front, and trunk\.pitch_deg, walk"):
+        parse_guard(f"{name} > 1", JOINTS, ("stance",))
+
+
+def test_the_pitch_of_the_trunk_opens_a_guard():
+    table = two_phase_table(transition("stance", "swing", "trunk.pitch_deg > 5"))
+    program, signals = compile_guards(table), first_signals(JOINTS)
+    held = [GaitStateMachine(table, Side.LEFT) for _ in range(2)]
+    for pitch, opens in ((5.0, False), (5.001, True)):
+        signals[NAMES.index("trunk.pitch_deg")] = math.radians(pitch)
+        assert guard_holds(program, 0, 1, signals, -1) is opens
+        leg = LegSignals((0.0, 0.0), (0.0, 0.0), trunk_pitch=math.radians(pitch))
+        assert (held[opens].step(1, leg) is not None) is opens
+
+
+def test_it_is_compared_with_an_angle_and_not_with_another_unit():
+    assert (
+        str(parse_guard("trunk.pitch_deg - hip.angle_deg > 5", JOINTS, ()))
+        == "trunk.pitch_deg - hip.angle_deg > 5"
+    )
+    with pytest.raises(GaitTableError, match="different units: deg and no unit"):
+        parse_guard("trunk.pitch_deg - walk > 5", JOINTS, ())
+
+
+@pytest.mark.parametrize("signal", DEVICE_SIGNALS, ids=lambda signal: signal.name)
+def test_a_signal_of_the_device_has_to_be_finite(signal):
+    assert signal.scope is Scope.DEVICE
+    leg = LegSignals((0.0, 0.0), (0.0, 0.0))._replace(**{signal.field: math.nan})
+    with pytest.raises(MeasurementError, match=f"left leg: the {signal.name} is nan"):
+        GaitStateMachine(two_phase_table(), Side.LEFT).step(1, leg)

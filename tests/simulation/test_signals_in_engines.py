@@ -1,0 +1,93 @@
+"""The list of signals in the record of every engine is laid out as it is declared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import Problem, build_problem
+from twin_gait.gait.guards import AllOf, parse_guard
+from twin_gait.gait.signals import all_signal_names
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
+from twin_gait.simulation.reference_engine import ReferenceEngine
+
+TICKS = 20
+
+
+def problem() -> Problem:
+    experiment = load_experiment("treadmill", ["table=treadmill_start_stop", "duration_s=0.02"]).experiment
+    return build_problem(experiment)
+
+
+def compiled(given: Problem) -> Any:
+    engine = CompiledEngine(given)
+    engine.run()
+    return engine.parts[0].view(np.recarray)[0].controller
+
+
+def in_lanes(given: Problem) -> Any:
+    engines = [CompiledEngine(given) for _ in range(FEWEST)]
+    LaneEngine(engines).run()
+    return engines[0].parts[0].view(np.recarray)[0].controller
+
+
+def reference(given: Problem) -> Any:
+    pitching: Mapping[str, Callable[..., Any]] = {
+        **PinocchioKernel(given.world, given.control_model).functions,
+        "trunk_pitch": lambda one: 0.25,
+    }
+    engine = ReferenceEngine(given, kernel=pitching)
+    engine.run()
+    return engine.episode.controller
+
+
+@pytest.mark.parametrize("engine", [compiled, in_lanes, reference])
+def test_signals_stand_where_they_are_declared(engine):
+    """After a tick as the right leg, which is the last one, has read them."""
+    given = problem()
+    controller = engine(given)
+    found = dict(zip(all_signal_names(given.table.joints), list(controller.signals), strict=True))
+    expected = {
+        "trunk.pitch_deg": 0.25 if engine is reference else 0.0,
+        "walk": float(controller.common.walk),
+    }
+    for front, leg in (("", 1), ("other.", 0)):
+        for place, joint in enumerate(given.table.joints):
+            measured = controller.joints[2 * leg + place].measurement
+            expected[f"{front}{joint}.angle_deg"] = measured.angle
+            expected[f"{front}{joint}.velocity_deg_per_s"] = measured.velocity
+        expected[f"{front}foot.load_bw"] = controller.legs[leg].load
+        expected[f"{front}time_in_phase_s"] = controller.legs[leg].ticks * TICK
+    assert found == expected
+    assert len({*found.values()}) > len(given.table.joints) * 4  # hardly any two are alike
+
+
+def guarded(table: GaitTable, text: str) -> GaitTable:
+    """A table whose guards all hold a further condition."""
+    further = parse_guard(text, table.joints, table.phase_names)
+    transitions = (
+        item if item.is_time_out else replace(item, guard=AllOf(guards=(item.guard, further)))
+        for item in table.transitions
+    )
+    return replace(table, transitions=tuple(transitions))
+
+
+def walk(text: str, **changes: Any) -> Experiment:
+    experiment = load_experiment("treadmill", ["duration_s=1.2"]).experiment
+    return replace(experiment, table=guarded(experiment.table, text), **changes)
+
+
+def test_a_guard_on_the_guided_trunk_is_read_by_the_engines():
+    plain = simulate(load_experiment("treadmill", ["duration_s=1.2"]).experiment)
+    upright, bent = (simulate(walk(f"trunk.pitch_deg {text}")) for text in ("< 5", "> 5"))
+    assert upright.log.equals(plain.log) and len(plain.switches) > 2
+    assert [item.cause for item in bent.switches] == ["time_out"] * len(bent.switches)
