@@ -98,11 +98,12 @@ class Controller:
     Attributes:
         mode: Value of ``control.mode`` that stands for it; empty for a controller that does not ship.
         tick: What it does in a tick of 1 ms, or None: a static method that takes its memory, the device, the
-            number of the tick and its length in [s]. Of the device it reads ``legs`` (``phase``, ``ticks``
-            since its start, ``load`` over body weight) and ``joints``, leg by leg (``measurement.angle`` in
-            [rad], ``measurement.velocity`` in [rad] / [s]); in the ``demand`` of a joint stand the setpoint
-            and what is fed forward, as :class:`twin_gait.control.joint_board.Demand`, to be changed in
-            place. After a trip of the safety monitor it is not called.
+            number of the tick and its length in [s]. Of the device it reads ``legs`` (``phase``, the
+            ``entry_tick`` in which it began, ``load`` over body weight) and ``joints``, leg by leg
+            (``measurement.angle`` in [rad], ``measurement.velocity`` in [rad] / [s]). In the ``demand`` of a
+            joint stand the setpoint and what is fed forward, see
+            :class:`twin_gait.control.joint_board.Demand`; it changes them in place. After a trip of the
+            safety monitor it is not called.
     """
 
     mode = ""
@@ -207,7 +208,7 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
     if found.shape != shape or not np.isfinite(found).all():
         raise ParameterError(
             f"controller {controller.name!r}: expected setpoints of finite numbers of shape {shape}, "
-            f"got {reprlib.repr(given)}"
+            f"got {' '.join(reprlib.repr(given).split())}"
         )
     return found
 

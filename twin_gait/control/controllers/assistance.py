@@ -101,6 +101,22 @@ def assisted_tick(memory: Any, device: Any, tick: int, period: float) -> None:
     raise NotImplementedError
 
 
+def assist(memory: AssistanceMemory, device: ControllerState, tick: int, period: float) -> None:
+    """Let the other controller act, adapt the shares at the end of a stride, and apply them."""
+    if ASSISTED_ACTS:
+        assisted_tick(memory.other, device, tick, period)
+    if ADAPTS:
+        for number in range(len(device.legs)):
+            leg = device.legs[number]
+            if tick > 0 and leg.phase == 0 and leg.entry_tick == tick:
+                _end_stride(memory, number, tick)
+            _add_errors(memory, device, number, tick)
+    for number in range(len(device.joints)):
+        asked, share = device.joints[number].demand, memory.assisted[number].share
+        asked.stiffness *= share
+        asked.damping *= share
+
+
 @dataclass(frozen=True)
 class Assistance(Controller):
     """Gives the joints a share of the impedance that another controller asks for.
@@ -112,6 +128,8 @@ class Assistance(Controller):
 
     parameters: AssistanceParameters
     other: Controller
+
+    tick = staticmethod(assist)
 
     @property
     def name(self) -> str:
@@ -167,22 +185,6 @@ class Assistance(Controller):
         """With the tick of the other controller."""
         other = {} if self.other.tick is None else {"assisted_tick": self.other.tick}
         return {**super().functions(), **other}
-
-    @staticmethod
-    def tick(memory: AssistanceMemory, device: ControllerState, tick: int, period: float) -> None:
-        """Let the other controller act, adapt the shares at the end of a stride, and apply them."""
-        if ASSISTED_ACTS:
-            assisted_tick(memory.other, device, tick, period)
-        if ADAPTS:
-            for number in range(len(device.legs)):
-                leg = device.legs[number]
-                if tick > 0 and leg.phase == 0 and leg.entry_tick == tick:
-                    _end_stride(memory, number, tick)
-                _add_errors(memory, device, number, tick)
-        for number in range(len(device.joints)):
-            asked, share = device.joints[number].demand, memory.assisted[number].share
-            asked.stiffness *= share
-            asked.damping *= share
 
 
 def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, tick: int) -> None:

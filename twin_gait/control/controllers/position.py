@@ -70,6 +70,20 @@ class PathMemory:
     starts: list[float]
 
 
+def follow(memory: PathMemory, device: ControllerState, tick: int, period: float) -> None:
+    """Move the equilibrium angles along the path, and let the dampers move with it."""
+    angles, cycle = memory.angles, memory.cycle_ticks
+    spacing = cycle * period / (len(angles) - 1)
+    for number in range(len(device.legs)):
+        before, share = cycle_place(memory.starts[number] + tick / cycle, len(angles))
+        for position in range(JOINTS_PER_LEG):
+            asked = device.joints[number * JOINTS_PER_LEG + position].demand
+            start = angles[before][position]
+            change = angles[before + 1][position] - start
+            asked.equilibrium = start + share * change
+            asked.target += asked.damping * change / spacing
+
+
 @dataclass(frozen=True)
 class Position(Controller):
     """Position tracking.
@@ -81,6 +95,7 @@ class Position(Controller):
     path: PathParameters = field(default_factory=PathParameters)
 
     mode = "position"
+    tick = staticmethod(follow)
     by_phases = False
     unprinted = "control.mode: position follows a path, which is not printed; set impedance"
 
@@ -120,20 +135,6 @@ class Position(Controller):
         """The path."""
         path = self.walk(plan)
         return PathMemory(path.angles.tolist(), path.cycle_ticks, path.starts.tolist())
-
-    @staticmethod
-    def tick(memory: PathMemory, device: ControllerState, tick: int, period: float) -> None:
-        """Move the equilibrium angles along the path, and let the dampers move with it."""
-        angles, cycle = memory.angles, memory.cycle_ticks
-        spacing = cycle * period / (len(angles) - 1)
-        for number in range(len(device.legs)):
-            before, share = cycle_place(memory.starts[number] + tick / cycle, len(angles))
-            for position in range(JOINTS_PER_LEG):
-                asked = device.joints[number * JOINTS_PER_LEG + position].demand
-                start = angles[before][position]
-                change = angles[before + 1][position] - start
-                asked.equilibrium = start + share * change
-                asked.target += asked.damping * change / spacing
 
 
 def device_walk(healthy: Path) -> Path:

@@ -66,9 +66,9 @@ def _control_torque(e: BenchEpisode, tick: int) -> None:
 
 def _let_act(e: BenchEpisode, tick: int) -> None:
     """Let a controller change what is demanded; gravity that it feeds forward goes with the target."""
-    joint, leg = e.device.joints[0], e.device.legs[0]
+    joint = e.device.joints[0]
     joint.measurement.angle, joint.measurement.velocity = e.encoder.angle, e.encoder.velocity_fast
-    joint.demand.gravity, leg.ticks = 0.0, tick
+    joint.demand.gravity = 0.0
     controller_tick(e.device.memory, e.device, tick, TICK)
     joint.demand.target += joint.demand.gravity
 

@@ -196,13 +196,11 @@ class DeviceLeg:
     Attributes:
         phase: 0.
         entry_tick: 0.
-        ticks: Since the start.
         load: 0: nobody stands on it.
     """
 
     phase: int = 0
     entry_tick: int = 0
-    ticks: int = 0
     load: float = 0.0
 
 
