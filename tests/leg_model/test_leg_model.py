@@ -559,7 +559,7 @@ def test_wrong_options_are_refused(tmp_path: Path) -> None:
 
 
 def test_packaged_urdfs_are_found_by_name() -> None:
-    for name in ("twin.urdf", "twin_leg.urdf"):
+    for name in ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf"):
         assert packaged_urdf(name).is_file()
         assert find_urdf(name) == packaged_urdf(name)
     with pytest.raises(ModelError, match=r"twin\.urdf, twin_leg\.urdf"):

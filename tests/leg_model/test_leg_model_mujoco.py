@@ -53,7 +53,7 @@ def compare(model: LegModel, legs: mujoco.MjModel, rng: np.random.Generator) -> 
         assert_allclose(model.forward_dynamics(q, v, tau), accelerations, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
+@pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf", "twin_ankle.urdf"])
 def test_device_has_the_dynamics_that_mujoco_finds(name: str, rng: np.random.Generator) -> None:
     model = LegModel(name, legs_of(name), armature=ARMATURE)
     compare(model, mujoco_legs_of(model), rng)
@@ -65,7 +65,7 @@ def test_device_on_a_guided_pelvis_has_the_dynamics_that_mujoco_finds(rng: np.ra
 
 
 @pytest.mark.parametrize("patient", PATIENTS)
-@pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
+@pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf", "twin_ankle.urdf"])
 def test_worn_and_fitted_device_has_the_dynamics_that_mujoco_finds(
     name: str, patient: Patient, rng: np.random.Generator
 ) -> None:

@@ -1,8 +1,8 @@
 """What acts on a coordinate of the plant by itself, and what binds or leads it.
 
 A coordinate without friction has no law of it; one without stops has a stop stiffness of 0. The same record
-serves hip and knee (friction, stops), the ankle orthosis (spring, stops) and the vertical pelvis guide
-(support force, damping).
+serves joints with a drive (friction, stops), the ankle (that of its orthosis is a spring) and the vertical
+pelvis guide (support force, damping).
 """
 
 from __future__ import annotations

@@ -112,9 +112,15 @@ class Experiment:
                 raise ParameterError(f"{controls}, which has no drive; give plant.actuators.{joint}")
             if joint not in self.control.friction_model:
                 raise ParameterError(f"control.friction_model.{joint}: {controls}; give its friction")
-        if self.control.mode is ControlMode.POSITION and self.joints != PATH_JOINTS:
+        if self.control.mode is not ControlMode.POSITION:
+            return
+        if self.joints != PATH_JOINTS:
             paths = f"position has a path for {', '.join(PATH_JOINTS)}"
             raise ParameterError(f"control.mode: {paths}, {table} controls {names}; take another mode")
+        for joint in self.joints:
+            if joint not in self.control.path.stiffness:
+                spring = f"control.path.stiffness.{joint}"
+                raise ParameterError(f"{spring}: the {joint} follows a path; give its spring")
 
     @property
     def joints(self) -> tuple[JointName, ...]:

@@ -17,7 +17,6 @@ from twin_gait.firmware.comparing import current_errors, differing, events_of, l
 from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, print_project
 from twin_gait.firmware.vectors import record_vectors
 from twin_gait.simulation.run import Run
-from twin_gait.vocabulary import JointName
 from twin_gait.worlds import Treadmill
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -109,7 +108,7 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
         impossible |= kind is FaultKind.ENCODER_MISSING and not experiment.control.safety.enabled
         if kind is not FaultKind.CONTROLLER_RUNAWAY and not impossible:
             side = None if on_supply else next(iter(experiment.leg.legs))
-            joint = None if on_supply or on_foot else JointName.KNEE
+            joint = None if on_supply or on_foot else experiment.joints[-1]
             fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, side=side, joint=joint)
             yield replace(experiment, duration=length, faults=(fault,))
 

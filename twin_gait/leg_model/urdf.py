@@ -22,7 +22,7 @@ from twin_gait.files import shipped_file
 _SILENCE = threading.Lock()
 # Drawing programs export a zero inertia as -5e-20 (iCub's hip); this much below zero is such a zero.
 _ROUNDING = 1e-12
-PACKAGED_URDFS = ("twin.urdf", "twin_ankle.urdf", "twin_leg.urdf")
+PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf")
 
 
 def packaged_urdf(name: str) -> Path:
