@@ -8,6 +8,7 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -120,10 +121,17 @@ def downhill(tmp_path_factory):
     return exported_walk(tmp_path_factory, -4.0)
 
 
-def exported_walk(tmp_path_factory, slope):
+@pytest.fixture(scope="module")
+def powered_ankle(tmp_path_factory):
+    """With an orthosis that is not slack beside the motor."""
+    preset = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
+    return exported_walk(tmp_path_factory, 0.0, preset, ["plant.ankle.stiffness_Nm_per_rad=20"])
+
+
+def exported_walk(tmp_path_factory, slope, preset="treadmill", more=()):
     folder = tmp_path_factory.mktemp("opensim")
     settings = [f"duration_s={SECONDS}", f"scenario.slope_deg={slope}"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment(preset, [*settings, *more]).experiment)
     assert run.trip is None
     export_inverse_dynamics(run, folder, OPENSIM_GAIT2392)
     return Folder(folder, run)
@@ -180,6 +188,16 @@ def test_inverse_dynamics_of_the_files_finds_the_torques_of_the_log(way, request
         ("pelvis_tilt", MOMENT_TOLERANCE),
     ):
         assert rms(found[coordinate]) < tolerance
+
+
+def test_inverse_dynamics_finds_motor_and_orthosis_of_a_powered_ankle(powered_ankle):
+    found, log = inverse_dynamics(powered_ankle), powered_ankle.run.log
+    for side in Side:
+        coordinate, orthosis = f"ankle_angle_{side[0]}", log[f"{side}_ankle_orthosis_torque_Nm"]
+        expected = torque_behind_gear(powered_ankle.run, side, JointName.ANKLE) + orthosis
+        assert rms(orthosis) > 1.0 < rms(expected - orthosis)
+        assert rms(found[coordinate] - expected) < MOMENT_TOLERANCE
+        assert rms(powered_ankle.moments[f"{coordinate}_moment"] - expected) < 1e-9
 
 
 @pytest.mark.parametrize("way", ["walk", "downhill"])

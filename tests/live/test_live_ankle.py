@@ -1,0 +1,70 @@
+"""The panel of a live walk sets a driven ankle as it sets hip and knee."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment
+from twin_gait.checking.sense import STIFFNESS_RANGES
+from twin_gait.live.actions import Actions
+from twin_gait.live.controls import Panel
+from twin_gait.live.protocol import Action, DoAction
+from twin_gait.live.rules import check_settings, refusal
+from twin_gait.live.settings import Mode, loop_numbers
+from twin_gait.live.stepping import SteppedRun
+from twin_gait.vocabulary import JointName, Side
+
+WALK = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
+
+
+@pytest.fixture(scope="module")
+def panel() -> Panel:
+    return Panel(load_experiment(WALK, ["duration_s=60"]).experiment)
+
+
+def test_every_phase_has_four_controls_of_the_ankle_in_its_ranges(panel: Panel) -> None:
+    controls = [item for item in panel.controls(panel.preset) if item.joint == "ankle"]
+    table = [item for item in controls if item.group == "table"]
+    assert len(table) == 4 * len(panel.preset.table.phases)
+    assert len([item for item in controls if item.group == "monitor"]) == 2 * 5
+    by_name = {item.name: item for item in table}
+    assert by_name["late_stance.ankle.stiffness"].largest == STIFFNESS_RANGES[JointName.ANKLE].most
+    angle = by_name["late_stance.ankle.equilibrium"]
+    assert (angle.least, angle.largest) == (pytest.approx(-30.0, abs=0.2), pytest.approx(30.0, abs=0.2))
+
+
+def test_a_control_of_the_ankle_reaches_its_numbers_and_no_other(panel: Panel) -> None:
+    changed = panel.set(panel.preset, "late_stance.ankle.stiffness", 2.5)
+    before, after = (np.array(loop_numbers(item).phase_rows) for item in (panel.preset, changed))
+    phase = panel.problem.table.phase_index("late_stance")
+    assert np.argwhere(before != after).tolist() == [[0, phase, 8], [1, phase, 8]]
+    # The table's law scales both by the mass that is carried.
+    assert after[0, phase, 8] / before[0, phase, 8] == pytest.approx(2.5 / 1.3)
+    assert panel.revert(changed, "late_stance.ankle.stiffness") == panel.preset
+
+
+def test_the_monitor_drives_the_ankle(panel: Panel) -> None:
+    driving = replace(panel.preset, mode=Mode.TORQUE)
+    asked = panel.set(driving, "monitor.right.ankle.torque", -3.0)
+    assert loop_numbers(asked).target_torque == [0.0] * 5 + [-3.0]
+    loose = panel.set(replace(panel.preset, mode=Mode.IMPEDANCE), "monitor.left.ankle.damping", 0.0)
+    assert loose.monitor[Side.LEFT, JointName.ANKLE].damping == 0.0
+    assert refusal(check_settings(panel.preset), frozenset()) == ""
+
+
+def test_a_push_on_the_ankle_moves_it(panel: Panel) -> None:
+    actions = Actions(panel.problem)
+    assert actions.joint_names[2] == "left_ankle"
+    values = actions.values_of(
+        DoAction(action=Action.PUSH, values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
+    )
+    number = actions.joint_names.index(str(values["joint"]))
+    pushed, free = SteppedRun(panel.problem), SteppedRun(panel.problem)
+    pushed.push(number, float(values["torque"]), 100)
+    place = pushed.layout.positions["left_ankle_angle_rad"]
+    first, second = (run.advance(100)[-1, place] for run in (pushed, free))
+    assert first > second + 0.01

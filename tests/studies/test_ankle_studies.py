@@ -1,0 +1,168 @@
+"""Tuning, comparing and breaking a walk whose table drives the ankle, too."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.checking.sense import STIFFNESS_RANGES
+from twin_gait.experiment import AssistanceParameters
+from twin_gait.measures.reference import gait_profile_score
+from twin_gait.report import tune as pictures
+from twin_gait.report.walk_words import off_the_reference
+from twin_gait.runs.summary import summarise
+from twin_gait.simulation import Run
+from twin_gait.studies.accuracy import step_error
+from twin_gait.studies.batch import flat_summary, summary_table
+from twin_gait.studies.compare.comparing import CONTROLLERS
+from twin_gait.studies.compare.measures import run_measures
+from twin_gait.studies.compare.writing import shown_measures
+from twin_gait.studies.fault_campaign import draw_faults
+from twin_gait.studies.tune.cases import departures, robust_cases
+from twin_gait.studies.tune.outcome import gait_curves
+from twin_gait.studies.tune.parts import ERROR_GOALS, WORST, parts_of, rate_walk, residuals, walk_cost
+from twin_gait.studies.tune.space import editable_document, parameters_of
+from twin_gait.studies.tune.state import Settings
+from twin_gait.vocabulary import JointName, Side
+
+WALK = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
+JOINTS = tuple(JointName)
+TWO = (JointName.HIP, JointName.KNEE)
+
+
+@pytest.fixture(scope="module")
+def walk() -> Run:
+    return simulate(load_experiment(WALK, ["duration_s=12"]).experiment)
+
+
+# ---------------------------------------------------------------------------------- tuning
+
+
+def test_the_error_of_a_driven_ankle_counts_like_those_of_hip_and_knee() -> None:
+    two, three = ({part.name: part for part in parts_of(joints)} for joints in (TWO, JOINTS))
+    assert set(two) == set(three)
+    assert three["ankle_error_deg"].weight == three["knee_error_deg"].weight > two["ankle_error_deg"].weight
+    assert three["ankle_error_deg"].excess == three["hip_error_deg"].excess > two["ankle_error_deg"].excess
+    at_goal = {part.name: part.goal for part in parts_of(JOINTS)}
+    assert walk_cost({**at_goal, "ankle_error_deg": None}, 1.0, False, JOINTS) == WORST
+    assert walk_cost({**at_goal, "ankle_error_deg": None}, 1.0, False, TWO) < WORST
+    only = [part.name for part in parts_of((JointName.KNEE, JointName.ANKLE))]
+    assert only[:3] == ["knee_error_deg", "ankle_error_deg", "offset_deg"] and "hip_error_deg" not in only
+
+
+def test_a_walk_is_rated_by_its_three_joints(walk: Run) -> None:
+    rating, sides = rate_walk(walk), summarise(walk)["sides"].values()
+    assert rating.joints == JOINTS
+    for joint in JOINTS:
+        largest = max(side[f"rmse_{joint}_by_contact_deg"] for side in sides)
+        assert rating.values[f"{joint}_error_deg"] == pytest.approx(largest, rel=1e-9)
+    assert len(rating.deviations) == 2 * 3 * 20
+    found = residuals(rating)
+    assert found is not None and len(found) == len(rating.deviations) + 2 * len(rating.parts) - 3
+    torques = [walk.log[f"{side}_{joint}_motor_torque_Nm"] ** 2 for side in Side for joint in JOINTS]
+    assert rating.torque == pytest.approx(np.mean(torques) ** 0.5, rel=1e-12)
+
+
+def test_numbers_of_the_ankle_are_searched_within_its_published_range() -> None:
+    table = load_experiment(WALK).experiment.table
+    found = [item for item in parameters_of(table) if ".ankle." in item.name]
+    assert len(found) == 4 * len(table.phases)
+    stiff = [item for item in found if item.unit == "Nm/deg"]
+    assert all(item.upper == STIFFNESS_RANGES[JointName.ANKLE].most for item in stiff)
+    assert editable_document(table)["phases"]["late_stance"]["ankle"]["equilibrium_deg"] == 4.0
+
+
+def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
+    experiment = load_experiment(WALK).experiment
+    cases = {case.name: case.change(experiment) for case in robust_cases(experiment)}
+    rough, worn = cases["friction ratio 0.35"], cases["gear efficiency 0.75"]
+    true = experiment.plant.true_friction()[JointName.ANKLE]
+    assert rough.plant.true_friction()[JointName.ANKLE] == true.scaled(0.35)
+    assert worn.plant.actuators[JointName.ANKLE].gear_efficiency == 0.75
+    (friction,) = (item for item in departures(experiment) if item.name == "true friction over model")
+    assert friction.nominal == pytest.approx((0.5 + 0.5 + 1.0) / 3.0)
+
+
+def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
+    experiment = walk.experiment
+    table = editable_document(experiment.table)
+    curves = gait_curves(table, table, experiment, Settings(robust_duration=8.0))
+    assert list(curves) == [*JOINTS]
+    figure = pictures.draw_gait(curves)
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        "hip flexion [°]", "knee flexion [°]", "ankle dorsiflexion [°]"
+    ]  # fmt: skip
+    errors = {f"{joint}_error_deg": [5.0, None] for joint in JOINTS}
+    item = {"nominal": 1.0, "values": [1.0, 2.0], "before": errors, "after": errors}
+    (axes,) = pictures.draw_departures({"mass [kg]": item}, JOINTS).axes
+    colours = {
+        line.get_color() for line in axes.lines if len(line.get_xdata()) == 2 and line.get_marker() == "o"
+    }
+    assert len(colours) == 3
+    nothing = {"candidates": [], "before": [9.0, 24.0, 9.5], "after": [8.0, 24.0, 9.5]}
+    labels = [axes.get_ylabel() for axes in pictures.draw_trade_offs(nothing, JOINTS).axes]
+    assert labels[0] == "error: RMS of hip, knee and ankle [°]"
+
+
+# ---------------------------------------------------------------------------------- the others
+
+
+def test_a_comparison_has_measures_of_the_ankle_and_no_winter_curve_for_it(walk: Run) -> None:
+    found = run_measures(walk)
+    for name in ("range_of_motion_deg", "interaction_rms_Nm", "assistance_level", "gvs_koopman_deg"):
+        both = [found[f"{side}_ankle_{name}"] for side in Side]
+        assert found[f"ankle_{name}"] == pytest.approx(np.mean(both)) and both[0] > 0.0
+    assert np.isnan(found["left_ankle_gvs_winter_deg"])
+    known = [found[f"{side}_{joint}_gvs_winter_deg"] for side in Side for joint in TWO]
+    assert found["gps_winter_deg"] == pytest.approx(gait_profile_score(known))
+    every = [found[f"{side}_{joint}_gvs_koopman_deg"] for side in Side for joint in JOINTS]
+    assert found["gps_koopman_deg"] == pytest.approx(gait_profile_score(every))
+    assert "ankle_range_symmetry" in found
+
+
+def test_a_comparison_shows_the_joints_that_are_driven() -> None:
+    two, three = (
+        {name for rows in shown_measures(joints).values() for name in rows} for joints in (TWO, JOINTS)
+    )
+    assert three - two == {"ankle_range_of_motion_deg", "ankle_interaction_rms_Nm"} and two < three
+
+
+def test_controllers_suit_the_ankle_and_help_it_as_well() -> None:
+    experiment = load_experiment(WALK).experiment
+    assert {name for name, item in CONTROLLERS.items() if not item.suits(experiment)} == {"position"}
+    assert all(item.suits(load_experiment("treadmill").experiment) for item in CONTROLLERS.values())
+    shared = CONTROLLERS["twincare"].change(experiment).control.assistance
+    assert set(shared.share) == set(JOINTS) and len(set(shared.share.values())) == 1
+    assert shared.share[JointName.ANKLE] < AssistanceParameters().share[JointName.HIP]
+
+
+def test_a_batch_has_columns_of_the_ankle_where_it_is_driven(walk: Run) -> None:
+    table = summary_table([flat_summary(walk)])
+    assert table["left_ankle_torque_peak_Nm"][0] > 5.0
+    columns = [name for name in table if name.startswith("left_ankle_")]
+    assert [name.replace("ankle", "knee") for name in columns] == [
+        name for name in table if name.startswith("left_knee_")
+    ]
+
+
+def test_faults_are_drawn_for_the_ankle_too_and_the_step_is_judged_by_it() -> None:
+    experiment = load_experiment(WALK, ["duration_s=10"]).experiment
+    joints = [fault.joint for fault in draw_faults(experiment, 60, seed=1) if fault.joint is not None]
+    assert set(joints) == set(JOINTS)
+    still = simulate(replace(experiment, duration=0.3))
+    assert 0.0 <= step_error(still)["largest_angle_error_rad"] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("errors", "told"),
+    [({}, ""), ({"hip": 3.14}, "3.1° (hip)"), ({"hip": 3.0, "knee": 4.0}, "3.0° (hip) and 4.0° (knee)"),
+     ({"hip": 3.0, "knee": 4.0, "ankle": 5.0}, "3.0° (hip), 4.0° (knee) and 5.0° (ankle)")],
+)  # fmt: skip
+def test_errors_of_all_joints_are_told_in_one_line(errors: dict[str, float], told: str) -> None:
+    leg = {f"rmse_{joint}_by_contact_deg": error for joint, error in errors.items()}
+    assert off_the_reference(leg, 1) == told
+    assert set(ERROR_GOALS) == set(JOINTS)

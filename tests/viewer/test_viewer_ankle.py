@@ -1,0 +1,101 @@
+"""The viewer shows a motor at the ankle, and nothing of one where there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.gait.table import TICK
+from twin_gait.measures.leg_record import driven_joints
+from twin_gait.runs.run_page import shown_run
+from twin_gait.runs.summary import summarise
+from twin_gait.simulation import Run
+from twin_gait.viewer.animation import recorded_run
+from twin_gait.viewer.commands import Recorder
+from twin_gait.viewer.live.figure import LiveFigure
+from twin_gait.viewer.motion import leg_columns, leg_values, read_motion
+from twin_gait.viewer.staging import build_scene
+from twin_gait.vocabulary import JointName, Side
+
+WALK = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
+JOINTS = tuple(JointName)
+
+
+@pytest.fixture(scope="module")
+def walk() -> Run:
+    return simulate(load_experiment(WALK, ["duration_s=3"]).experiment)
+
+
+def test_curves_and_torques_of_the_ankle_are_those_of_the_log(walk: Run) -> None:
+    model = walk.experiment.build_world().model
+    leg = read_motion(walk.log, model).legs[Side.LEFT]
+    assert set(leg.torques) == set(JOINTS)
+    values = leg_values(walk.log, Side.LEFT)
+    np.testing.assert_allclose(values["ankle"], np.degrees(walk.log["left_ankle_angle_rad"]))
+    np.testing.assert_array_equal(values["ankle_impedance"], walk.log["left_ankle_impedance_torque_Nm"])
+    page = recorded_run(walk.log, model, title="t", frames_per_second=10.0)
+    assert page["legs"][0]["shows"] == ["phase", *values]
+    assert [arc["label"].split(" torque")[0] for arc in page["arcs"]] == [
+        "Flexion or dorsiflexion",
+        "Extension or plantarflexion",
+    ]
+
+
+def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
+    run = simulate(load_experiment("treadmill", ["duration_s=0.5"]).experiment)
+    model = run.experiment.build_world().model
+    assert "left_ankle_angle_rad" in run.log
+    assert driven_joints(run.log, Side.LEFT) == (JointName.HIP, JointName.KNEE)
+    assert not [name for name in leg_values(run.log, Side.LEFT) if name.startswith("ankle")]
+    scene = build_scene(Recorder(), model)
+    assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"} and len(scene.covers[Side.LEFT]) == 2
+    assert (
+        recorded_run(run.log, model, title="t", frames_per_second=10.0)["arcs"][0]["label"]
+        == "Flexion torque"
+    )
+
+
+def test_a_recording_without_motors_shows_all_its_joints() -> None:
+    log = pd.DataFrame({f"right_{joint}_angle_rad": [0.1, 0.2] for joint in JOINTS})
+    assert list(leg_values(log, Side.RIGHT)) == [*JOINTS]
+
+
+def test_a_drive_that_turns_the_ankle_by_a_rod_stands_on_the_shank(walk: Run) -> None:
+    model = walk.experiment.build_world().model
+    recorder = Recorder()
+    scene = build_scene(recorder, model, drives=JOINTS)
+    names = dict(model.legs[Side.RIGHT].items())
+    hip, knee, ankle = scene.covers[Side.RIGHT]
+    assert hip == f"{scene.figure.paths[names[JointName.HIP]]}/motor_cover"
+    assert knee == f"{scene.figure.paths[names[JointName.KNEE]]}/motor_cover"
+    assert ankle == f"{scene.figure.paths[names[JointName.KNEE]]}/motor_cover_{names[JointName.ANKLE]}"
+    assert set(scene.arcs[Side.RIGHT]) == set(JOINTS)
+    state = scene.torque_state(Side.RIGHT, {"ankle": 30.0})
+    assert sum(value for (_, name), value in state.items() if name == "visible") == 1
+
+
+def test_a_cover_of_a_drive_about_its_joint_stays_there() -> None:
+    model = load_experiment("bench_leg").experiment.build_world().model
+    scene = build_scene(Recorder(), model)
+    assert all(path.endswith("/motor_cover") for path in scene.covers[Side.RIGHT])
+
+
+def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
+    model, last = walk.experiment.build_world().model, len(walk.log) - 1
+    figure = LiveFigure(model, drives=walk.experiment.joints, title="t", phases=walk.table.phase_names)
+    assert figure.page["legs"][0]["shows"].count("ankle_torque") == 1
+    figure.show(TICK * last, np.zeros(model.nv).tolist(), walk.log.iloc[last].to_dict())
+    columns = leg_columns(Side.LEFT, walk.experiment.joints)
+    assert columns["ankle_torque"] == "left_ankle_motor_torque_Nm" and columns["force"] in walk.log
+
+
+def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:
+    long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
+    rows = [row[0] for row in shown_run(long, summarise(long)).walk]
+    assert [row for row in rows if row.startswith("power of the ankle motor")]
+    run = simulate(load_experiment("treadmill", ["duration_s=8"]).experiment)
+    assert not [row[0] for row in shown_run(run, summarise(run)).walk if "ankle motor" in row[0]]
