@@ -14,8 +14,8 @@ sys.path.append(str(Path(__file__).parents[1] / "examples"))
 from gallery import form_of
 
 from twin_gait import Experiment, load_experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.problem import Problem, build_problem
 
 MOST = 1.25
 BUSES = {

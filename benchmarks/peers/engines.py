@@ -13,12 +13,12 @@ from peers.scenarios import Case
 from peers.timing import Implementation
 
 from twin_gait import simulate
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import RunStatus
 

@@ -15,9 +15,9 @@ from peers.engines import ALL_CORES, THREADS
 from peers.scenarios import RK4, Case
 from peers.timing import Implementation
 
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.leg_model.bodies import contact_points
 from twin_gait.simulation.block import WIDTH
+from twin_gait.simulation.problem import Problem, build_problem
 
 # Springs that hold the legs up while nothing controls them, as stiff as a phase of stance.
 HOLDING_STIFFNESS, HOLDING_DAMPING = 300.0, 30.0  # [N m] / [rad], [N m s] / [rad]

@@ -23,10 +23,11 @@ from twin_gait.core import (
     sagged_bus_voltage,
     torque_to_current,
 )
-from twin_gait.experiment import Experiment, Problem, build_problem
+from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK
 from twin_gait.measures import CONTACT_FORCE, leg_record, reference_curve, reference_cycle_time
 from twin_gait.simulation import engine_of, equations_of_motion, run_of
+from twin_gait.simulation.problem import Problem, build_problem
 
 try:
     import casadi as ca

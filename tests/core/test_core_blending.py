@@ -20,9 +20,9 @@ from twin_gait.core.blending import (
     blend_share,
 )
 from twin_gait.core.control_tick import Setpoint, copy_setpoint
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied
 from twin_gait.simulation.rooms import phases
 

@@ -32,13 +32,13 @@ from twin_gait.core.control_tick import (
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import guard_holds, next_transition
 from twin_gait.core.safety import NO_TRIP, Bounds, Watched, watch_joint
-from twin_gait.experiment import build_problem
 from twin_gait.firmware import Library, Program, TranslationUnit, print_units, units
 from twin_gait.gait.program import compile_guards
 from twin_gait.kernels.generated import write_control_gravity, write_side_by_side
 from twin_gait.simulation import interface
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.problem import build_problem
 
 ODD = [0.0, -0.0, 1.0, -1.0, 5e-324, 1e308, math.inf, -math.inf, math.nan]
 BOUNDS = Bounds(

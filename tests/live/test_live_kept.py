@@ -17,7 +17,6 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.cli.program import main
 from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.experiment.problem import build_problem
 from twin_gait.live import finishing
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.journal import Journal, locked, read_journal
@@ -29,6 +28,7 @@ from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import load_run
 from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import parse_fault
 
 pytestmark = pytest.mark.slow

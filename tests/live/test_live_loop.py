@@ -20,7 +20,6 @@ import pytest
 from twin_gait.configuration import load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.problem import build_problem
 from twin_gait.live.actions import Actions
 from twin_gait.live.controls import Panel
 from twin_gait.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
@@ -48,6 +47,7 @@ from twin_gait.live.settings import Mode, effect_of, loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
+from twin_gait.simulation.problem import build_problem
 
 DEGREE = math.pi / 180.0
 

@@ -13,13 +13,13 @@ from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.runs.run_page import belt_motion_of, trip_time_of
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds import FaultKind
 from twin_gait.worlds.faults import parse_fault
 

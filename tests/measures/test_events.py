@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.experiment.problem import build_problem
 from twin_gait.live.finishing import run_of
 from twin_gait.live.pieces import AppliedChange, Take
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from, run_events
 from twin_gait.runs.record import load_run, write_run
+from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import parse_fault
 
 INJECTED, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"

@@ -8,10 +8,10 @@ from twin_gait.checking.check import load_case
 from twin_gait.checking.finding import Severity
 from twin_gait.checking.network import values_on_the_bus
 from twin_gait.configuration import load_experiment, presets
-from twin_gait.experiment.bus_ranges import values_out_of_range
-from twin_gait.experiment.problem import build_problem
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import load_messages
+from twin_gait.simulation.bus_ranges import values_out_of_range
+from twin_gait.simulation.problem import build_problem
 
 
 @pytest.mark.parametrize("preset", presets())

@@ -16,10 +16,10 @@ from twin_gait.control.safety import SafetyState
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
-from twin_gait.experiment.problem import build_problem
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
 from twin_gait.parameters import BOARDS, NetworkParameters
+from twin_gait.simulation.problem import build_problem
 from twin_gait.vocabulary import GaitPhase
 
 PATH = shipped_file(PACKAGED_DBC)

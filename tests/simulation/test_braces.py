@@ -18,7 +18,6 @@ from twin_gait.conventions import RAJAGOPAL
 from twin_gait.core.plant import Brace, brace_torque
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.experiment.problem import build_problem
 from twin_gait.export import export_motion
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.pinocchio import PinocchioKernel
@@ -34,6 +33,7 @@ from twin_gait.simulation.binding import bind
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode, structure_of
 from twin_gait.simulation.log import BRACED_WORK_SOURCES
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ModelError
-from twin_gait.experiment.problem import build_problem
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.generated import body_values, write_kernel
 from twin_gait.kernels.tracing import Trace, sine_and_cosine
@@ -24,6 +23,7 @@ from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import keeping, loops
 from twin_gait.simulation.compiled_engine import Bodies, CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.log import WORK_SOURCES
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 GRAVITY = 9.81

@@ -19,10 +19,10 @@ from twin_gait.core.assistance import Adaptation, adapted_assistance, cycle_plac
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
 from twin_gait.parameters import KNEE_ACTUATOR
+from twin_gait.simulation.problem import build_problem
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 SIDES = (Side.LEFT, Side.RIGHT)

@@ -17,9 +17,9 @@ from twin_gait.control.controllers.position import Position
 from twin_gait.core.assistance import cycle_place
 from twin_gait.exceptions import MeasurementError, ParameterError
 from twin_gait.experiment import ControlMode, Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation import loops
 from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.simulator import SlowControllerWarning
 from twin_gait.vocabulary import JointName, Side
 
@@ -63,9 +63,7 @@ def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
     for number, side in enumerate(problem.sides):
         codes = np.asarray(run.log[f"{side}_phase"].cat.codes)
         strides = np.flatnonzero((codes[1:] == 0) & (codes[:-1] != 0)) + 1
-        ends = np.flatnonzero(
-            (codes[1:] != 0) & (codes[:-1] == 0)
-        )  # nearly faded
+        ends = np.flatnonzero((codes[1:] != 0) & (codes[:-1] == 0))  # nearly faded
         end = ends[ends > strides[0]][-1]
         share = max(0.8, 0.9 ** (strides < end).sum())
         assert share < 1.0

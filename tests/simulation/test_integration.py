@@ -14,10 +14,10 @@ from scipy.linalg import expm
 from twin_gait import load_experiment
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.plant import ImposedMotion, free_coordinate
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied
 from twin_gait.simulation.rooms.motion import acceleration, integrate
 

@@ -17,7 +17,6 @@ from numba.core.errors import NumbaError
 
 from twin_gait import load_experiment
 from twin_gait.control import Controller
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import bind
@@ -27,6 +26,7 @@ from twin_gait.simulation.compiling import ON_BITS, compile_loop, compiled_in, j
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, kind_of
 from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import RunStatus
 
 EULER = "integration={method: semi_implicit_euler, step_ms: %s}"

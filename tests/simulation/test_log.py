@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.simulation.engine import log_layout
@@ -24,6 +23,7 @@ from twin_gait.simulation.log import (
     unit_of,
     work_sources,
 )
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import ABSENT, numbers_in
 from twin_gait.vocabulary import JointName, Side
 

@@ -13,10 +13,10 @@ from twin_gait import load_experiment
 from twin_gait.control.joint_board import BoardState
 from twin_gait.core import safety
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
 from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied, dtype_of, stored
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.rooms.monitor import watch, watch_drives

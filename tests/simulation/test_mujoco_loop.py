@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 pytest.importorskip("mujoco")

@@ -13,7 +13,6 @@ from twin_gait.checking.check import build_case, check
 from twin_gait.control import TripCause
 from twin_gait.core.can_bus import NEVER
 from twin_gait.core.safety import support_share
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import load_messages
 from twin_gait.report.network_words import table_of_network
@@ -21,6 +20,7 @@ from twin_gait.runs.run_page import shown_run
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.lane_engine import LaneEngine, kind_of
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 

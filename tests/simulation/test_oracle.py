@@ -7,9 +7,9 @@ import oracle
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.problem import build_problem
 
 EULER, RK4 = "semi_implicit_euler", "rk4"
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")

@@ -13,13 +13,13 @@ from twin_gait import load_experiment, simulate
 from twin_gait.configuration import experiment_document
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import lane_engine
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.vocabulary import JointName, Side
 

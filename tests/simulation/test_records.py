@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait import load_experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import ABSENT, copied, dtype_of, numbers_in, stored, taken_from
 
 

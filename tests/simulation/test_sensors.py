@@ -11,9 +11,9 @@ import pytest
 from twin_gait import load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.parameters import SensorParameters
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.problem import build_problem
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_joint import bench_joint

@@ -11,13 +11,13 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.gait.guards import AllOf, parse_guard
 from twin_gait.gait.signals import all_signal_names
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 TICKS = 20

@@ -12,11 +12,11 @@ from numpy.testing import assert_allclose
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.core.belt import belt_speed, belt_travel, walk_command
 from twin_gait.exceptions import MeasurementError, ParameterFileError
-from twin_gait.experiment.problem import build_problem
 from twin_gait.gait import TICK, GaitStateMachine, LegSignals, Scaling
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import log_table
 from twin_gait.viewer.animation import _uneven_belt_track
 from twin_gait.viewer.surroundings import BELT_MARK_SPACING

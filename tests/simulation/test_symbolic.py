@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
 from twin_gait.core import gear_loss_torque, mechanical_stop_torque, rotational_friction_torque
-from twin_gait.experiment import build_problem
 from twin_gait.simulation import equations_of_motion
+from twin_gait.simulation.problem import build_problem
 
 
 @pytest.mark.parametrize("guide", ["vertical", "harness"])

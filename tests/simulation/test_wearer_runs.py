@@ -17,13 +17,13 @@ from twin_gait.configuration.people import people
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.experiment.problem import build_problem
-from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES, phase_spans
 from twin_gait.gait import GaitTable
 from twin_gait.gait.guards import PhaseMembership, mapped
 from twin_gait.measures.reference import normative_moment
 from twin_gait.simulation import Run
 from twin_gait.simulation.log import WORK_SOURCES
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES, phase_spans
 from twin_gait.vocabulary import JointName, Side
 
 # A leg in the air, from its swing on, stepped in Python so that nothing is compiled.

@@ -26,10 +26,10 @@ from twin_gait.exceptions import (
     TwinGaitError,
 )
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import scaled_table
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
+from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.tune import stages
 from twin_gait.studies.tune.cases import corner_cases, departures, robust_cases, search_cases
 from twin_gait.studies.tune.outcome import verdict

@@ -30,9 +30,9 @@ from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import scaled_table
 from twin_gait.gait.signals import HIGHEST_VELOCITY, device_parts
 from twin_gait.gait.table import GaitTable
+from twin_gait.simulation.problem import scaled_table
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import World
 

@@ -14,9 +14,9 @@ from twin_gait.core import friction as core
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters, FrictionLaw
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import build_leg_model
 

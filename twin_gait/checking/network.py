@@ -11,12 +11,12 @@ from twin_gait.checking.response_time import CyclicFrame, bus_load, response_tim
 from twin_gait.core.can_frame import most_frame_bits
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.bus_ranges import values_out_of_range
-from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import BIT_RATES, BOARDS, NetworkParameters
+from twin_gait.simulation.bus_ranges import values_out_of_range
+from twin_gait.simulation.problem import build_problem
 
 
 class Traffic(NamedTuple):

@@ -8,7 +8,3 @@ from .integration import Integration as Integration
 from .integration import IntegrationMethod as IntegrationMethod
 from .integration import default_integration as default_integration
 from .plant import PlantParameters as PlantParameters
-from .problem import ActuatedJoint as ActuatedJoint
-from .problem import Problem as Problem
-from .problem import build_problem as build_problem
-from .problem import scaled_table as scaled_table

@@ -11,7 +11,6 @@ import numpy as np
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import Command
 from twin_gait.core.guards import GuardProgram
-from twin_gait.experiment.problem import Problem
 from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
 from twin_gait.firmware.records import Records
 from twin_gait.firmware.units import (
@@ -27,6 +26,7 @@ from twin_gait.gait.signals import OTHER_TIME, TIME, all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
 from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ import numpy as np
 
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.firmware.linked import converted
 from twin_gait.firmware.project import Project
 from twin_gait.firmware.vectors import drive_pairs, keep, sensor_pairs, without_bus
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
 from twin_gait.simulation.engine import run_in_chunks
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import run_of

@@ -20,7 +20,6 @@ from twin_gait.control.joint_board import Demand, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
 from twin_gait.firmware.linked import LinkedUnit, c_dtype, linked_unit
@@ -44,6 +43,7 @@ from twin_gait.firmware.vectors import Vectors
 from twin_gait.gait.program import require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace
+from twin_gait.simulation.problem import Problem, build_problem
 
 MANIFEST = "manifest.json"
 VECTORS = "vectors.csv"

@@ -11,10 +11,10 @@ import numpy as np
 
 from twin_gait.exceptions import FirmwareError
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.firmware.linked import LinkedUnit, linked_unit
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import run_in_chunks
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import run_of

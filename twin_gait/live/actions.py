@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from twin_gait.experiment.problem import Problem
 from twin_gait.live.protocol import (
     Action,
     ActionSpec,
@@ -16,6 +15,7 @@ from twin_gait.live.protocol import (
     Value,
 )
 from twin_gait.live.protocol.to_page import checked
+from twin_gait.simulation.problem import Problem
 from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
 
 LONGEST_PUSH = 2.0  # [s]

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
-from twin_gait.experiment.problem import Problem
 from twin_gait.export.can import BusFrame, bus_frames, messages_of
 from twin_gait.live.can_commands import MODE, Wishes, change_of, commands_of, wishes_of
 from twin_gait.live.deadlines import PERIOD
@@ -25,6 +24,7 @@ from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl
 from twin_gait.parameters import NetworkParameters
 from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.problem import Problem
 
 if TYPE_CHECKING:
     import can

@@ -17,7 +17,6 @@ import numpy as np
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.gait.table import GaitTable
 from twin_gait.live.actions import EVERYTHING
 from twin_gait.live.protocol import Control, ControlKind, MessageRefused, Value
@@ -32,6 +31,7 @@ from twin_gait.live.settings import (
     places,
     resolved_damping,
 )
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, Side
 
 _DEGREE = math.pi / 180.0

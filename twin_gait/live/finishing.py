@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import Content, locked, next_free, read_journal
@@ -22,6 +21,7 @@ from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, l
 from twin_gait.runs.folders import journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
 from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, log_table
 from twin_gait.worlds.faults import parse_fault
 

@@ -21,7 +21,6 @@ import numpy as np
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import dump
@@ -30,6 +29,7 @@ from twin_gait.live.walk import LiveWalk
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.scenario import BELT_SPEED

@@ -21,7 +21,6 @@ from typing import IO, Any
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
-from twin_gait.experiment.problem import build_problem
 from twin_gait.live.finishing import complete_all
 from twin_gait.live.journal import Journal, next_free
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
@@ -30,6 +29,7 @@ from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import dump
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
+from twin_gait.simulation.problem import build_problem
 
 
 class Sender:

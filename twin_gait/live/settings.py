@@ -12,9 +12,9 @@ import numpy as np
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.core.guards import Comparison
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.simulation.log import JOINT_COLUMNS
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 # The step that waits for a hand in manual mode begins where this phase ends.

@@ -20,13 +20,13 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.fading import Fade, arrive, fade_anew
 from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
+from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
@@ -51,7 +51,7 @@ class SteppedRun:
         """Lay the walk out; no tick is run.
 
         Args:
-            problem: From :func:`twin_gait.experiment.problem.build_problem`.
+            problem: From :func:`twin_gait.simulation.problem.build_problem`.
             on_compile: Called if the loop has to be compiled first, which takes 10 to 20 s.
         """
         self.problem = problem

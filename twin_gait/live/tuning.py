@@ -7,7 +7,6 @@ from typing import Any
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.problem import Problem
 from twin_gait.live.actions import EVERYTHING
 from twin_gait.live.controls import Panel
 from twin_gait.live.events import EventBook
@@ -15,6 +14,7 @@ from twin_gait.live.handle import LoopProcess
 from twin_gait.live.protocol import DoAction, MessageRefused, Response, SetControl, Value
 from twin_gait.live.rules import Checked, Place, check_settings, described, refusal, warnings
 from twin_gait.live.settings import Settings, effect_of, loop_numbers
+from twin_gait.simulation.problem import Problem
 
 
 class Tuning:

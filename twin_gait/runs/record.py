@@ -20,7 +20,6 @@ from twin_gait.configuration.experiments import load_experiment, resolved_docume
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import scaled_table
 from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
@@ -29,6 +28,7 @@ from twin_gait.runs.drawing import DrawingProcesses
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
+from twin_gait.simulation.problem import scaled_table
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 

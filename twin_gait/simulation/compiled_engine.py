@@ -10,7 +10,6 @@ import numpy as np
 
 from twin_gait.control import Trip
 from twin_gait.control.controller import TickFunction
-from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.kernels.generated import SIDE_BY_SIDE, body_values, kernel_structure, write_kernel
 from twin_gait.leg_model import LegModel
@@ -23,6 +22,7 @@ from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
+from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
 from twin_gait.simulation.rows import Switch

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.control import Trip
-from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.episode import DIVERGED, FELL
 from twin_gait.simulation.log import LogLayout
+from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic
 

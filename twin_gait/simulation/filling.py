@@ -24,8 +24,6 @@ from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, Transitio
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
-from twin_gait.experiment.problem import Problem
-from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.gait.signals import first_signals
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
@@ -45,6 +43,7 @@ from twin_gait.simulation.episode import (
     Supply,
     Wire,
 )
+from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
 from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
@@ -54,6 +53,7 @@ from twin_gait.simulation.watching import (
     ticks,
     watch_bounds,
 )
+from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import JointName, Side
 
 MOST_SWITCHES_PER_SECOND = 200

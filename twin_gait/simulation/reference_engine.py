@@ -13,7 +13,6 @@ import numpy as np
 
 from twin_gait.control.controller import checked
 from twin_gait.core.guards import NO_TRANSITION
-from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.binding import bind, is_ours
@@ -21,6 +20,7 @@ from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import COMPLETED, Episode
 from twin_gait.simulation.log import LogRow
+from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.rows import Switch

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 
 from twin_gait.control.controller import Controller, UncompiledControllerError
 from twin_gait.experiment import Engine, Experiment
-from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, log_table
 

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from twin_gait.core.contact import Point
-from twin_gait.experiment.problem import Problem
 from twin_gait.kernels.generated import SIDE_BY_SIDE, write_kernel
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.rooms.motion import acceleration
 
 

@@ -28,10 +28,10 @@ from typing import NamedTuple
 
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, has_lane_loop, kind_of, lane_loop
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import engine_of, run_of

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from twin_gait.experiment.problem import Problem
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT
 from twin_gait.parameters import NODES
+from twin_gait.simulation.problem import Problem
 
 _SECOND = 1e-12  # what the bus counts in, in [s]
 

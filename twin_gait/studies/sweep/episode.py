@@ -13,7 +13,7 @@ import numpy as np
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import converting
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.problem import build_problem
 from twin_gait.studies.batch import Base, Override
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ import numpy as np
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.together import compile_ahead
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import Case, corner_cases, robust_cases, search_cases

@@ -12,13 +12,13 @@ from twin_gait.control.controller import Controller, Plan, checked_setpoints, re
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import GuardProgram
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.experiment.path import plan_of, starting_at
-from twin_gait.experiment.wearer import Wearer, wearer_of
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
+from twin_gait.simulation.plan import plan_of, starting_at
+from twin_gait.simulation.wearer import Wearer, wearer_of
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import World
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.experiment.control import ControlParameters
-from twin_gait.experiment.problem import ActuatedJoint, Problem
 from twin_gait.network.dbc import Message
 from twin_gait.parameters import ImpedancePlace
+from twin_gait.simulation.problem import ActuatedJoint, Problem
 
 _SETPOINTS = {"stiffness": "Nm/rad", "damping": "Nms/rad", "equilibrium": "rad", "gain": ""}  # as in a row
 
