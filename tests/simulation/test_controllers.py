@@ -63,9 +63,7 @@ def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
     for number, side in enumerate(problem.sides):
         codes = np.asarray(run.log[f"{side}_phase"].cat.codes)
         strides = np.flatnonzero((codes[1:] == 0) & (codes[:-1] != 0)) + 1
-        ends = np.flatnonzero(
-            (codes[1:] != 0) & (codes[:-1] == 0)
-        )  # nearly faded
+        ends = np.flatnonzero((codes[1:] != 0) & (codes[:-1] == 0))  # nearly faded
         end = ends[ends > strides[0]][-1]
         share = max(0.8, 0.9 ** (strides < end).sum())
         assert share < 1.0
