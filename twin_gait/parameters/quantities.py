@@ -25,6 +25,9 @@ from twin_gait.parameters.checks import require
 DEGREE = math.pi / 180.0
 
 
+EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in several units
+
+
 class Unit:
     """Units in which a file may give a quantity.
 
@@ -35,6 +38,7 @@ class Unit:
     def __init__(self, si: str, **others: float) -> None:
         """Take the unit of SI and what others are in it."""
         self.factors: Mapping[str, float] = {si: 1.0, **others}
+        EXCHANGEABLE.update(end for end in self.factors if others and end)
 
 
 @dataclass(frozen=True)
