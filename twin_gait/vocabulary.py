@@ -34,9 +34,6 @@ class JointName(StrEnum):
     ANKLE = "ankle"
 
 
-MOTOR_JOINTS = (JointName.HIP, JointName.KNEE)  # those with a motor, in the order of the chain
-
-
 class Side(StrEnum):
     """Side of the body."""
 
