@@ -199,12 +199,12 @@ def run_test_command(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from twin_gait.files import write_atomically
-    from twin_gait.parameters import require
+    from twin_gait.parameters.quantities import WHOLE
     from twin_gait.simulation import RunStatus
     from twin_gait.simulation.bench_joint import simulate_bench
     from twin_gait.studies.campaign import log_text
 
-    require(arguments.seed >= 0, "seed", "a whole number of 0 or more", arguments.seed)
+    WHOLE.require("seed", arguments.seed)
     out: Path = arguments.out
     options.check_file("--out", out, force=arguments.force)
     bench = bench_of(arguments)

@@ -140,9 +140,9 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
         Processing,
         ProcessingOptions,
     )
-    from twin_gait.parameters import require
+    from twin_gait.parameters.quantities import WHOLE
 
-    require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
+    WHOLE.require("--seed", arguments.seed)
     processing = options.given(
         processing=None if arguments.processing is None else Processing(arguments.processing),
         cutoff=arguments.cutoff_Hz,

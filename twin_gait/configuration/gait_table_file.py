@@ -11,14 +11,7 @@ from pydantic import Field, create_model, model_validator
 from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
-from twin_gait.configuration.validation import (
-    Count,
-    Number,
-    Strict,
-    converting,
-    short,
-    validate,
-)
+from twin_gait.configuration.validation import Count, Number, Strict, converting, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, parse_guard
 from twin_gait.gait.table import (
@@ -61,8 +54,8 @@ class TransitionEntry(Strict):
     cause: str = Field(min_length=1)
     all: list[Any] | None = None
     any: list[Any] | None = None
-    after_s: Number | None = Field(default=None, gt=0, le=LONGEST * TICK)
-    debounce_ms: Count | None = Field(default=None, ge=1)
+    after_s: Number | None = Field(default=None, gt=TICK / 2, le=LONGEST * TICK)  # rounded to ticks
+    debounce_ms: Count | None = Field(default=None, ge=1, le=LONGEST)
     driven_by: DrivenBy = DrivenBy.JOINT
     remove: bool = False
 

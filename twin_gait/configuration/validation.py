@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,6 @@ from twin_gait.configuration.overrides import quantity_of, refuse_two_units
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
-DEGREE = math.pi / 180.0  # [rad], of the keys that end in _deg
 
 # Keys of the drafts before the first release, which people have in files: refused with the word of the field.
 RENAMED = {

@@ -21,13 +21,7 @@ from twin_gait.parameters import (
     SafetyParameters,
     require,
 )
-from twin_gait.parameters.quantities import (
-    SHARE,
-    Parameters,
-    Ratio,
-    Time,
-    Torque,
-)
+from twin_gait.parameters.quantities import SHARE, Parameters, Ratio, Time, Torque
 from twin_gait.vocabulary import JointName
 
 LONGEST_DELAY = 0.01  # [s]

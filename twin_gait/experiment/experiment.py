@@ -7,23 +7,12 @@ from typing import Annotated
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.control import ControlParameters
-from twin_gait.experiment.integration import (
-    Engine,
-    Integration,
-    IntegrationMethod,
-    default_integration,
-)
+from twin_gait.experiment.integration import Engine, Integration, IntegrationMethod, default_integration
 from twin_gait.experiment.plant import PlantParameters
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import Bodies, LegModel
-from twin_gait.parameters import (
-    BraceParameters,
-    NetworkParameters,
-    Patient,
-    SensorParameters,
-    require,
-)
-from twin_gait.parameters.quantities import AsInFile, Notation, Parameters, Range, Time, Word
+from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters, require
+from twin_gait.parameters.quantities import WHOLE, AsInFile, Notation, Parameters, Range, Time, Word
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
@@ -68,7 +57,7 @@ class Experiment(Parameters):
     sensors: SensorParameters = field(default_factory=SensorParameters)
     integration: Integration | None = None
     engine: Engine = Engine.COMPILED
-    seed: Annotated[int, Range(0, words="a whole number of 0 or more")] = 0
+    seed: Annotated[int, WHOLE] = 0
     faults: Annotated[tuple[Fault, ...], Notation(parse_fault, "KIND:SIDE_JOINT@TIMEs")] = ()
     interface: Annotated[BraceParameters | None, Word("rigid", "brace")] = None
     network: Annotated[NetworkParameters | None, Word("ideal", "can", implied=True)] = None

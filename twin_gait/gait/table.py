@@ -37,6 +37,7 @@ from twin_gait.vocabulary import PRE_SWING, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
+TICKS = Range(1, LONGEST, words=f"1 to {LONGEST}")
 MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
 
 
@@ -135,7 +136,7 @@ class DrivenBy(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Transition:
+class Transition(Parameters):
     """One entry of the transition list.
 
     Attributes:
@@ -152,20 +153,13 @@ class Transition:
     target: str
     cause: str
     guard: Guard = field(default_factory=lambda: AllOf(guards=()))
-    debounce_ticks: int = 1
-    time_out_ticks: int | None = None
+    debounce_ticks: Annotated[int, TICKS] = 1
+    time_out_ticks: Annotated[int | None, TICKS] = None
     driven_by: DrivenBy = DrivenBy.JOINT
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require(1 <= self.debounce_ticks <= LONGEST, "debounce_ms", f"1 to {LONGEST}", self.debounce_ticks)
-        if self.time_out_ticks is not None:
-            require(
-                1 <= self.time_out_ticks <= LONGEST,
-                "after_s",
-                f"{TICK:g} to {LONGEST * TICK:g}",
-                self.time_out_ticks,
-            )
+        super().__post_init__()
         name = f"{self.source} → {self.target} ({self.cause})"
         empty = self.time_out_ticks is None and self.guard == AllOf(guards=())
         _refuse(empty, f"transition {name} has no condition: give all, any or after_s")

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
 
-from twin_gait.parameters import (
-    ActuatorParameters,
-    require,
-    require_non_negative,
-    require_positive,
+from twin_gait.parameters import ActuatorParameters
+from twin_gait.parameters.quantities import (
+    COUNT,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Angle,
+    AngularAcceleration,
+    AngularVelocity,
+    Frequency,
+    Inertia,
+    Length,
+    Mass,
+    Parameters,
 )
 from twin_gait.worlds import HORIZONTAL, LoadAngle
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchSetup:
+class BenchSetup(Parameters):
     """Test bench of one joint (thesis 2.2.1).
 
     Attributes:
@@ -34,28 +42,14 @@ class BenchSetup:
     """
 
     actuator: ActuatorParameters
-    mass: float | None = None
-    lever: float = 0.30
-    link_inertia: float = 0.02
-    link_moment: float = 0.0
-    start_angle: float | None = HORIZONTAL
+    mass: Annotated[Mass | None, NOT_NEGATIVE] = None
+    lever: Annotated[Length, POSITIVE] = 0.30
+    link_inertia: Annotated[Inertia, NOT_NEGATIVE] = 0.02
+    link_moment: Annotated[float, NOT_NEGATIVE] = 0.0
+    start_angle: Angle | None = HORIZONTAL
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
     gravity: float = 9.81
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if self.mass is not None:
-            require_non_negative("mass", self.mass)
-        require_positive("lever", self.lever)
-        require_non_negative("link inertia", self.link_inertia)
-        require_non_negative("link moment", self.link_moment)
-        require(
-            self.start_angle is None or math.isfinite(self.start_angle),
-            "start angle",
-            "a finite angle",
-            self.start_angle,
-        )
 
     def joint_angle(self, angle: np.ndarray) -> np.ndarray:
         """Logged angles, set so that the first one is the start angle, in [rad]."""
@@ -107,7 +101,7 @@ class CurrentSource(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProcessingOptions:
+class ProcessingOptions(Parameters):
     """How to process logs.
 
     Attributes:
@@ -122,18 +116,9 @@ class ProcessingOptions:
     """
 
     processing: Processing | None = None
-    cutoff: float = 40.0
-    window: int = 10
+    cutoff: Annotated[Frequency, POSITIVE] = 40.0
+    window: Annotated[int, COUNT] = 10
     current: CurrentSource | None = None
-    standstill_velocity: float | None = None
-    impact_acceleration: float = 25.0
-    stop_margin: float = 0.01
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("cutoff", self.cutoff)
-        require(self.window >= 1, "window", "a whole number above 0", self.window)
-        if self.standstill_velocity is not None:
-            require_non_negative("standstill velocity", self.standstill_velocity)
-        require_positive("impact acceleration", self.impact_acceleration)
-        require_non_negative("stop margin", self.stop_margin)
+    standstill_velocity: Annotated[AngularVelocity | None, NOT_NEGATIVE] = None
+    impact_acceleration: Annotated[AngularAcceleration, POSITIVE] = 25.0
+    stop_margin: Annotated[Angle, NOT_NEGATIVE] = 0.01

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import require, require_positive
+from twin_gait.parameters.quantities import POSITIVE, require
 from twin_gait.vocabulary import JointName
 
 KILOMETRES_PER_HOUR = 3.6
@@ -189,7 +189,7 @@ def reference_cycle_time(speed: float, height: float) -> float:
 
 
 def _require_covered(speed: float, height: float) -> None:
-    require_positive("height", height)
+    POSITIVE.require("height", height)
     if not reference_covers(speed):
         raise ParameterError(
             f"speed: the reference curves hold from {SLOWEST:.2f} to {FASTEST:.2f} m/s, got {speed!r}"

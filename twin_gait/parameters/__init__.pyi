@@ -1,8 +1,3 @@
-from .checks import require as require
-from .checks import require_count as require_count
-from .checks import require_non_negative as require_non_negative
-from .checks import require_positive as require_positive
-from .checks import require_share as require_share
 from .drives import HARD_TORQUE_LIMIT as HARD_TORQUE_LIMIT
 from .drives import HIP_ACTUATOR as HIP_ACTUATOR
 from .drives import KNEE_ACTUATOR as KNEE_ACTUATOR
@@ -29,6 +24,7 @@ from .network import NetworkParameters as NetworkParameters
 from .network import Outage as Outage
 from .network import OutageKind as OutageKind
 from .network import parse_outage as parse_outage
+from .quantities import require as require
 from .safety import SafetyParameters as SafetyParameters
 from .surroundings import AnkleParameters as AnkleParameters
 from .surroundings import BeltProfile as BeltProfile

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar
 
 from twin_gait.core.friction import ASYMMETRIC, BRISTLE, FRICTIONLESS, ROTATIONAL, PlantFriction
-from twin_gait.parameters.checks import require, require_non_negative
 from twin_gait.parameters.quantities import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -17,6 +16,7 @@ from twin_gait.parameters.quantities import (
     RotaryDamping,
     RotaryStiffness,
     Torque,
+    require,
 )
 
 
@@ -52,8 +52,8 @@ class FrictionParameters(Parameters):
             self.breakaway_velocity,
         )
         sign = math.copysign(1.0, self.breakaway_velocity)
-        require_non_negative("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
-        require_non_negative("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
+        NOT_NEGATIVE.require("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
+        NOT_NEGATIVE.require("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
         # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.
         law = self.normalised()
         floor = law.breakaway_torque + law.viscous_friction * law.breakaway_velocity / math.sqrt(2.0)
@@ -81,7 +81,7 @@ class FrictionParameters(Parameters):
         Args:
             ratio: Plant friction over model friction, 0 or more.
         """
-        require_non_negative("friction ratio", ratio)
+        NOT_NEGATIVE.require("friction ratio", ratio)
         return replace(
             self,
             breakaway_torque=ratio * self.breakaway_torque,
@@ -169,7 +169,7 @@ class StribeckFriction(Parameters):
 
     def scaled(self, ratio: float) -> FrictionLaw:
         """As :meth:`FrictionParameters.scaled`; bristles slide after the same way as before."""
-        require_non_negative("friction ratio", ratio)
+        NOT_NEGATIVE.require("friction ratio", ratio)
         if ratio == 0.0:
             return NO_FRICTION
         given = self._given()

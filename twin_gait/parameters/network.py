@@ -10,8 +10,8 @@ from enum import StrEnum
 from typing import Annotated
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.checks import require, require_non_negative
 from twin_gait.parameters.quantities import (
+    NOT_NEGATIVE,
     POSITIVE,
     SHARE,
     BitRate,
@@ -23,6 +23,7 @@ from twin_gait.parameters.quantities import (
     Ratio,
     ShortTime,
     Time,
+    require,
 )
 from twin_gait.vocabulary import JointName, Side
 
@@ -81,7 +82,7 @@ class Outage:
 
     def __post_init__(self) -> None:
         """Check that kind, node and duration fit together."""
-        require_non_negative(f"time of {self.kind}", self.time)
+        NOT_NEGATIVE.require("time", self.time)
         nodes = ", ".join(NODES)
         if self.node is None:
             require(self.kind is OutageKind.SILENCE, f"node of {self.kind}", f"one of {nodes}", None)

@@ -20,9 +20,25 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
-from twin_gait.parameters.checks import require
+from twin_gait.exceptions import ParameterError
 
 DEGREE = math.pi / 180.0
+
+
+def require(condition: bool, name: str, expected: str, value: object) -> None:
+    """Raise a :class:`ParameterError` unless a condition holds.
+
+    Args:
+        condition: What must be true.
+        name: Name of the parameter as the user knows it.
+        expected: What would have been right, in words.
+        value: What was given.
+
+    Raises:
+        ParameterError: If the condition is false.
+    """
+    if not condition:
+        raise ParameterError(f"{name}: expected {expected}, got {value!r}")
 
 
 EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in several units
@@ -64,6 +80,11 @@ class Range:
         inside = self.least < value <= self.most if self.above else self.least <= value <= self.most
         return inside and (self.endless or math.isfinite(value))
 
+    def require(self, name: str, value: float, *, whole: bool = False) -> None:
+        """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
+        fits = isinstance(value, int) or not whole
+        require(fits and self.holds(value), name, self.expected, value)
+
     @property
     def expected(self) -> str:
         """What is expected, in words."""
@@ -78,6 +99,7 @@ class Range:
 
 POSITIVE, NOT_NEGATIVE, SHARE = Range(0.0, above=True), Range(0.0), Range(0.0, 1.0)
 FINITE, COUNT = Range(), Range(1, words="a whole number above 0")
+WHOLE = Range(0, words="a whole number of 0 or more")
 LATER = Range(0.0, endless=True)
 
 
@@ -219,8 +241,7 @@ class Declaration:
                 joined = " " if name.startswith(f"{self.name} of") else " of the "
                 self._check(item, bounds, f"{name}{joined}{place}")
             return
-        whole = self.kind is not int or isinstance(value, int)
-        require(whole and bounds.holds(value), name, bounds.expected, value)
+        bounds.require(name, value, whole=self.kind is int)
 
 
 class Parameters:

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
-from twin_gait.parameters.checks import require
 from twin_gait.parameters.quantities import (
     LATER,
     NOT_NEGATIVE,
@@ -25,6 +24,7 @@ from twin_gait.parameters.quantities import (
     RotaryStiffness,
     Speed,
     Time,
+    require,
 )
 from twin_gait.vocabulary import JointName, PelvisGuide
 

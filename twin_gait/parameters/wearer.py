@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from twin_gait.parameters.checks import require
 from twin_gait.parameters.quantities import (
     NOT_NEGATIVE,
     SHARE,
@@ -21,6 +20,7 @@ from twin_gait.parameters.quantities import (
     Ratio,
     RotaryDamping,
     Time,
+    require,
 )
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 

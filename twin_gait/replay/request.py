@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from twin_gait.experiment import PlantParameters
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import GaitTable
-from twin_gait.parameters import require_positive
+from twin_gait.parameters.quantities import POSITIVE, Mass, Parameters, Speed, Time
 from twin_gait.replay.machine import Replay, replay
 from twin_gait.replay.normative import is_normative, normative_walk
 from twin_gait.replay.reading import LogFormat, read_recording, shifted
@@ -26,7 +27,7 @@ DEFAULT_TABLE = "treadmill"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplayRequest:
+class ReplayRequest(Parameters):
     """What to replay, and how.
 
     Attributes:
@@ -44,18 +45,11 @@ class ReplayRequest:
     log: str
     table: str | None = None
     log_format: LogFormat = field(default_factory=LogFormat)
-    speed: float | None = None
-    mass: float | None = None
+    speed: Annotated[Speed | None, POSITIVE] = None
+    mass: Annotated[Mass | None, POSITIVE] = None
     mirror: bool = False
-    stride_time: float | None = None
+    stride_time: Time | None = None
     start_phases: Mapping[Side, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if self.speed is not None:
-            require_positive("speed", self.speed)
-        if self.mass is not None:
-            require_positive("mass", self.mass)
 
 
 @dataclass(frozen=True, kw_only=True)

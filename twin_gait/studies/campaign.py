@@ -8,21 +8,29 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from twin_gait import __version__
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
-from twin_gait.parameters import require, require_non_negative, require_positive
-from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.simulation.bench_joint import (
-    LOG_COLUMNS,
-    BenchRun,
-    BenchVariation,
-    simulate_bench,
+from twin_gait.parameters.quantities import (
+    COUNT,
+    NOT_NEGATIVE,
+    POSITIVE,
+    WHOLE,
+    AngularVelocity,
+    Current,
+    Parameters,
+    Range,
+    Ratio,
+    RotaryStiffness,
+    Time,
+    require,
 )
+from twin_gait.runs.folders import FolderKind, staged_directory
+from twin_gait.simulation.bench_joint import LOG_COLUMNS, BenchRun, BenchVariation, simulate_bench
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_joint import (
@@ -57,7 +65,7 @@ class Protocol(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwoWayProtocol:
+class TwoWayProtocol(Parameters):
     """Motor-driven tests in both directions.
 
     The path starts level at 90°, so that logs of both protocols are read alike, goes up by at most 92° and
@@ -72,30 +80,22 @@ class TwoWayProtocol:
         damping_ratio: Of the controller on the bare armature.
     """
 
-    lowest_speed: float = 0.15
-    highest_speed: float = 2.5
-    period: float = 2.0
-    cycles: int = 4
-    stiffness: float = 600.0
-    damping_ratio: float = 0.7
+    lowest_speed: Annotated[AngularVelocity, POSITIVE] = 0.15
+    highest_speed: AngularVelocity = 2.5
+    period: Annotated[Time, POSITIVE] = 2.0
+    cycles: Annotated[int, COUNT] = 4
+    stiffness: Annotated[RotaryStiffness, POSITIVE] = 600.0
+    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require_positive("lowest_speed", self.lowest_speed)
-        require(
-            self.highest_speed >= self.lowest_speed,
-            "highest_speed",
-            "at least the lowest",
-            self.highest_speed,
-        )
-        require_positive("period", self.period)
-        require(self.cycles >= 1, "cycles", "1 or more", self.cycles)
-        require_positive("stiffness", self.stiffness)
-        require_non_negative("damping_ratio", self.damping_ratio)
+        super().__post_init__()
+        ordered = self.highest_speed >= self.lowest_speed
+        require(ordered, "highest_speed", "at least the lowest", self.highest_speed)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread:
+class Spread(Parameters):
     """What differs between tests though nothing was changed; all assumptions.
 
     Attributes:
@@ -103,17 +103,12 @@ class Spread:
         current_offset: Standard deviation of the offset of the current measurement in [A].
     """
 
-    friction: float = 0.02
-    current_offset: float = 0.005
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("friction spread", self.friction)
-        require_non_negative("current offset spread", self.current_offset)
+    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.02
+    current_offset: Annotated[Current, NOT_NEGATIVE] = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
-class Campaign:
+class Campaign(Parameters):
     """A campaign on one joint.
 
     Attributes:
@@ -128,19 +123,16 @@ class Campaign:
 
     joint: JointName
     protocol: Protocol = Protocol.DROP
-    seed: int = 0
+    seed: Annotated[int, WHOLE] = 0
     bench: BenchJoint | None = None
     spread: Spread = field(default_factory=Spread)
     two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
-    longest: float = 20.0
+    longest: Annotated[Time, Range(1.0, 600.0, words="1 to 600 s")] = 20.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
+        super().__post_init__()
         require(self.joint in BENCH_FRICTION, "joint", "knee or hip", str(self.joint))
-        require(
-            isinstance(self.seed, int) and self.seed >= 0, "seed", "a whole number of 0 or more", self.seed
-        )
-        require(1.0 <= self.longest <= 600.0, "longest test", "1 to 600 s", self.longest)
 
     def plain_bench(self) -> BenchJoint:
         """The bench to start from, with a friction ripple of 0.3 N m (assumed: some teeth have more)."""

@@ -9,10 +9,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
+from typing import Annotated
 
 import numpy as np
 
-from twin_gait.parameters import HEAVIEST_WEARER, Patient, require, require_count, require_positive
+from twin_gait.parameters import HEAVIEST_WEARER, Patient
+from twin_gait.parameters.quantities import COUNT, POSITIVE, WHOLE, Length, Mass, Parameters, Ratio, require
 from twin_gait.vocabulary import Sex
 
 HIGHEST_SHARE = 0.95  # 5th to 95th percentile (thesis, table 2.1)
@@ -20,7 +22,7 @@ _REACH = NormalDist().inv_cdf(HIGHEST_SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodySizes:
+class BodySizes(Parameters):
     """Stature and body mass of the people of one sex.
 
     Attributes:
@@ -31,16 +33,15 @@ class BodySizes:
         correlation: Of stature and mass.
     """
 
-    stature_mean: float
-    stature_deviation: float
-    mass_mean: float
-    mass_deviation: float
-    correlation: float
+    stature_mean: Annotated[Length, POSITIVE]
+    stature_deviation: Annotated[Length, POSITIVE]
+    mass_mean: Annotated[Mass, POSITIVE]
+    mass_deviation: Annotated[Mass, POSITIVE]
+    correlation: Ratio
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name in ("stature_mean", "stature_deviation", "mass_mean", "mass_deviation"):
-            require_positive(name, getattr(self, name))
+        super().__post_init__()
         require(-1.0 < self.correlation < 1.0, "correlation", "a number between -1 and 1", self.correlation)
 
 
@@ -79,8 +80,8 @@ def cohort(
     Raises:
         ParameterError: If count, seed or sizes make no sense.
     """
-    require_count("count", count)
-    require(isinstance(seed, int) and seed >= 0, "seed", "a whole number of 0 or more", seed)
+    COUNT.require("count", count, whole=True)
+    WHOLE.require("seed", seed, whole=True)
     require(set(sizes) == set(Sex), "sizes", "those of both sexes", sorted(sizes))
     for sex, size in sizes.items():
         lightest = _lognormal(size.mass_mean, size.mass_deviation, -_REACH)

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import require, require_non_negative
+from twin_gait.parameters.quantities import DEGREE, NOT_NEGATIVE, require
 from twin_gait.vocabulary import JointName, Side
 
-_DEGREE = math.pi / 180.0
 FOOT = "foot"
 _SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=(\S+))?")
 _MAGNITUDE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)([A-Za-z/]*)")
@@ -49,9 +48,9 @@ class FaultKind(StrEnum):
 
 
 _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
-    FaultKind.ENCODER_JUMP: (10.0 * _DEGREE, {"rad": 1.0, "deg": _DEGREE}),
-    FaultKind.ENCODER_OFFSET: (5.0 * _DEGREE, {"rad": 1.0, "deg": _DEGREE}),
-    FaultKind.ENCODER_DRIFT: (20.0 * _DEGREE, {"rad/s": 1.0, "deg/s": _DEGREE}),
+    FaultKind.ENCODER_JUMP: (10.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
+    FaultKind.ENCODER_OFFSET: (5.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
+    FaultKind.ENCODER_DRIFT: (20.0 * DEGREE, {"rad/s": 1.0, "deg/s": DEGREE}),
     FaultKind.MOTOR_STUCK: (30.0, {"Nm": 1.0}),
     FaultKind.CONTROLLER_RUNAWAY: (200.0, {"Nm/s": 1.0}),
     FaultKind.SUPPLY_DIP: (15.0, {"V": 1.0}),
@@ -79,7 +78,7 @@ class Fault:
 
     def __post_init__(self) -> None:
         """Check that kind, place and magnitude fit together."""
-        require_non_negative(f"time of {self.kind}", self.time)
+        NOT_NEGATIVE.require("time", self.time)
         wanted = {FaultKind.SUPPLY_DIP: (False, False), FaultKind.FOOT_LOAD_STUCK: (True, False)}
         has = (self.side is not None, self.joint is not None)
         require(

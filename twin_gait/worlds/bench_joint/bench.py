@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from twin_gait.parameters import (
     HIP_ACTUATOR,
@@ -16,9 +17,17 @@ from twin_gait.parameters import (
     FrictionParameters,
     LimitParameters,
     SensorParameters,
+)
+from twin_gait.parameters.quantities import (
+    LATER,
+    NOT_NEGATIVE,
+    Acceleration,
+    Angle,
+    AngularVelocity,
+    Parameters,
+    Range,
+    Time,
     require,
-    require_non_negative,
-    require_positive,
 )
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_joint.control import DutyControl, TorqueControl
@@ -50,7 +59,7 @@ BENCH_INDUCTANCE: Mapping[JointName, float] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchJoint:
+class BenchJoint(Parameters):
     """One test on the joint bench.
 
     Attributes:
@@ -86,21 +95,16 @@ class BenchJoint:
     inertial_unit: InertialUnit | None = None
     limits: LimitParameters = field(default_factory=LimitParameters)
     imposed_motion: ImposedMotionParameters | None = None
-    start_angle: float = HORIZONTAL
-    start_velocity: float = 0.0
-    gravity: float = 9.81
-    duration: float = 5.0
-    rest_at_stop: float = math.inf
+    start_angle: Angle = HORIZONTAL
+    start_velocity: AngularVelocity = 0.0
+    gravity: Annotated[Acceleration, NOT_NEGATIVE] = 9.81
+    duration: Annotated[Time, Range(1e-3, 3600.0, words="0.001 to 3600 s")] = 5.0
+    rest_at_stop: Annotated[Time, LATER] = math.inf
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require(math.isfinite(self.start_angle), "start angle", "a finite angle", self.start_angle)
-        require(math.isfinite(self.start_velocity), "start velocity", "a finite speed", self.start_velocity)
-        require_non_negative("gravity", self.gravity)
-        require(0.001 <= self.duration <= 3600.0, "duration", "0.001 to 3600 s", self.duration)
-        require(self.rest_at_stop >= 0.0, "rest_at_stop", "0 or more", self.rest_at_stop)
+        super().__post_init__()
         require(not self.sensors.offset, "sensors offset", "none on the joint bench", self.sensors.offset)
-        require_positive("gear ratio", self.actuator.gear_ratio)
 
 
 def bench_joint(joint: JointName, **changes: object) -> BenchJoint:

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
 from twin_gait.control import Controller
-from twin_gait.parameters import (
-    ActuatorParameters,
-    FrictionParameters,
-    require,
-    require_non_negative,
-    require_positive,
+from twin_gait.parameters import ActuatorParameters, FrictionParameters
+from twin_gait.parameters.quantities import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Angle,
+    AngularVelocity,
+    Frequency,
+    Parameters,
+    Range,
+    Ratio,
+    RotaryDamping,
+    RotaryStiffness,
+    Torque,
+    Voltage,
 )
 from twin_gait.vocabulary import JointName
 
@@ -31,7 +39,7 @@ class CompensationVelocity(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DutyControl:
+class DutyControl(Parameters):
     """Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
 
     K, A and f are the thesis's. It prints neither p0, p1, p2 nor ω_min; they are assumptions, chosen so that
@@ -50,25 +58,14 @@ class DutyControl:
         duty_limit: As a share of full duty.
     """
 
-    amplitude: float = 170.0
-    frequency: float = 3.0
-    transparency_gain: float = 1.10
-    lowest_velocity: float = LOWEST_VELOCITIES[JointName.KNEE]
-    static_voltage: float = 0.05
-    back_emf_share: float = 0.9
-    braking_torque: float = 18.0
-    duty_limit: float = 0.9
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("amplitude A", self.amplitude)
-        require_positive("frequency f", self.frequency)
-        require_non_negative("transparency gain K", self.transparency_gain)
-        require_positive("lowest_velocity", self.lowest_velocity)
-        require_non_negative("static_voltage", self.static_voltage)
-        require_non_negative("back_emf_share", self.back_emf_share)
-        require_non_negative("braking_torque", self.braking_torque)
-        require(0.0 < self.duty_limit <= 1.0, "duty_limit", "above 0 and at most 1", self.duty_limit)
+    amplitude: Annotated[float, NOT_NEGATIVE] = 170.0
+    frequency: Annotated[Frequency, POSITIVE] = 3.0
+    transparency_gain: Annotated[Ratio, NOT_NEGATIVE] = 1.10
+    lowest_velocity: Annotated[AngularVelocity, POSITIVE] = LOWEST_VELOCITIES[JointName.KNEE]
+    static_voltage: Annotated[Voltage, NOT_NEGATIVE] = 0.05
+    back_emf_share: Annotated[Ratio, NOT_NEGATIVE] = 0.9
+    braking_torque: Annotated[float, NOT_NEGATIVE] = 18.0
+    duty_limit: Annotated[Ratio, Range(0.0, 1.0, above=True, words="above 0 and at most 1")] = 0.9
 
     def voltages(self, actuator: ActuatorParameters) -> tuple[float, float, float]:
         """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] for a motor.
@@ -88,7 +85,7 @@ class DutyControl:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OldFrictionModel:
+class OldFrictionModel(Parameters):
     """TWIN's old friction model, equation (2.5) of the thesis.
 
     Attributes:
@@ -97,19 +94,13 @@ class OldFrictionModel:
         steepness: In [s] / [rad]; 40 in the thesis.
     """
 
-    coulomb: float = 3.193
-    viscous: float = 2.06
-    steepness: float = 40.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("old model coulomb", self.coulomb)
-        require_non_negative("old model viscous", self.viscous)
-        require_positive("old model steepness", self.steepness)
+    coulomb: Annotated[Torque, NOT_NEGATIVE] = 3.193
+    viscous: Annotated[RotaryDamping, NOT_NEGATIVE] = 2.06
+    steepness: Annotated[float, POSITIVE] = 40.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class CosinePath:
+class CosinePath(Parameters):
     """A path of the equilibrium angle, there and back.
 
     Attributes:
@@ -118,19 +109,13 @@ class CosinePath:
         frequency: In [Hz].
     """
 
-    start_angle: float
-    amplitude: float
-    frequency: float
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require(math.isfinite(self.start_angle), "path start angle", "a finite angle", self.start_angle)
-        require(math.isfinite(self.amplitude), "path amplitude", "a finite angle", self.amplitude)
-        require_positive("path frequency", self.frequency)
+    start_angle: Angle
+    amplitude: Angle
+    frequency: Annotated[Frequency, POSITIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueControl:
+class TorqueControl(Parameters):
     """Torque control, equations (2.7), (2.16) and (2.18) of the thesis.
 
     With stiffness and damping of zero it is friction compensation with a target torque (2.16); with a
@@ -154,27 +139,12 @@ class TorqueControl:
     friction_model: FrictionParameters
     controller: Controller = field(default_factory=Controller)
     old_model: OldFrictionModel | None = None
-    friction_compensation_gain: float = 0.35
+    friction_compensation_gain: Annotated[Ratio, NOT_NEGATIVE] = 0.35
     compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED
-    dead_zone: float = 0.0
-    target_torque: float = 0.0
-    stiffness: float = 0.0
-    damping: float = 0.0
-    equilibrium_angle: float = 0.0
-    inertia_compensation: float = 0.0
+    dead_zone: Annotated[AngularVelocity, NOT_NEGATIVE] = 0.0
+    target_torque: Torque = 0.0
+    stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 0.0
+    damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 0.0
+    equilibrium_angle: Angle = 0.0
+    inertia_compensation: Annotated[Ratio, NOT_NEGATIVE] = 0.0
     path: CosinePath | None = None
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("friction compensation gain G", self.friction_compensation_gain)
-        require_non_negative("dead zone", self.dead_zone)
-        require(math.isfinite(self.target_torque), "target torque", "a finite torque", self.target_torque)
-        require_non_negative("stiffness", self.stiffness)
-        require_non_negative("damping", self.damping)
-        require(
-            math.isfinite(self.equilibrium_angle),
-            "equilibrium angle",
-            "a finite angle",
-            self.equilibrium_angle,
-        )
-        require_non_negative("inertia compensation", self.inertia_compensation)

@@ -6,19 +6,35 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
-from twin_gait.parameters import (
-    FrictionLaw,
-    StopParameters,
+from twin_gait.parameters import FrictionLaw, StopParameters
+from twin_gait.parameters.quantities import (
+    COUNT,
+    NOT_NEGATIVE,
+    POSITIVE,
+    WHOLE,
+    Angle,
+    AngularVelocity,
+    Current,
+    Frequency,
+    Inertia,
+    Length,
+    Mass,
+    Parameters,
+    Range,
+    Ratio,
+    RotaryDamping,
+    RotaryStiffness,
+    Time,
+    Torque,
     require,
-    require_count,
-    require_non_negative,
-    require_positive,
 )
 
 HORIZONTAL = math.pi / 2.0  # [rad]: where the fall begins (thesis 2.3.1)
 STOP_ANGLE = math.radians(125.0)  # where it ends (thesis, appendix B)
 LOWER_STOP = math.radians(-4.0)  # thesis 2.4
+CATALOGUE = Range(-10.0, 40.0, words="-10 to 40 °C, the range of the catalogue")
 
 
 class LoadAngle(StrEnum):
@@ -29,7 +45,7 @@ class LoadAngle(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchFriction:
+class BenchFriction(Parameters):
     """True friction of the joint: its law, and what may come on top of it.
 
     What comes on top turns over within a tenth of the law's break-away or Stribeck velocity.
@@ -44,23 +60,15 @@ class BenchFriction:
     """
 
     law: FrictionLaw
-    coulomb_per_load: float = 0.0
+    coulomb_per_load: Annotated[Ratio, NOT_NEGATIVE] = 0.0
     coulomb_per_kelvin: float = 0.0
     viscous_per_kelvin: float = 0.0
     temperature: float = 25.0
-    ripple: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("coulomb_per_load", self.coulomb_per_load)
-        for name in ("coulomb_per_kelvin", "viscous_per_kelvin", "temperature"):
-            value = getattr(self, name)
-            require(math.isfinite(value), name, "a finite number", value)
-        require_non_negative("friction ripple", self.ripple)
+    ripple: Annotated[Torque, NOT_NEGATIVE] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinkParameters:
+class LinkParameters(Parameters):
     """What hangs on the joint.
 
     Attributes:
@@ -74,21 +82,18 @@ class LinkParameters:
         upper_stop: In [rad].
     """
 
-    mass: float = 2.0
-    lever: float = 0.30
-    inertia: float = 0.02
-    moment: float = 0.0
+    mass: Annotated[Mass, NOT_NEGATIVE] = 2.0
+    lever: Annotated[Length, POSITIVE] = 0.30
+    inertia: Annotated[Inertia, POSITIVE] = 0.02
+    moment: Annotated[float, NOT_NEGATIVE] = 0.0
     load_angle: LoadAngle = LoadAngle.CORRECTED
     stops: StopParameters = field(default_factory=lambda: StopParameters(stiffness=2e5))
-    lower_stop: float = LOWER_STOP
-    upper_stop: float = STOP_ANGLE
+    lower_stop: Angle = LOWER_STOP
+    upper_stop: Angle = STOP_ANGLE
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require_non_negative("mass", self.mass)
-        require_positive("lever", self.lever)
-        require_positive("link inertia", self.inertia)
-        require_non_negative("link moment", self.moment)
+        super().__post_init__()
         require(self.lower_stop < self.upper_stop, "stops", "lower < upper", self.lower_stop)
 
     @property
@@ -118,7 +123,7 @@ INERTIAL_NOISE: Mapping[InertialSensor, float] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class InertialUnit:
+class InertialUnit(Parameters):
     """An inertial unit on the link, sampled at 1 kHz.
 
     Attributes:
@@ -130,17 +135,10 @@ class InertialUnit:
     """
 
     sensor: InertialSensor
-    noise: float = 0.0
-    delay: int = 2
-    lever: float = 0.30
-    time_constant: float = 0.001
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("inertial noise", self.noise)
-        require(0 <= self.delay <= 1000, "inertial delay", "0 to 1000 ticks", self.delay)
-        require_positive("inertial lever", self.lever)
-        require_non_negative("inertial time_constant", self.time_constant)
+    noise: Annotated[float, NOT_NEGATIVE] = 0.0
+    delay: Annotated[int, Range(0, 1000, words="0 to 1000 ticks")] = 2
+    lever: Annotated[Length, POSITIVE] = 0.30
+    time_constant: Annotated[Time, NOT_NEGATIVE] = 0.001
 
 
 class CurrentLoop(StrEnum):
@@ -151,7 +149,7 @@ class CurrentLoop(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveParameters:
+class DriveParameters(Parameters):
     """Winding, inverter and current loop.
 
     Attributes:
@@ -169,34 +167,26 @@ class DriveParameters:
         resolution: Of the current converter in [A]; 0 for none.
     """
 
-    inductance: float
-    pole_pairs: int = 12
-    rate: float = 20_000.0
-    counts: int = 6000
+    inductance: Annotated[float, POSITIVE]
+    pole_pairs: Annotated[int, COUNT] = 12
+    rate: Annotated[Frequency, POSITIVE] = 20_000.0
+    counts: Annotated[int, WHOLE] = 6000
     loop: CurrentLoop = CurrentLoop.PI
-    bandwidth: float = 2.0 * math.pi * 500.0
-    noise: float = 0.011
-    ripple: float = 0.0067
-    delay: int = 1
-    resolution: float = 0.0
+    bandwidth: Annotated[AngularVelocity, POSITIVE] = 2.0 * math.pi * 500.0
+    noise: Annotated[Current, NOT_NEGATIVE] = 0.011
+    ripple: Annotated[Ratio, NOT_NEGATIVE] = 0.0067
+    delay: Annotated[int, Range(0, 100, words="0 to 100 periods of the loop")] = 1
+    resolution: Annotated[Current, NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require_positive("inductance", self.inductance)
-        require_count("pole_pairs", self.pole_pairs)
-        require_positive("current loop rate", self.rate)
+        super().__post_init__()
         per_tick = self.rate / 1000.0
-        require(per_tick == round(per_tick), "current loop rate", "a whole multiple of 1000 Hz", self.rate)
-        require(self.counts >= 0, "pwm counts", "0 or more", self.counts)
-        require_positive("current loop bandwidth", self.bandwidth)
-        require_non_negative("current noise", self.noise)
-        require_non_negative("current ripple", self.ripple)
-        require(0 <= self.delay <= 100, "current delay", "0 to 100 periods of the loop", self.delay)
-        require_non_negative("current resolution", self.resolution)
+        require(per_tick == round(per_tick), "rate", "a whole multiple of 1000 Hz", self.rate)
 
 
 @dataclass(frozen=True, kw_only=True)
-class CatalogueEfficiency:
+class CatalogueEfficiency(Parameters):
     """Efficiency of the CSD-25-100 at rated torque with grease, a quadratic in temperature and input speed.
 
     Least squares over 44 values of Harmonic Drive's catalogue (−10 to 40 °C, 500 to 3500 1/min): RMS error
@@ -208,7 +198,7 @@ class CatalogueEfficiency:
         transition_velocity: Of the loss at a reversal, in [rad] / [s]; an assumption.
     """
 
-    temperature: float = 25.0
+    temperature: Annotated[float, CATALOGUE] = 25.0
     coefficients: tuple[float, float, float, float, float, float] = (
         0.688878205,
         9.24475524e-3,
@@ -217,21 +207,11 @@ class CatalogueEfficiency:
         1.06902515e-5,
         1.57005966e-6,
     )
-    transition_velocity: float = 0.02
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require(
-            -10.0 <= self.temperature <= 40.0,
-            "gear temperature",
-            "-10 to 40 °C, the range of the catalogue",
-            self.temperature,
-        )
-        require_positive("transition_velocity", self.transition_velocity)
+    transition_velocity: Annotated[AngularVelocity, POSITIVE] = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class Torsion:
+class Torsion(Parameters):
     """Compliance of the flexspline between motor and link.
 
     Attributes:
@@ -239,10 +219,5 @@ class Torsion:
         damping: In [N m s] / [rad]; an assumption, about 3 % of critical for the default link.
     """
 
-    stiffness: float = 3.1e4
-    damping: float = 5.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("torsional stiffness", self.stiffness)
-        require_non_negative("torsional damping", self.damping)
+    stiffness: Annotated[RotaryStiffness, POSITIVE] = 3.1e4
+    damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 5.0
