@@ -20,6 +20,7 @@ TABLES = {
     "treadmill": ("treadmill",),
     "treadmill_pre_swing": ("treadmill", "table=treadmill_pre_swing"),
     "treadmill_40": ("treadmill_40",),
+    "treadmill_ankle": ("treadmill_ankle",),
     "treadmill_start_stop": ("treadmill_start_stop",),
     "bench_leg": ("bench_leg",),
 }

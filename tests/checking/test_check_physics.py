@@ -60,7 +60,7 @@ def of_phase(findings: list[Finding], phase: str) -> list[Finding]:
 # ---------------------------------------------------------------------- all rules
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "treadmill_40", "bench_leg"])
+@pytest.mark.parametrize("preset", ["treadmill", "treadmill_40", "treadmill_ankle", "bench_leg"])
 def test_shipped_tables_have_no_physical_errors(preset):
     case = case_of(preset)
     errors = [item for rule in RULES for item in rule(case) if item.severity is Severity.ERROR]

@@ -45,7 +45,7 @@ def kit(name: str) -> list[TransitionTest]:
 
 FIVE_PHASES = tuple(str(phase) for phase in GaitPhase)
 # Published machines of prostheses have tables too; these are walks of the device.
-WALKING = ["bench_leg", "treadmill"]
+WALKING = ["bench_leg", "treadmill", "treadmill_ankle"]
 TOLD_TICKS = 250  # after which both legs are told the contrary
 
 each_table = pytest.mark.parametrize("name", TABLES)
