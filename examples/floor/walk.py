@@ -26,8 +26,7 @@ from twin_gait.core import (
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK
 from twin_gait.measures import CONTACT_FORCE, leg_record, reference_curve, reference_cycle_time
-from twin_gait.simulation import engine_of, equations_of_motion, run_of
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation import Problem, build_problem, engine_of, equations_of_motion, run_of
 
 try:
     import casadi as ca

@@ -112,6 +112,18 @@ def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
     assert printed.count("100.0 % of the ticks equal") == 0
 
 
+def test_the_trunk_was_upright_in_a_run_and_is_not_known_of_a_file(walk, tmp_path, capsys):
+    """A guard on it beside those of the run's own table changes nothing; a file has to have the column."""
+    table = tmp_path / "upright.yaml"
+    tilted = "{from: early_stance, to: late_stance, cause: fallen, all: ['trunk.pitch_deg > 20']}"
+    table.write_text(f"schema_version: 1\nextends: treadmill\ntransitions:\n  - {tilted}\n")
+    assert run("replay", walk, "--table", table) == 0
+    assert capsys.readouterr().out.count("recorded phases: 100.0 % of the ticks equal") == 2
+    assert run("replay", walk / "log.parquet", "--table", table, "--total-mass", 90) == 2
+    said = capsys.readouterr().err
+    assert "no trunk_pitch_rad: name it in --columns" in said and said.count("\n") == 1
+
+
 def test_healthy_walking_goes_through_the_table(capsys):
     assert run("replay", "koopman@1.5", "--table", FIVE_PHASES) == 0
     printed = capsys.readouterr().out

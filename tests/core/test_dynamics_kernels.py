@@ -208,13 +208,17 @@ def test_an_edit_of_any_source_changes_the_key_and_of_nothing_else(copied_source
 
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
 def test_every_function_that_is_compiled_stands_in_a_source_that_is_hashed(preset):
-    bodies, _, structure = laid_out(build_problem(load_experiment(preset).experiment))
+    settings = ["control.mode=position", "control.assistance.adaptive=true"]
+    problem = build_problem(load_experiment(preset, settings).experiment)
+    bodies, _, structure = laid_out(problem)
     bound: list[FunctionType] = []
-    bind(run_at, {**structure, **bound_kernel(bodies)}, lambda function: bound.append(function) or function)
+    names = {**structure, **bound_kernel(bodies), **problem.controller.functions()}
+    bind(run_at, names, lambda function: bound.append(function) or function)
     hashed = set(hashed_sources("compiled_engine"))
     found = {Path(function.__code__.co_filename) for function in bound}
     assert found - hashed == {Path("generated kernel")}  # the key has its text
     assert {path.stem for path in found} >= {"tick", "motion", "impedance", "contact", "compiled_engine"}
+    assert {path.stem for path in found} >= {"position", "assistance"}
 
 
 def test_rooms_and_laws_take_constants_from_sources_that_are_hashed_alone():

@@ -18,19 +18,22 @@ from numba.core.compiler import DefaultPassBuilder
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
 
+from twin_gait.control.controller import NoMemory, UncompiledControllerError
 from twin_gait.simulation import compiling
+from twin_gait.simulation.bench_joint.episode import BenchDevice
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiling import (
     ALONE,
     Pruning,
     compile_loop,
     compiled_in,
-    compiles,
+    compiled_ticks,
     jit,
     numbers_at,
     record_at,
     rows_at,
 )
+from twin_gait.simulation.record import dtype_of
 
 INSTALLED = tuple(map(int, numba.__version__.split(".")[:2]))
 WIDE, COUNT = False, 0
@@ -295,7 +298,9 @@ for _room in (*BRANCHES, calls_when_wide, walk, scaled, summed):
 
 
 def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
-    def law(angle, fast, slow, k, b, equilibrium, gain, friction):  # type: ignore[no-untyped-def]
-        return -k * angle, np.fft.nothing(fast)
+    def tick(memory, device, tick, period):  # type: ignore[no-untyped-def]
+        return np.fft.nothing(period)
 
-    assert not compiles(law)
+    device = dtype_of(BenchDevice(NoMemory()))
+    with pytest.raises(UncompiledControllerError, match="numba cannot compile the controller 'Mine'"):
+        compiled_ticks("Mine", {"controller_tick": tick}, device)

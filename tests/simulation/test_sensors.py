@@ -89,7 +89,7 @@ def test_offsets_are_swept_and_drawn_and_kept():
     [
         ("sensors.offset.right.hip_deg=10.1", "offset of the right hip: expected"),
         ("sensors.offset.left.hip_deg=1", "sensors offset: expected a leg of the experiment"),
-        ("sensors.offset.right.ankle_deg=1", "unknown key"),
+        ("sensors.offset.right.ankle_deg=1", "sensors offset: expected one of hip, knee"),
     ],
 )
 def test_an_offset_that_cannot_be_is_refused_in_one_line(setting, words):

@@ -10,7 +10,7 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking.sense import STIFFNESS_RANGES
-from twin_gait.experiment import AssistanceParameters
+from twin_gait.control import AssistanceParameters
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.report import tune as pictures
 from twin_gait.report.walk_words import off_the_reference

@@ -75,10 +75,10 @@ def experiment_from_mapping(
 def _file_about(scenario: Any, source: str) -> Any:
     """Section of an experiment in the world that it is about."""
     kind = scenario.get("kind") if isinstance(scenario, Mapping) else None
-    known = ", ".join(world_kinds())
     if scenario is None:
         return section_of(Experiment)  # which says that it is missing
     if not isinstance(kind, str):
+        known = ", ".join(world_kinds())
         key, given = ("scenario.kind", kind) if isinstance(scenario, Mapping) else ("scenario", scenario)
         raise ParameterFileError(source, key, f"expected a kind of world, one of {known}, got {given!r}")
     return _section_in(converting(source, "scenario.kind", lambda: world_of(kind)))

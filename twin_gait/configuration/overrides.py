@@ -10,13 +10,11 @@ from typing import Any
 import yaml
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.parameters.quantities import EXCHANGEABLE
 from twin_gait.vocabulary import JointName
 
-# Keys that name the same quantity in another unit; the longest suffix wins.
-_UNIT_SUFFIX = re.compile(
-    r"_(Nm_per_deg|Nm_per_rad|Nms_per_deg|Nms_per_rad|ratio|deg|rad|deg_per_s|rad_per_s|m_per_s|km_per_h|"
-    r"kbit_per_s|bit_per_s|ppm|us|ms|s)$"
-)
+# Keys that name the same quantity in another unit, or as a ratio; the longest suffix wins.
+_UNIT_SUFFIX = re.compile(f"_(ratio|{'|'.join(sorted(EXCHANGEABLE))})$")
 # "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
 _NO_UNIT = frozenset({"friction_ratio"})
 _JOINTS = frozenset(JointName)

@@ -21,7 +21,6 @@ from twin_gait.control.gait_controller import controller_tick
 from twin_gait.exceptions import MeasurementError, ParameterError
 from twin_gait.gait.scaling import InertiaAt
 from twin_gait.gait.table import TICK
-from twin_gait.measures.reference import reference_curve, reference_cycle_time
 from twin_gait.vocabulary import JointName, Side
 
 TickFunction = Callable[[Any, Any, int, float], None]
@@ -70,6 +69,9 @@ class Plan:
     @property
     def reference(self) -> Path:
         """Healthy walking at this speed and height (Koopman et al. 2014)."""
+        # With the measures comes pandas, which an experiment is read without.
+        from twin_gait.measures.reference import reference_curve, reference_cycle_time
+
         percent = np.linspace(0.0, 100.0, PATH_SAMPLES)
         angles = [
             reference_curve(JointName(name), percent, speed=self.speed, height=self.height)

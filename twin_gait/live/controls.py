@@ -85,7 +85,7 @@ class Panel:
         self.preset: Settings = first_settings(experiment)
         self.problem: Problem = build_problem(experiment)
         case = build_case(experiment.table, experiment)
-        self._angles = {JointName(name): limits for name, limits in case.limits.items()}
+        self._angles = {joint: case.limits[joint] for joint in experiment.joints}
         self._places = tuple(places(experiment.table, self.problem.sides))
         self._inertias = _inertias(self.problem)
         self._torque = experiment.control.limits.torque

@@ -24,6 +24,8 @@ from twin_gait.exceptions import ParameterError
 
 DEGREE = math.pi / 180.0
 
+EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in several units
+
 
 def require(condition: bool, name: str, expected: str, value: object) -> None:
     """Raise a :class:`ParameterError` unless a condition holds.
@@ -51,6 +53,7 @@ class Unit:
     def __init__(self, si: str, **others: float) -> None:
         """Take the unit of SI and what others are in it."""
         self.factors: Mapping[str, float] = {si: 1.0, **others}
+        EXCHANGEABLE.update(end for end in self.factors if others and end)
 
 
 @dataclass(frozen=True)

@@ -111,8 +111,8 @@ class Scenario(Parameters, ABC):
     """A world with its parameters: the abstract base of all worlds.
 
     A new world is a frozen dataclass of its own in a module of this package, or in another package under the
-    entry point ``twin_gait.worlds``. What it does not say is so in the air: no ground, nothing to adjust, and
-    a leg that always walks.
+    entry point ``twin_gait.worlds``. What it leaves out is as for legs in the air: no ground, nothing to
+    adjust, told to walk all the time.
 
     Attributes:
         kind: Name of the world in files.

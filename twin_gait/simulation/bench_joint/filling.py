@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.control.controller import NoMemory, Plan
+from twin_gait.control.controller import Plan
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.elementary import sine_cosine
@@ -73,7 +73,6 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
     link, friction, sensors = test.link, test.friction, test.sensors
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
-    acting = torque.controller
     path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
     sine, cosine = sine_cosine(variation.ripple_phase)
     unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
@@ -101,8 +100,8 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         imposed_motion=_imposed_motion(test),
         unit=unit,
         acceleration=_acceleration(test, unit),
-        torque_control=replace(torque, controller=None, old_model=None, path=None),
-        device=record.BenchDevice(NoMemory() if acting is None else memory_of(acting, _plan(test))),
+        torque_control=replace(torque, old_model=None, path=None),
+        device=record.BenchDevice(memory_of(torque.controller, _plan(test))),
         path=torque.path or path,
         old_model=torque.old_model or OldFrictionModel(),
         old=torque.old_model is not None,

@@ -112,9 +112,8 @@ def simulate_bench(
     Raises:
         ParameterError: If parts of the test do not go together.
     """
-    acting = test.control.controller if isinstance(test.control, TorqueControl) else None
-    if acting is not None:
-        require_controller(acting)
+    acting = test.control.controller if isinstance(test.control, TorqueControl) else Controller()
+    require_controller(acting)
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or BenchVariation()), bench_noise(test, ticks, seed)
     rows = np.zeros((ticks, len(COLUMNS)))
@@ -143,26 +142,23 @@ def _compiled(
     episode: BenchEpisode,
     noise: np.ndarray,
     rows: np.ndarray,
-    acting: Controller | None,
+    acting: Controller,
     on_compile: Callable[[], None] | None,
 ) -> Advance:
     """The compiled loop of a test; the caller keeps noise and rows."""
     episode.log, episode.noise = rows.ctypes.data, noise.ctypes.data
-    store, ticks, own = stored(episode), {}, ""
-    if acting is not None and acting.functions():
-        from twin_gait.simulation.compiling import compiled_ticks
-
-        own, ticks = acting.name, compiled_ticks(acting.name, acting.functions(), store.dtype["device"])
+    store, functions = stored(episode), acting.functions()
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop
+        from twin_gait.simulation.compiling import compile_loop, compiled_ticks
 
-        names = {**structure, **_compiled_rows(store.dtype), **ticks}
-        return compile_loop(run_at, names, _ARGUMENTS, own)
+        ticks = compiled_ticks(acting.name, functions, store.dtype["device"])
+        names = {**structure, **_compiled_rows(store.dtype), **functions, **ticks}
+        return compile_loop(run_at, names, _ARGUMENTS, acting.name if ticks else "")
 
     structure = _structure(episode, acting)
-    functions = tuple(acting.functions().values()) if acting is not None else ()
-    loop = kept_loop(_key(store.dtype, str(structure)), _ARGUMENTS, make, on_compile, functions)
+    key, own = _key(store.dtype, str(structure)), tuple(functions.values())
+    loop = kept_loop(key, _ARGUMENTS, make, on_compile, own)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
 
 
@@ -172,10 +168,9 @@ def _key(episode: np.dtype[Any], structure: str) -> str:
     return source_key(repr((episode, _ROW, structure, TICK, DIVERGED_VELOCITY)), "bench_joint")
 
 
-def _structure(episode: BenchEpisode, acting: Controller | None) -> dict[str, int]:
+def _structure(episode: BenchEpisode, acting: Controller) -> dict[str, int]:
     """Constants that a loop is bound to; the laws beside (3.1) slow the others down."""
-    constants = {} if acting is None else acting.constants()
-    return {"OTHER_LAWS": episode.friction.law in (ASYMMETRIC, BRISTLE), **constants}
+    return {"OTHER_LAWS": episode.friction.law in (ASYMMETRIC, BRISTLE), **acting.constants()}
 
 
 @lru_cache(maxsize=8)
@@ -194,12 +189,11 @@ def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
     return {"bench_at": record_at(episode), "log_row": jit(log_row), "noise": jit(noise)}
 
 
-def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, acting: Controller | None) -> Advance:
+def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, acting: Controller) -> Advance:
     """The same rooms as plain Python, tick by tick."""
     log, table = [BenchRow() for _ in rows], noise.tolist()
     names = {"log_row": lambda e, tick: log[tick], "noise": lambda e, tick, place: table[tick][place]}
-    functions = {} if acting is None else acting.functions()
-    ticks = {name: checked(acting.name, tick) for name, tick in functions.items()} if acting else {}
+    ticks = {name: checked(acting.name, tick) for name, tick in acting.functions().items()}
     run = bind(run_ticks, {**names, **_structure(episode, acting), **ticks})
 
     def advance(first: int, end: int) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
@@ -123,7 +123,7 @@ class TorqueControl(Parameters):
 
     Attributes:
         friction_model: The compensator's own friction model.
-        controller: Changes what is demanded in every tick, as one of the gait's does; None for none.
+        controller: Changes what is demanded in every tick, as one of the gait's does, if it has one.
         old_model: Takes the place of the friction model if given.
         friction_compensation_gain: G.
         compensation_velocity: At which velocity the friction is compensated.
@@ -137,7 +137,7 @@ class TorqueControl(Parameters):
     """
 
     friction_model: FrictionParameters
-    controller: Controller | None = None
+    controller: Controller = field(default_factory=Controller)
     old_model: OldFrictionModel | None = None
     friction_compensation_gain: Annotated[Ratio, NOT_NEGATIVE] = 0.35
     compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED

@@ -1,0 +1,123 @@
+"""Every parameter is declared once, in its class; keys and checks are made of that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import MISSING, dataclass, field
+from importlib import import_module
+from pkgutil import walk_packages
+from typing import Annotated, Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import twin_gait
+from twin_gait.configuration.readers import section_of
+from twin_gait.exceptions import ParameterError
+from twin_gait.parameters.quantities import (
+    LATER,
+    POSITIVE,
+    Angle,
+    AsInFile,
+    Declaration,
+    Key,
+    Parameters,
+    Range,
+    Time,
+    UnitInside,
+    declarations,
+)
+from twin_gait.vocabulary import JointName
+
+
+def subclasses(kind: type[Any]) -> set[type[Any]]:
+    """All classes that derive from one, in the package."""
+    found = {item for item in kind.__subclasses__() if item.__module__.startswith("twin_gait.")}
+    return found.union(*(subclasses(item) for item in kind.__subclasses__()))
+
+
+for module in walk_packages(twin_gait.__path__, "twin_gait."):
+    if module.name.split(".")[1] in ("parameters", "experiment", "worlds", "gait", "control", "leg_model"):
+        import_module(module.name)
+CLASSES = sorted(
+    (kind for kind in subclasses(Parameters) if hasattr(kind, "__dataclass_fields__")),
+    key=lambda kind: kind.__name__,
+)
+FIELDS = [(kind, item) for kind in CLASSES for item in declarations(kind)]
+
+
+def test_there_are_the_parameters_of_an_experiment() -> None:
+    names = {kind.__name__ for kind in CLASSES}
+    assert {"Experiment", "Treadmill", "SafetyParameters", "JointImpedance", "Patient"} <= names
+
+
+@pytest.mark.parametrize(
+    ("kind", "item"), FIELDS, ids=[f"{kind.__name__}.{item.name}" for kind, item in FIELDS]
+)
+def test_a_parameter_says_what_it_is(kind: type[Any], item: Declaration) -> None:
+    assert item.meaning, "no meaning in the docstring of its class"
+    if item.kind is float:
+        assert item.unit is not None, "no unit"
+        assert item.range is not None, "no range"
+    if item.range is not None and item.default is not MISSING and item.default is not None:
+        item.check(item.default)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample(Parameters):
+    """Parameters of a test.
+
+    Attributes:
+        swing: How far it swings
+            and no further.
+        pause: Until it starts; see :func:`math.sin`.
+        posture: Of the joints.
+    """
+
+    swing: Annotated[Angle, Range(0.0, math.pi)]
+    pause: Annotated[Time, LATER, Key("rest")] = math.inf
+    posture: Annotated[dict[JointName, Angle], UnitInside()] = field(default_factory=dict)
+
+
+def test_keys_follow_from_name_and_unit() -> None:
+    swing, pause, posture = declarations(Sample)
+    assert list(swing.keys) == ["swing_rad", "swing_deg"]
+    assert list(pause.keys) == ["rest_s", "rest_ms"]
+    assert list(posture.keys) == ["posture"]
+    assert swing.meaning == "How far it swings and no further."
+    assert pause.meaning == "Until it starts; see `math.sin`."
+    assert (swing.default, pause.default) == (MISSING, math.inf)
+
+
+@pytest.mark.parametrize("value", [-0.1, 3.2, math.nan, math.inf])
+def test_a_value_out_of_its_range_is_refused_by_name(value: float) -> None:
+    with pytest.raises(ParameterError, match="swing: expected a number from 0 to"):
+        Sample(swing=value)
+
+
+def test_an_entry_of_a_mapping_is_refused_by_its_name() -> None:
+    with pytest.raises(ParameterError, match="posture of the knee: expected a finite number, got nan"):
+        Sample(swing=1.0, posture={JointName.KNEE: math.nan})
+
+
+def test_what_is_above_a_bound_is_not_on_it() -> None:
+    assert POSITIVE.holds(5e-324) and not POSITIVE.holds(0.0)
+    assert Range(0.0).holds(0.0) and not Range(0.0).holds(math.inf) and LATER.holds(math.inf)
+
+
+@given(swing=st.floats(0.0, math.pi), pause=st.floats(0.0), knee=st.floats(-10.0, 10.0))
+def test_what_is_written_is_read_to_the_last_bit(swing: float, pause: float, knee: float) -> None:
+    made = Sample(swing=swing, pause=pause, posture={JointName.KNEE: knee})
+    document = section_of(Sample).document(made)
+    assert section_of(Sample).model_validate(document).convert() == made
+
+
+def test_a_field_that_is_read_by_hand_is_known() -> None:
+    by_hand = {f"{kind.__name__}.{item.name}" for kind, item in FIELDS if item.mark(AsInFile)}
+    assert by_hand == {
+        "Experiment.scenario",
+        "Experiment.table",
+        "Patient.conditions",
+        "PhaseParameters.joints",
+    }
