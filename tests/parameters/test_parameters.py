@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import pytest
@@ -13,6 +14,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.gait.table import Transition
+from twin_gait.identification.bench import BenchSetup, ProcessingOptions
 from twin_gait.parameters import (
     HARD_TORQUE_LIMIT,
     HIP_ACTUATOR,
@@ -28,6 +31,12 @@ from twin_gait.parameters import (
     StopParameters,
     SupportParameters,
 )
+from twin_gait.replay.request import ReplayRequest
+from twin_gait.studies.campaign import Spread, TwoWayProtocol
+from twin_gait.studies.virtual_people import SIZES, BodySizes
+from twin_gait.vocabulary import Sex
+from twin_gait.worlds.bench_joint.control import CosinePath, DutyControl, OldFrictionModel
+from twin_gait.worlds.bench_joint.link import CatalogueEfficiency, DriveParameters, LinkParameters, Torsion
 
 # Every parameter with a value just outside its range.
 OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
@@ -74,8 +83,38 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (Patient, "mass", 110.1),
     (Patient, "height", 1.39),
     (Patient, "height", 2.06),
+    (DutyControl, "duty_limit", 1.1),
+    (OldFrictionModel, "steepness", 0.0),
+    (CosinePath, "start_angle", math.nan),
+    (LinkParameters, "lever", 0.0),
+    (DriveParameters, "rate", 0.0),
+    (DriveParameters, "delay", 101),
+    (DriveParameters, "counts", -1),
+    (CatalogueEfficiency, "temperature", 40.1),
+    (Torsion, "stiffness", 0.0),
+    (BenchSetup, "mass", -0.1),
+    (ProcessingOptions, "window", 0),
+    (TwoWayProtocol, "cycles", 0),
+    (Spread, "friction", -0.01),
+    (BodySizes, "mass_deviation", 0.0),
+    (ReplayRequest, "speed", 0.0),
+    (Transition, "debounce_ticks", 0),
+    (Transition, "time_out_ticks", 0),
 ]
-REQUIRED = {ActuatorParameters: {"torque_constant": 0.07, "resistance": 0.3}}
+REQUIRED: dict[Any, dict[str, Any]] = {
+    ActuatorParameters: {"torque_constant": 0.07, "resistance": 0.3},
+    CosinePath: {"start_angle": 0.0, "amplitude": 0.1, "frequency": 1.0},
+    DriveParameters: {"inductance": 1e-3},
+    BenchSetup: {"actuator": KNEE_ACTUATOR},
+    BodySizes: asdict(SIZES[Sex.MALE]),
+    ReplayRequest: {"log": "run"},
+    Transition: {
+        "source": "late_stance",
+        "target": "swing_flexion",
+        "cause": "time_out",
+        "time_out_ticks": 9,
+    },
+}
 
 
 @pytest.mark.parametrize(

@@ -213,5 +213,5 @@ def test_wrong_unit_is_refused(wrong: dict[str, float]) -> None:
 
 
 def test_wrong_dead_zone_is_refused() -> None:
-    with pytest.raises(ParameterError, match="dead zone"):
+    with pytest.raises(ParameterError, match="dead_zone: expected"):
         controlled(dead_zone=-0.1)

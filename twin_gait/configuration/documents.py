@@ -40,14 +40,7 @@ def content_hash(mapping: dict[str, Any]) -> str:
 
 
 def table_document(table: GaitTable) -> dict[str, Any]:
-    """A gait table as its file's mapping.
-
-    Args:
-        table: The table.
-
-    Returns:
-        The mapping; reading it gives an equal table.
-    """
+    """A gait table as its file's mapping; reading it gives an equal table."""
     document: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "name": table.name,
@@ -95,14 +88,7 @@ def _guard(guard: Guard) -> Any:
 
 
 def experiment_document(experiment: Experiment) -> dict[str, Any]:
-    """An experiment as its file's mapping, everything resolved.
-
-    Args:
-        experiment: The experiment.
-
-    Returns:
-        The mapping; reading it gives an equal experiment.
-    """
+    """An experiment as its file's mapping, everything resolved; reading it gives an equal experiment."""
     document = section_of(Experiment).document(experiment)
     if experiment.network is None:
         del document["network"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, replace
 from functools import cache
 from pathlib import Path
@@ -40,12 +40,6 @@ def experiment_from_mapping(
         folder: Folder that relative paths start from.
         like: One that was turned before. Sections that are the very same objects in both mappings are not
             converted again, which takes most of the time.
-
-    Returns:
-        The experiment.
-
-    Raises:
-        ParameterFileError: If something is wrong; one line with file, key and value.
     """
     entry: Any = validate(_file_about(data.get("scenario"), source), data, source)
     # A table without a name has the experiment's.
@@ -70,8 +64,8 @@ def experiment_from_mapping(
             found[item.name] = _value(entry, item, found, source, folder)
     provenance = entry.provenance
     if provenance is not None and provenance.urdf_sha256 is not None:
-        check = _hash_check(found["leg"].urdf, provenance.urdf_sha256)
-        converting(source, "provenance.urdf_sha256", check)
+        wanted = provenance.urdf_sha256
+        converting(source, "provenance.urdf_sha256", lambda: _check_hash(found["leg"].urdf, wanted))
     if data.get("patient") is None:
         found["patient"] = None
     present = {name: value for name, value in found.items() if value is not MISSING}
@@ -114,7 +108,10 @@ def _value(entry: Any, item: Any, found: Mapping[str, Any], source: str, folder:
             find_urdf(value.urdf)
         if isinstance(value, NetworkParameters):
             value = replace(value, dbc=_beside(folder, value.dbc))
-            _require_dbc(value.dbc)
+            try:
+                find_dbc(value.dbc)
+            except ParameterFileError as error:
+                raise ParameterError(f"dbc: {error}") from error
         return value
 
     return converting(source, item.key, convert)
@@ -125,20 +122,10 @@ def _beside(folder: Path, name: str) -> str:
     return str((folder / name).resolve()) if (folder / name).is_file() else name
 
 
-def _require_dbc(name: str) -> None:
-    try:
-        find_dbc(name)
-    except ParameterFileError as error:
-        raise ParameterError(f"dbc: {error}") from error
-
-
-def _hash_check(urdf: str, wanted: str) -> Callable[[], None]:
-    def check() -> None:
-        found = urdf_hash(find_urdf(urdf))
-        if found != wanted:
-            raise ModelError(
-                f"{urdf} is not the file that this experiment was made with (sha256 {found[:12]}…, expected "
-                f"{wanted[:12]}…); restore it, or remove this key to run with the file as it is"
-            )
-
-    return check
+def _check_hash(urdf: str, wanted: str) -> None:
+    found = urdf_hash(find_urdf(urdf))
+    if found != wanted:
+        raise ModelError(
+            f"{urdf} is not the file that this experiment was made with (sha256 {found[:12]}…, expected "
+            f"{wanted[:12]}…); restore it, or remove this key to run with the file as it is"
+        )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,14 @@ from twin_gait.configuration.table_inheritance import (
     packaged_gait_tables,
     read_gait_table,
 )
-from twin_gait.configuration.validation import converting, read_yaml, renamed
+from twin_gait.configuration.validation import (
+    converting,
+    descriptions,
+    packaged,
+    read_yaml,
+    renamed,
+    yaml_files,
+)
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -47,12 +53,8 @@ class LoadedExperiment:
 
 def presets() -> dict[str, str]:
     """Names of the presets, those of other packages last, with their one-line descriptions."""
-    shipped = _shipped()
-    brought = {name: path for name, path in _brought().items() if name not in shipped}
-    return {
-        name: " ".join(str(read_yaml(path).get("description", "")).split())
-        for name, path in (shipped | brought).items()
-    }
+    shipped = packaged("presets")
+    return descriptions(shipped | {name: path for name, path in _brought().items() if name not in shipped})
 
 
 def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
@@ -75,15 +77,16 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     """
     path, where = _find(source)
     data = _resolve_preset(read_yaml(path), path)
-    assignments = parse_assignments(settings)
-    for keys, value in assignments:
+    changes = []
+    for keys, value in parse_assignments(settings):
         if keys == ["table"]:
             data["table"] = value
         elif keys == ["patient"] and names_a_person(value):
             data["patient"] = _person(value, path, f"{where} with --set")
+        else:
+            changes.append((keys, value))
     data["table"] = _resolve_table(data.get("table"), path)
     document = _complete_document(data, where, path.parent)
-    changes = [item for item in assignments if not _names_a_whole(*item)]
     if changes:
         where = f"{where} with --set"
     for keys, value in changes:
@@ -127,10 +130,6 @@ def resolved_document(
     }
 
 
-def _shipped() -> dict[str, Path]:
-    return _files_in(Path(str(files("twin_gait.configuration"))) / "presets")
-
-
 def _brought() -> dict[str, Path]:
     """Those in the packages that others name under the entry point ``twin_gait.presets``."""
     found: dict[str, Path] = {}
@@ -138,17 +137,13 @@ def _brought() -> dict[str, Path]:
         folders = getattr(load_plugin(entry), "__path__", ())
         if not folders:
             raise ParameterError(f"{words(entry)}: expected a package with presets; repair or uninstall it")
-        found |= _files_in(Path(folders[0]))
+        found |= yaml_files(Path(folders[0]))
     return found
-
-
-def _files_in(folder: Path) -> dict[str, Path]:
-    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
 def _preset(name: str) -> Path | None:
     """File of a preset; those of other packages are looked for only if none that ships has the name."""
-    return _shipped().get(name) or _brought().get(name)
+    return packaged("presets").get(name) or _brought().get(name)
 
 
 def _find(source: str | Path) -> tuple[Path, str]:
@@ -164,10 +159,6 @@ def _find(source: str | Path) -> tuple[Path, str]:
     raise ParameterError(
         f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file{renamed(source)}"
     )
-
-
-def _names_a_whole(keys: Sequence[str | int], value: Any) -> bool:
-    return keys == ["table"] or (keys == ["patient"] and names_a_person(value))
 
 
 def _person(value: Any, path: Path, where: str) -> dict[str, Any]:
@@ -198,19 +189,16 @@ def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
     if isinstance(table, dict):
         if "extends" not in table:
             return table
-        source = f"{path}: table"
+        source, name = f"{path}: table", path.stem
         data, places = extended_table(table, path, source)
-        with own_entries_named(places):
-            gait_table_from_mapping(data, source, path.stem)
-        return data
-    if not isinstance(table, str):
-        raise ParameterFileError(
-            path,
-            "table",
-            f"expected a packaged table ({', '.join(packaged_gait_tables())}), a path or a mapping",
-        )
-    found = converting(str(path), "table", lambda: gait_table_path(table, path.parent))
-    data, places = read_gait_table(found)
+    elif isinstance(table, str):
+        found = converting(str(path), "table", lambda: gait_table_path(table, path.parent))
+        source, name = str(found), found.stem
+        data, places = read_gait_table(found)
+        data = {"name": name, **data}
+    else:
+        known = ", ".join(packaged_gait_tables())
+        raise ParameterFileError(path, "table", f"expected a packaged table ({known}), a path or a mapping")
     with own_entries_named(places):  # while it is known what was written where
-        gait_table_from_mapping(data, str(found), found.stem)
-    return {"name": found.stem, **data}
+        gait_table_from_mapping(data, source, name)
+    return data

@@ -96,9 +96,6 @@ def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
             ``treadmill``.
         draft: Whether phases may lack exits or be out of reach, which a check reports itself.
 
-    Returns:
-        The table.
-
     Raises:
         ParameterError: If there is no such table.
         ParameterFileError: If the file has a mistake; the message names file, key and value.
@@ -119,12 +116,6 @@ def gait_table_from_mapping(
         source: File name for messages.
         name: Name of the table if the file gives none.
         draft: Whether to make a :class:`~twin_gait.gait.table.DraftTable`, which need not be closed.
-
-    Returns:
-        The table.
-
-    Raises:
-        ParameterFileError: If something is wrong.
     """
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)

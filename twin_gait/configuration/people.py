@@ -6,7 +6,6 @@ What holds for both sides stands under ``both``; ``left`` and ``right`` are laid
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +13,7 @@ from pydantic import Field, create_model
 
 from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.readers import section_of
-from twin_gait.configuration.validation import converting, read_yaml, validate
+from twin_gait.configuration.validation import converting, descriptions, packaged, read_yaml, validate
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import Patient
 
@@ -31,15 +30,12 @@ _Person.parameters = Patient
 
 def people() -> dict[str, str]:
     """Names of the people that ship with their one-line descriptions."""
-    found = {}
-    for path in sorted(_folder().glob("*.yaml")):
-        found[path.stem] = " ".join(str(read_yaml(path).get("description", "")).split())
-    return found
+    return descriptions(packaged("people"))
 
 
 def person_text(name: str) -> str:
     """File of a person that ships, with its sources, ready to be edited."""
-    return (_folder() / f"{name}.yaml").read_text(encoding="utf-8")
+    return packaged("people")[name].read_text(encoding="utf-8")
 
 
 def names_a_person(value: Any) -> bool:
@@ -48,15 +44,12 @@ def names_a_person(value: Any) -> bool:
 
 
 def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Look a named person up.
+    """Look a named person up, as the ``patient`` of an experiment file.
 
     Args:
         value: Name of a person that ships, path of a file, or a mapping with such a name under ``preset``
             and changes beside it.
         folder: Folder that a relative path starts from; the working folder comes next.
-
-    Returns:
-        The ``patient`` of an experiment file.
 
     Raises:
         ParameterError: If there is no such person.
@@ -72,14 +65,8 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
 
 def _find(name: Any, folder: Path) -> Path:
     if isinstance(name, str) and name:
-        packaged = _folder() / f"{name}.yaml"
-        if "/" not in name and packaged.is_file():
-            return packaged
-        for candidate in (folder / name, Path(name).expanduser()):
-            if candidate.is_file():
-                return candidate
+        beside = (path for path in (folder / name, Path(name).expanduser()) if path.is_file())
+        found = packaged("people").get(name) or next(beside, None)
+        if found is not None:
+            return found
     raise ParameterError(f"no person {name!r}: neither a file nor one of {', '.join(people())}")
-
-
-def _folder() -> Path:
-    return Path(str(files("twin_gait.configuration"))) / "people"

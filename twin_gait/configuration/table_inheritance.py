@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import converting, read_yaml, renamed, short
+from twin_gait.configuration.validation import converting, packaged, read_yaml, renamed, short
 from twin_gait.exceptions import ParameterError, ParameterFileError
 
 _IDENTITY = ("from", "to", "cause")
@@ -171,17 +170,14 @@ def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
 def gait_table_path(name: str | Path, folder: Path | None = None) -> Path:
     """File of a gait table."""
     beside = [] if folder is None else [folder / name]
-    for candidate in (*beside, Path(name).expanduser(), _tables() / f"{name}.yaml"):
-        if candidate.is_file():
+    shipped = packaged("tables")
+    for candidate in (*beside, Path(name).expanduser(), shipped.get(str(name))):
+        if candidate is not None and candidate.is_file():
             return candidate
-    known = ", ".join(packaged_gait_tables())
+    known = ", ".join(shipped)
     raise ParameterError(f"no gait table {str(name)!r}: neither a file nor one of {known}{renamed(name)}")
 
 
 def packaged_gait_tables() -> list[str]:
     """Names of the gait tables that ship with the package."""
-    return sorted(path.stem for path in _tables().glob("*.yaml"))
-
-
-def _tables() -> Path:
-    return Path(str(files("twin_gait.configuration"))) / "tables"
+    return list(packaged("tables"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -105,6 +106,21 @@ def read_yaml(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ParameterFileError(path, "", "is not UTF-8 text") from error
     return parse_yaml(text, str(path))
+
+
+def packaged(folder: str) -> dict[str, Path]:
+    """YAML files in a folder of this package, by their names."""
+    return yaml_files(Path(str(files("twin_gait.configuration"))) / folder)
+
+
+def yaml_files(folder: Path) -> dict[str, Path]:
+    """YAML files in a folder, by their names."""
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def descriptions(found: Mapping[str, Path]) -> dict[str, str]:
+    """What files say of themselves, in one line each."""
+    return {name: _one_line(str(read_yaml(path).get("description", ""))) for name, path in found.items()}
 
 
 def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Model:

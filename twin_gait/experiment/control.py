@@ -19,13 +19,11 @@ from twin_gait.parameters import (
     LimitParameters,
     Patient,
     SafetyParameters,
-    require,
 )
-from twin_gait.parameters.quantities import SHARE, Parameters, Ratio, Time, Torque
+from twin_gait.parameters.quantities import SHARE, Parameters, Range, Ratio, Time, Torque, require
 from twin_gait.vocabulary import JointName
 
-LONGEST_DELAY = 0.01  # [s]
-
+DELAYS = Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
 
 # Which controller decides on k, b, θ0, G and the gravity share.
 ControlMode = StrEnum("ControlMode", {name.upper(): name for name in CONTROLLERS})  # type: ignore[misc]
@@ -66,17 +64,12 @@ class ControlParameters(Parameters):
     limits: LimitParameters = field(default_factory=LimitParameters)
     safety: SafetyParameters = field(default_factory=SafetyParameters)
     patient: Patient | None = None
-    delay: Time = 0.0
+    delay: Annotated[Time, DELAYS] = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the delay is one of whole ticks."""
         super().__post_init__()
-        require(
-            0.0 <= self.delay <= LONGEST_DELAY and abs(self.delay - self.delay_ticks * TICK) < 1e-9,
-            "delay",
-            f"a multiple of {TICK:g} s from 0 to {LONGEST_DELAY:g} s",
-            self.delay,
-        )
+        require(abs(self.delay - self.delay_ticks * TICK) < 1e-9, "delay", DELAYS.expected, self.delay)
 
     def controller(self, own: Controller | None = None) -> Controller:
         """The controller of the mode, or one of the user's own, with its assistance.

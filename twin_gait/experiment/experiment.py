@@ -67,11 +67,11 @@ class Experiment(Parameters):
         super().__post_init__()
         self._check_joints()
         check_faults(self.faults, self.leg.legs, self.scenario.grounded, self.duration, self.joints)
-        for side, joint in (
-            (side, joint) for side, angles in self.sensors.offset.items() for joint in angles
-        ):
-            require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
-            require(joint in self.joints, "sensors offset", f"one of {', '.join(self.joints)}", str(joint))
+        for side, angles in self.sensors.offset.items():
+            for joint in angles:
+                require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
+                expected = f"one of {', '.join(self.joints)}"
+                require(joint in self.joints, "sensors offset", expected, str(joint))
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         if missing and not self.control.safety.enabled:
             raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
@@ -125,9 +125,6 @@ class Experiment(Parameters):
     def build_world(self) -> World:
         """Build the world with its rigid-body model.
 
-        Returns:
-            The world.
-
         Raises:
             ModelError: If the URDF cannot be used.
             ParameterError: If something does not fit together, or the step does not carry braces or bristles.
@@ -176,11 +173,7 @@ class Experiment(Parameters):
         )
 
     def build_control_model(self) -> LegModel:
-        """Model of the controller: pelvis fixed, the wearer as it assumes them.
-
-        Returns:
-            The model.
-        """
+        """Model of the controller: pelvis fixed, the wearer as it assumes them."""
         return build_leg_model(
             self.leg,
             patient=self.patient if self.control.patient is None else self.control.patient,

@@ -48,12 +48,8 @@ class Integration(Parameters):
         """Check that steps fill a tick."""
         super().__post_init__()
         ratio = TICK / self.step
-        require(
-            abs(ratio - round(ratio)) < 1e-9 * ratio,
-            "step",
-            f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s",
-            self.step,
-        )
+        such = f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s"
+        require(abs(ratio - round(ratio)) < 1e-9 * ratio, "step", such, self.step)
 
     @property
     def substeps(self) -> int:
@@ -67,14 +63,8 @@ def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = Fa
     The compiled engine can afford what the accuracy of the solution calls for: Runge-Kutta at 1 ms, and at
     0.1 ms where stiff contacts open and close or braces bind a light foot. The Pinocchio engine steps in
     Python and takes the largest step at which it still runs the contacts stably and faster than real time.
-
-    Args:
-        braced: Whether braces bind the wearer to the device.
-
-    Returns:
-        Integrator and step.
     """
     if engine is Engine.PINOCCHIO:
-        return Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
+        return Integration()
     step = min(_BRACED_STEP, scenario.step) if braced else scenario.step
     return Integration(method=IntegrationMethod.RK4, step=step)

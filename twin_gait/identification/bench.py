@@ -13,6 +13,7 @@ from twin_gait.parameters.quantities import (
     COUNT,
     NOT_NEGATIVE,
     POSITIVE,
+    Acceleration,
     Angle,
     AngularAcceleration,
     AngularVelocity,
@@ -21,6 +22,7 @@ from twin_gait.parameters.quantities import (
     Length,
     Mass,
     Parameters,
+    Unit,
 )
 from twin_gait.worlds import HORIZONTAL, LoadAngle
 
@@ -45,11 +47,11 @@ class BenchSetup(Parameters):
     mass: Annotated[Mass | None, NOT_NEGATIVE] = None
     lever: Annotated[Length, POSITIVE] = 0.30
     link_inertia: Annotated[Inertia, NOT_NEGATIVE] = 0.02
-    link_moment: Annotated[float, NOT_NEGATIVE] = 0.0
+    link_moment: Annotated[float, Unit("kgm"), NOT_NEGATIVE] = 0.0
     start_angle: Angle | None = HORIZONTAL
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
-    gravity: float = 9.81
+    gravity: Acceleration = 9.81
 
     def joint_angle(self, angle: np.ndarray) -> np.ndarray:
         """Logged angles, set so that the first one is the start angle, in [rad]."""

@@ -45,13 +45,9 @@ class FrictionParameters(Parameters):
         stays above zero guarantee; :meth:`normalised` brings them to that form first.
         """
         super().__post_init__()
-        require(
-            self.breakaway_velocity != 0.0,
-            "breakaway_velocity",
-            "a number other than 0",
-            self.breakaway_velocity,
-        )
-        sign = math.copysign(1.0, self.breakaway_velocity)
+        speed = self.breakaway_velocity
+        require(speed != 0.0, "breakaway_velocity", "a number other than 0", speed)
+        sign = math.copysign(1.0, speed)
         NOT_NEGATIVE.require("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
         NOT_NEGATIVE.require("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
         # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.

@@ -38,8 +38,8 @@ BIT_RATE_RANGE = Range(
     BIT_RATES[0], BIT_RATES[-1], words=f"{BIT_RATES[0]:g} to {BIT_RATES[-1]:g} bit/s, as CAN 2.0 has them"
 )
 CYCLES = Range(1e-3, 0.1, words="0.001 to 0.1 s")  # the shortest one is a tick of the boards
-LARGEST_DRIFT = 0.01
-LONGEST_DELAY = 0.1  # [s]
+DRIFTS = Range(-0.01, 0.01, words="0.01 at most, either way")
+DELAYS = Range(0.0, 0.1, words="0 s to 0.1 s in whole milliseconds")
 _SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=([^=@\s]+?)(m?)s)?")
 
 
@@ -155,9 +155,9 @@ class NetworkParameters(Parameters):
     dbc: str = "twin.dbc"
     cycle: Annotated[Time, CYCLES] = 2e-3
     phase: Annotated[Mapping[str, ShortTime], Named(BOARDS)] = field(default_factory=dict)
-    clock_drift: Annotated[Mapping[str, Drift], Named(BOARDS)] = field(default_factory=dict)
+    clock_drift: Annotated[Mapping[str, Drift], DRIFTS, Named(BOARDS)] = field(default_factory=dict)
     jitter: ShortTime = 0.0
-    delay: Time = 0.0
+    delay: Annotated[Time, DELAYS] = 0.0
     loss: Annotated[Ratio, SHARE] = 0.0
     error_share: Annotated[Ratio, SHARE] = 0.0
     bus_off_recovery: bool = True
@@ -172,31 +172,15 @@ class NetworkParameters(Parameters):
         for name, values in (("phase", self.phase), ("clock_drift", self.clock_drift)):
             for board in values:
                 require(board in BOARDS, name, f"of {', '.join(BOARDS)}", board)
+        within = f"0 s to the cycle, {self.cycle:g} s"
         for board, phase in self.phase.items():
-            require(
-                0.0 <= phase < self.cycle, f"phase of {board}", f"0 s to the cycle, {self.cycle:g} s", phase
-            )
-        for board, drift in self.clock_drift.items():
-            most = f"{LARGEST_DRIFT:g} at most, either way"
-            require(abs(drift) <= LARGEST_DRIFT, f"clock_drift of {board}", most, drift)
-        require(
-            0.0 <= self.jitter <= self.cycle, "jitter", f"0 s to the cycle, {self.cycle:g} s", self.jitter
-        )
+            require(0.0 <= phase < self.cycle, f"phase of {board}", within, phase)
+        require(0.0 <= self.jitter <= self.cycle, "jitter", within, self.jitter)
         whole = abs(self.delay * 1e3 - round(self.delay * 1e3)) < 1e-9
-        in_range = 0.0 <= self.delay <= LONGEST_DELAY and whole
-        require(in_range, "delay", f"0 s to {LONGEST_DELAY:g} s in whole milliseconds", self.delay)
+        require(whole, "delay", DELAYS.expected, self.delay)
 
     def require_fit(self, sides: Collection[Side], joints: Sequence[JointName], duration: float) -> None:
-        """Check that what the parameters name is there, and happens within the run.
-
-        Args:
-            sides: Legs of the device.
-            joints: Controlled joints of a leg.
-            duration: Of the run in [s].
-
-        Raises:
-            ParameterError: If it is not.
-        """
+        """Check that what is named is among the legs and controlled joints, and happens within the run."""
         boards, controlled = (", ".join(names) for names in (BOARD_JOINTS, joints))
         wanted = f"a gait table for {boards}, whose boards are on the bus; or take network: ideal"
         require(tuple(joints) == BOARD_JOINTS, "network", wanted, controlled)
@@ -204,9 +188,7 @@ class NetworkParameters(Parameters):
         for board in (*self.phase, *self.clock_drift):
             require(board in there, "network phase and clock_drift", f"of {', '.join(there[1:])}", board)
         for outage in self.outages:
-            node = f"a node of {', '.join(there)}"
-            require(
-                outage.node is None or outage.node in there, f"network outage {outage}", node, outage.node
-            )
+            name, nodes = f"network outage {outage}", f"a node of {', '.join(there)}"
+            require(outage.node is None or outage.node in there, name, nodes, outage.node)
             before = f"a time before the end at {duration:g} s"
-            require(outage.time < duration, f"network outage {outage}", before, outage.time)
+            require(outage.time < duration, name, before, outage.time)

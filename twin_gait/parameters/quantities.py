@@ -24,6 +24,8 @@ from twin_gait.exceptions import ParameterError
 
 DEGREE = math.pi / 180.0
 
+EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in several units
+
 
 def require(condition: bool, name: str, expected: str, value: object) -> None:
     """Raise a :class:`ParameterError` unless a condition holds.
@@ -39,9 +41,6 @@ def require(condition: bool, name: str, expected: str, value: object) -> None:
     """
     if not condition:
         raise ParameterError(f"{name}: expected {expected}, got {value!r}")
-
-
-EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in several units
 
 
 class Unit:

@@ -191,22 +191,15 @@ class BraceParameters(Parameters):
     ankle: SpringDamper = SpringDamper(stiffness=1000.0, damping=3.0)
 
     def stiffened(self, factor: float) -> BraceParameters:
-        """The same braces, stiffer, with the same share of critical damping.
-
-        Args:
-            factor: Of the stiffness; the dampers grow by its root.
-
-        Returns:
-            The braces.
-        """
+        """The same braces, stiffer by a factor, with the same share of critical damping."""
         grown = math.sqrt(max(factor, 0.0))
-        braces = {item.name: getattr(self, item.name) for item in fields(self)}
-        return BraceParameters(
-            **{
-                name: replace(item, stiffness=factor * item.stiffness, damping=grown * item.damping)
-                for name, item in braces.items()
-            }
-        )
+        changed = {}
+        for item in fields(self):
+            brace = getattr(self, item.name)
+            changed[item.name] = replace(
+                brace, stiffness=factor * brace.stiffness, damping=grown * brace.damping
+            )
+        return BraceParameters(**changed)
 
     def of(self, joint: JointName) -> SpringDamper:
         """Brace of a joint."""

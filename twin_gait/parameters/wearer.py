@@ -40,7 +40,6 @@ MASSES = Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (what
 HEIGHTS = Range(1.40, 2.05, words=HEIGHT_RANGE)
 CONTRACTURES = Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 
-
 # At which the wearer acts: the passive moments of Riener and Edrich (1999) and the efforts are theirs.
 WEARER_JOINTS = (JointName.HIP, JointName.KNEE)
 
@@ -68,12 +67,8 @@ class JointCondition(Parameters):
     def __post_init__(self) -> None:
         """Check the ranges, and that there is a moment for a contracture to shift."""
         super().__post_init__()
-        require(
-            self.contracture == 0.0 or self.passive > 0.0,
-            "contracture",
-            "0 without a passive moment that it could shift (passive is 0)",
-            self.contracture,
-        )
+        expected = "0 without a passive moment that it could shift (passive is 0)"
+        require(self.contracture == 0.0 or self.passive > 0.0, "contracture", expected, self.contracture)
 
     @property
     def does_nothing(self) -> bool:

@@ -19,8 +19,10 @@ from twin_gait.parameters.quantities import (
     Range,
     Ratio,
     RotaryDamping,
+    RotaryDissipation,
     RotaryStiffness,
     Torque,
+    Unit,
     Voltage,
 )
 from twin_gait.vocabulary import JointName
@@ -58,13 +60,13 @@ class DutyControl(Parameters):
         duty_limit: As a share of full duty.
     """
 
-    amplitude: Annotated[float, NOT_NEGATIVE] = 170.0
+    amplitude: Annotated[float, Unit("counts"), NOT_NEGATIVE] = 170.0
     frequency: Annotated[Frequency, POSITIVE] = 3.0
     transparency_gain: Annotated[Ratio, NOT_NEGATIVE] = 1.10
     lowest_velocity: Annotated[AngularVelocity, POSITIVE] = LOWEST_VELOCITIES[JointName.KNEE]
     static_voltage: Annotated[Voltage, NOT_NEGATIVE] = 0.05
     back_emf_share: Annotated[Ratio, NOT_NEGATIVE] = 0.9
-    braking_torque: Annotated[float, NOT_NEGATIVE] = 18.0
+    braking_torque: Annotated[float, Unit("Nms2_per_rad2"), NOT_NEGATIVE] = 18.0
     duty_limit: Annotated[Ratio, Range(0.0, 1.0, above=True, words="above 0 and at most 1")] = 0.9
 
     def voltages(self, actuator: ActuatorParameters) -> tuple[float, float, float]:
@@ -96,7 +98,7 @@ class OldFrictionModel(Parameters):
 
     coulomb: Annotated[Torque, NOT_NEGATIVE] = 3.193
     viscous: Annotated[RotaryDamping, NOT_NEGATIVE] = 2.06
-    steepness: Annotated[float, POSITIVE] = 40.0
+    steepness: Annotated[RotaryDissipation, POSITIVE] = 40.0
 
 
 @dataclass(frozen=True, kw_only=True)

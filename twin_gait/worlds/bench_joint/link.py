@@ -28,6 +28,7 @@ from twin_gait.parameters.quantities import (
     RotaryStiffness,
     Time,
     Torque,
+    Unit,
     require,
 )
 
@@ -61,9 +62,9 @@ class BenchFriction(Parameters):
 
     law: FrictionLaw
     coulomb_per_load: Annotated[Ratio, NOT_NEGATIVE] = 0.0
-    coulomb_per_kelvin: float = 0.0
-    viscous_per_kelvin: float = 0.0
-    temperature: float = 25.0
+    coulomb_per_kelvin: Annotated[float, Unit("Nm_per_K")] = 0.0
+    viscous_per_kelvin: Annotated[float, Unit("Nms_per_rad_K")] = 0.0
+    temperature: Annotated[float, Unit("degC")] = 25.0
     ripple: Annotated[Torque, NOT_NEGATIVE] = 0.0
 
 
@@ -85,7 +86,7 @@ class LinkParameters(Parameters):
     mass: Annotated[Mass, NOT_NEGATIVE] = 2.0
     lever: Annotated[Length, POSITIVE] = 0.30
     inertia: Annotated[Inertia, POSITIVE] = 0.02
-    moment: Annotated[float, NOT_NEGATIVE] = 0.0
+    moment: Annotated[float, Unit("kgm"), NOT_NEGATIVE] = 0.0
     load_angle: LoadAngle = LoadAngle.CORRECTED
     stops: StopParameters = field(default_factory=lambda: StopParameters(stiffness=2e5))
     lower_stop: Angle = LOWER_STOP
@@ -135,7 +136,7 @@ class InertialUnit(Parameters):
     """
 
     sensor: InertialSensor
-    noise: Annotated[float, NOT_NEGATIVE] = 0.0
+    noise: Annotated[float, Unit(""), NOT_NEGATIVE] = 0.0  # of the sensor's unit
     delay: Annotated[int, Range(0, 1000, words="0 to 1000 ticks")] = 2
     lever: Annotated[Length, POSITIVE] = 0.30
     time_constant: Annotated[Time, NOT_NEGATIVE] = 0.001
@@ -167,7 +168,7 @@ class DriveParameters(Parameters):
         resolution: Of the current converter in [A]; 0 for none.
     """
 
-    inductance: Annotated[float, POSITIVE]
+    inductance: Annotated[float, Unit("H"), POSITIVE]
     pole_pairs: Annotated[int, COUNT] = 12
     rate: Annotated[Frequency, POSITIVE] = 20_000.0
     counts: Annotated[int, WHOLE] = 6000
@@ -198,7 +199,7 @@ class CatalogueEfficiency(Parameters):
         transition_velocity: Of the loss at a reversal, in [rad] / [s]; an assumption.
     """
 
-    temperature: Annotated[float, CATALOGUE] = 25.0
+    temperature: Annotated[float, Unit("degC"), CATALOGUE] = 25.0
     coefficients: tuple[float, float, float, float, float, float] = (
         0.688878205,
         9.24475524e-3,
