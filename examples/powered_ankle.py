@@ -36,13 +36,13 @@ def experiment(preset: str, mass: float, height: float, duration: float) -> Expe
 
 
 def torque(run: Run, side: str) -> dict[str, np.ndarray]:
-    """What turns an ankle, in [N m]: the motor's share after its gear's losses, and the orthosis's."""
+    """What turns an ankle, in [N m]: the motor, less what friction and gear take, and the orthosis."""
     zero = np.zeros(len(run.log))
-    motor, orthosis = (
+    motor, friction, orthosis = (
         run.log[name].to_numpy() if (name := f"{side}_ankle_{part}_torque_Nm") in run.log else zero
-        for part in ("motor", "orthosis")
+        for part in ("motor", "friction", "orthosis")
     )
-    return {"motor": motor, "orthosis": orthosis, "both": motor + orthosis}
+    return {"motor": motor + friction, "orthosis": orthosis, "both": motor + friction + orthosis}
 
 
 def strides(run: Run) -> list[dict[str, tuple[np.ndarray, float]]]:
