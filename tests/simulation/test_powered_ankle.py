@@ -104,7 +104,11 @@ def test_other_wearers_walk_with_it():
 
 
 def test_orthosis_and_motor_act_in_parallel():
-    log = simulate(experiment("duration_s=1", "plant.ankle={stiffness_Nm_per_rad: 40, damping_Nms_per_rad: 3, rest_deg: 5}")).log
+    log = simulate(
+        experiment(
+            "duration_s=1", "plant.ankle={stiffness_Nm_per_rad: 40, damping_Nms_per_rad: 3, rest_deg: 5}"
+        )
+    ).log
     angle, velocity = log["left_ankle_angle_rad"], log["left_ankle_velocity_rad_per_s"]
     assert np.abs(log["left_ankle_motor_torque_Nm"]).max() > 1.0
     expected = -40.0 * (angle - np.radians(5.0)) - 3.0 * velocity
@@ -185,7 +189,7 @@ def test_a_file_with_an_ankle_is_written_and_read_back():
     document = experiment_document(experiment("sensors.offset.left.ankle_deg=2"))
     assert set(document["plant"]["actuators"]) == {"hip", "knee", "ankle"}
     assert document["sensors"]["offset"]["left"]["ankle_rad"] == pytest.approx(np.radians(2.0))
-    assert "ankle_rad" not in document["sensors"]["offset"]["right"]
+    assert "ankle_rad" not in document["sensors"]["offset"].get("right", {})
 
 
 # ------------------------------------------------------------------ fewer joints
