@@ -55,9 +55,7 @@ def strides(run: Run) -> list[dict[str, tuple[np.ndarray, float]]]:
             for name, values in torque(run, side).items()
         }
         for first, last in run.leg_record(side).strides()[SKIPPED:]:
-            found.append(
-                {name: (values[first:last], (last - first) * 1e-3) for name, values in power.items()}
-            )
+            found.append({name: (values[first:last], (last - first) * 1e-3) for name, values in power.items()})
     return found
 
 
@@ -158,9 +156,7 @@ if __name__ == "__main__":
         print(row)
     wearers = []
     for mass, height in WEARERS if not form.quick else ():
-        others = {
-            name: simulate(experiment(preset, mass, height, duration)) for name, preset in PRESETS.items()
-        }
+        others = {name: simulate(experiment(preset, mass, height, duration)) for name, preset in PRESETS.items()}
         wearers.append(wearer_row(mass, height, others))
         print(wearers[-1])
     draw(walks).savefig(form.out / "powered_ankle.png", dpi=110)
