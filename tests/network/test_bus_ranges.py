@@ -14,9 +14,7 @@ from twin_gait.files import shipped_file
 from twin_gait.network.dbc import load_messages
 from twin_gait.parameters.network import BOARD_JOINTS
 
-ON_THE_BUS = [
-    name for name in presets() if tuple(load_experiment(name).experiment.joints) == BOARD_JOINTS
-]
+ON_THE_BUS = [name for name in presets() if tuple(load_experiment(name).experiment.joints) == BOARD_JOINTS]
 
 
 @pytest.mark.parametrize("preset", ON_THE_BUS)
