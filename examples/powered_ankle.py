@@ -1,8 +1,8 @@
 """What does a motor at the ankle add to the push-off of the orthosis alone, and to whom?
 
 Power of the ankle over the stride and its work, of the presets ``treadmill_ankle`` and ``treadmill``, beside
-Winter's healthy walkers; both walks with other wearers. The motor is data alone: a URDF with a drive, a preset
-and a gait table. Half a minute; page: docs/powered_ankle.md.
+Winter's healthy walkers; both walks with other wearers. The motor is data alone: a URDF with a drive, a
+preset and a gait table. Half a minute; page: docs/powered_ankle.md.
 """
 
 # %%
