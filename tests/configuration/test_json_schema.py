@@ -52,9 +52,9 @@ def test_what_ships_passes_and_names_its_schema(kind: str, path: Path) -> None:
 
 @pytest.mark.parametrize("name", [path.stem for path in PRESETS])
 def test_what_is_written_in_full_passes(name: str) -> None:
-    network = "ideal" if name == "treadmill_ankle" else "can"  # which has no board there
-    loaded = load_experiment(name, [f"network={network}", "plant.friction.hip={law: lugre, "
-                                    "coulomb_friction_Nm: 4, bristle_stiffness_Nm_per_rad: 900}"])  # fmt: skip
+    bus = "ideal" if name == "treadmill_ankle" else "can"  # which has no board there
+    loaded = load_experiment(name, [f"network={bus}", "plant.friction.hip={law: lugre, coulomb_friction_Nm: "
+                                    "4, bristle_stiffness_Nm_per_rad: 900}"])  # fmt: skip
     for document in (loaded.document, experiment_document(loaded.experiment)):
         assert mistakes("experiment", json.loads(json.dumps(document))) == []
 
