@@ -1,8 +1,8 @@
 """What does a motor at the ankle add to the push-off of the orthosis alone, and to whom?
 
 Power of the ankle over the stride and its work, of the presets ``treadmill_ankle`` and ``treadmill``, beside
-Winter's healthy walkers; both walks with other wearers. The motor is data alone: a URDF with a drive, a preset and a
-gait table. Half a minute; page: docs/powered_ankle.md.
+Winter's healthy walkers; both walks with other wearers. The motor is data alone: a URDF with a drive, a
+preset and a gait table. Half a minute; page: docs/powered_ankle.md.
 """
 
 # %%
@@ -19,8 +19,9 @@ DURATION, SKIPPED = 20.0, 2  # [s], strides at the start
 WEARERS = ((55, 1.60), (55, 1.75), (70, 1.60), (70, 1.75), (70, 1.90), (85, 1.75), (85, 1.90), (95, 1.90))
 GRID = 201  # points of a stride
 
-# Winter (1991), Biomechanics and Motor Control of Human Gait, per kg of body mass: peak power of the ankle [W/kg] of
-# 19 people each, and its work by the trapezoidal rule over 51 points of a stride [J/kg]. They carry all their weight.
+# Winter (1991), Biomechanics and Motor Control of Human Gait, per kg of body mass: peak power of the ankle
+# [W/kg] of 19 people each, and its work by the trapezoidal rule over 51 points of a stride [J/kg]. They carry
+# all their weight.
 # The slow cadence is 86.8 steps/min, from memory; that its speed is about 1.0 m/s, too.
 WINTER = {
     "Winter, slow, about 3.6 km/h": {"peak": 2.06, "positive": 0.280, "negative": -0.129},
@@ -36,13 +37,13 @@ def experiment(preset: str, mass: float, height: float, duration: float) -> Expe
 
 
 def torque(run: Run, side: str) -> dict[str, np.ndarray]:
-    """What turns an ankle, in [N m]: the motor's share after its gear's losses, and the orthosis's."""
+    """What turns an ankle, in [N m]: the motor, less what friction and gear take, and the orthosis."""
     zero = np.zeros(len(run.log))
-    motor, orthosis = (
+    motor, friction, orthosis = (
         run.log[name].to_numpy() if (name := f"{side}_ankle_{part}_torque_Nm") in run.log else zero
-        for part in ("motor", "orthosis")
+        for part in ("motor", "friction", "orthosis")
     )
-    return {"motor": motor, "orthosis": orthosis, "both": motor + orthosis}
+    return {"motor": motor + friction, "orthosis": orthosis, "both": motor + friction + orthosis}
 
 
 def strides(run: Run) -> list[dict[str, tuple[np.ndarray, float]]]:

@@ -80,7 +80,7 @@ def ankle_work(run):
     """Work on the ankle over a stride, and the largest power in its second half, means over strides."""
     works, peaks = [], []
     for side in run.sides:
-        torque = run.log.filter(regex=f"{side}_ankle_(motor|orthosis)_torque_Nm").sum(axis="columns")
+        torque = run.log.filter(regex=f"{side}_ankle_(motor|friction|orthosis)_torque_Nm").sum(axis="columns")
         power = (torque * run.log[f"{side}_ankle_velocity_rad_per_s"]).to_numpy()
         for first, last in run.leg_record(side).strides()[2:]:
             works.append(power[first:last].sum() * 1e-3)
