@@ -30,9 +30,9 @@ WINTER = {
 
 
 # %%
-def experiment(preset: str, mass: float, height: float, duration: float) -> Experiment:
+def experiment(preset: str, mass: float, height: float) -> Experiment:
     """A shipped walk with another wearer."""
-    settings = [f"patient.mass_kg={mass}", f"patient.height_m={height}", f"duration_s={duration}"]
+    settings = [f"patient.mass_kg={mass}", f"patient.height_m={height}", f"duration_s={DURATION}"]
     return load_experiment(preset, settings).experiment
 
 
@@ -151,17 +151,14 @@ def draw(runs: dict[str, Run]) -> plt.Figure:
 # %%
 if __name__ == "__main__":
     form = form_of("powered_ankle")
-    duration = 10.0 if form.quick else DURATION
-    walks = {name: simulate(experiment(preset, 70, 1.75, duration)) for name, preset in PRESETS.items()}
+    walks = {name: simulate(experiment(preset, 70, 1.75)) for name, preset in PRESETS.items()}
     ankles = {name: of_ankle(run) for name, run in walks.items()}
     rows = [power_row(name, found) for name, found in (*ankles.items(), *WINTER.items())]
     for row in rows:
         print(row)
     wearers = []
     for mass, height in WEARERS if not form.quick else ():
-        others = {
-            name: simulate(experiment(preset, mass, height, duration)) for name, preset in PRESETS.items()
-        }
+        others = {name: simulate(experiment(preset, mass, height)) for name, preset in PRESETS.items()}
         wearers.append(wearer_row(mass, height, others))
         print(wearers[-1])
     draw(walks).savefig(form.out / "powered_ankle.png", dpi=110)

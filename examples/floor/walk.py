@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait import JointName, Run
+from twin_gait import JointName, Run, Side
+from twin_gait.control import Controller, Plan
 from twin_gait.core import (
     current_to_torque,
     motor_electrical_power,
@@ -96,6 +97,35 @@ def smooth_stop(q: Any, v: Any, lower: float, upper: float, stiffness: float, di
     return stiffness * (below - above)
 
 
+@dataclass(slots=True)
+class Torques:
+    """Torque of every joint in every tick, in [N m]."""
+
+    rows: list[list[float]]
+
+
+class Replay(Controller):
+    """Torques that are given beforehand, and nothing else."""
+
+    def __init__(self, torques: np.ndarray) -> None:
+        """Take the torques in [N m], shape ``(n_ticks, n_joints)``."""
+        self.torques = torques
+
+    def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
+        """No springs, and nothing that is compensated."""
+        return np.zeros_like(rows)
+
+    def memory(self, plan: Plan) -> Torques:
+        """The torques."""
+        return Torques(self.torques.tolist())
+
+    @staticmethod
+    def tick(memory: Torques, device: Any, tick: int, period: float) -> None:
+        """Demand those of this tick."""
+        for number in range(len(device.joints)):
+            device.joints[number].demand.target = memory.rows[tick][number]
+
+
 @dataclass(frozen=True)
 class Walk:
     """A periodic walk, half a stride of it from heel contact of the first leg.
@@ -121,21 +151,17 @@ class Walk:
     unknowns: np.ndarray
 
     def replayed(self) -> Run:
-        """The half stride in the reference engine: torques of the solution, tick by tick, no feedback."""
+        """The half stride in the engine: torques of the solution, tick by tick, no feedback."""
         ticks = round(self.times[-1] / TICK)
         experiment = replace(self.problem.experiment, duration=ticks * TICK)
-        problem = build_problem(experiment)
+        ends = np.linspace(0.0, self.times[-1], self.torques.shape[1])
+        middles = (np.arange(ticks) + 0.5) * TICK
+        wanted = np.array([np.interp(middles, ends, row) for row in self.torques]).T
+        problem = build_problem(experiment, Replay(wanted))
         n = len(problem.world.start_q)
         state = self.states[:, 0]
         world = replace(problem.world, start_q=state[:n], start_v=state[n:])
-        rows = problem.phase_rows.copy()
-        rows[..., -1] = 0.0  # a table's gravity compensation would be added
-        ends = np.linspace(0.0, self.times[-1], self.torques.shape[1])
-        middles = (np.arange(ticks) + 0.5) * TICK
-        wanted = iter(np.array([np.interp(middles, ends, row) for row in self.torques]).T.ravel().tolist())
-        engine = engine_of(
-            replace(problem, world=world, phase_rows=rows), None, lambda *seen: (next(wanted), 0.0)
-        )
+        engine = engine_of(replace(problem, world=world))
         return run_of(engine, engine.run(), 0.0)
 
     def drift(self, run: Run) -> float:
