@@ -807,3 +807,12 @@ def test_a_changed_threshold_changes_the_walk(tmp_path: Path) -> None:
     ]
     entered = [[item.tick for item in found if item.target == "late_stance"] for found in switches]
     assert entered[0] and entered[0] != entered[1]
+
+
+def test_an_own_waiver_takes_the_place_of_an_inherited_one_for_the_same():
+    base, own = (load_gait_table(name).waivers for name in ("treadmill", "treadmill_ankle"))
+    reasons = {item.rule: item.reason for item in own if item.phase is item.transition is None}
+    inherited = {item.rule: item.reason for item in base if item.phase is item.transition is None}
+    assert "orthosis" in reasons["unusual_damping_ratio"] != inherited["unusual_damping_ratio"]
+    assert len(own) == len(base)
+    assert reasons["effective_damping"] == inherited["effective_damping"]

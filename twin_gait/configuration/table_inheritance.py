@@ -64,7 +64,8 @@ def extended_table(
     Mappings are laid over each other key by key, as presets are. A transition with the same from, to and
     cause takes the place of the inherited one, ``remove: true`` takes it away; other transitions and waivers
     follow those of the table underneath, which therefore come first where two exits are due at once.
-    Inherited waivers about causes that were removed go with them. The name is not taken over.
+    Inherited waivers about causes that were removed go with them, and an own one for the same takes the place
+    of an inherited one. The name is not taken over.
     """
     own = {key: _listed(data, key, source) for key in _LISTS}
     if "extends" not in data:
@@ -83,7 +84,13 @@ def extended_table(
     }
     transitions = _transitions(inherited["transitions"], own["transitions"], data["extends"])
     gone = _causes(inherited["transitions"]) - _causes(transitions)
-    waivers = [item for item in inherited["waive"] if not _is_about(item.value, gone)] + own["waive"]
+    said = [_waived(item.value) for item in own["waive"]]
+    inherited_waivers = [
+        item
+        for item in inherited["waive"]
+        if not _is_about(item.value, gone) and _waived(item.value) not in said
+    ]
+    waivers = inherited_waivers + own["waive"]
     lists = {"transitions": transitions, "waive": waivers}
     rest = {key: value for key, value in data.items() if key != "extends"}
     merged = merge({key: value for key, value in base.items() if key != "name"}, rest)
@@ -135,6 +142,13 @@ def _check_removal(item: _Entry, inherited: list[_Entry], base: str) -> None:
 
 def _causes(items: list[_Entry]) -> set[str]:
     return {item.identity[2] for item in items if item.identity is not None}
+
+
+def _waived(waiver: Any) -> Any:
+    """What a waiver accepts, without its reason."""
+    if not isinstance(waiver, dict):
+        return waiver
+    return {key: value for key, value in waiver.items() if key != "reason"}
 
 
 def _is_about(waiver: Any, causes: set[str]) -> bool:
