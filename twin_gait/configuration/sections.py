@@ -31,6 +31,7 @@ from twin_gait.parameters.quantities import (
 )
 
 _PLAIN = {float: Number, int: Count}
+# Null in a file.
 _ENDLESS = AfterValidator(lambda value: math.inf if value is None else value)
 LIMITS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # of a JSON Schema
 
@@ -361,7 +362,7 @@ def _field(item: Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
     default = item.default if plain and item.default is not MISSING else None
     kind = form_of(item).kind
     if item.range is not None and item.range.endless:
-        kind = Annotated[kind | None, AfterValidator(lambda value: math.inf if value is None else value)]
+        kind = Annotated[Union[kind, None], _ENDLESS]  # noqa: UP007
     elif default is None and not (item.unit is None and item.default is MISSING and not item.optional):
         kind = Union[kind, None]  # noqa: UP007
     else:
