@@ -33,7 +33,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     """
     table = _table()
     if kind == "table":
-        return {"$schema": DIALECT, "title": "gait table of twin_gait", **table}
+        return {"$schema": DIALECT, **table, "title": "gait table of twin_gait"}
     schema: dict[str, Any] = _lenient(section_of(Experiment).model_json_schema())
     defined = schema["$defs"] | table.pop("$defs")
     worlds = []
