@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.testing.cases import transition_tests
 from twin_gait.vocabulary import JointName
 
-TABLES = Path(__file__).parent.parent / "tables"
-WALK, TABLE = TABLES / "powered_ankle_walk.yaml", TABLES / "powered_ankle.yaml"
+WALK = "treadmill_ankle"
 
 
 def with_ankle(table: GaitTable, phase: str, **changes: float | None) -> GaitTable:
@@ -46,8 +44,9 @@ def test_a_walk_with_a_driven_ankle_is_checked_as_a_whole() -> None:
 
 
 def test_without_an_experiment_a_table_is_checked_against_the_preset_of_its_joints_or_by_itself() -> None:
-    assert load_case(TABLE).experiment is None
-    assert load_case("treadmill").experiment is not None
+    for name in (WALK, "treadmill"):
+        experiment = load_case(name).experiment
+        assert experiment is not None and experiment.name == name
     assert load_case("sup_2009").experiment is None
 
 

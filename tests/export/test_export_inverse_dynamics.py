@@ -8,7 +8,6 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -124,8 +123,7 @@ def downhill(tmp_path_factory):
 @pytest.fixture(scope="module")
 def powered_ankle(tmp_path_factory):
     """With an orthosis that is not slack beside the motor."""
-    preset = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
-    return exported_walk(tmp_path_factory, 0.0, preset, ["plant.ankle.stiffness_Nm_per_rad=20"])
+    return exported_walk(tmp_path_factory, 0.0, "treadmill_ankle", ["plant.ankle.stiffness_Nm_per_rad=20"])
 
 
 def exported_walk(tmp_path_factory, slope, preset="treadmill", more=()):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ from twin_gait.studies.tune.space import editable_document, parameters_of
 from twin_gait.studies.tune.state import Settings
 from twin_gait.vocabulary import JointName, Side
 
-WALK = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
+WALK = "treadmill_ankle"
 JOINTS = tuple(JointName)
 TWO = (JointName.HIP, JointName.KNEE)
 
@@ -73,18 +72,18 @@ def test_numbers_of_the_ankle_are_searched_within_its_published_range() -> None:
     assert len(found) == 4 * len(table.phases)
     stiff = [item for item in found if item.unit == "Nm/deg"]
     assert all(item.upper == STIFFNESS_RANGES[JointName.ANKLE].most for item in stiff)
-    assert editable_document(table)["phases"]["late_stance"]["ankle"]["equilibrium_deg"] == 4.0
+    assert editable_document(table)["phases"]["late_stance"]["ankle"]["equilibrium_deg"] == -18.0
 
 
 def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
     experiment = load_experiment(WALK).experiment
     cases = {case.name: case.change(experiment) for case in robust_cases(experiment)}
     rough, worn = cases["friction ratio 0.35"], cases["gear efficiency 0.75"]
-    true = experiment.plant.true_friction()[JointName.ANKLE]
-    assert rough.plant.true_friction()[JointName.ANKLE] == true.scaled(0.35)
+    law = experiment.plant.friction[JointName.ANKLE]
+    assert rough.plant.true_friction()[JointName.ANKLE] == law.scaled(0.35)
     assert worn.plant.actuators[JointName.ANKLE].gear_efficiency == 0.75
     (friction,) = (item for item in departures(experiment) if item.name == "true friction over model")
-    assert friction.nominal == pytest.approx((0.5 + 0.5 + 1.0) / 3.0)
+    assert friction.nominal == pytest.approx(0.5)
 
 
 def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,7 +19,7 @@ from twin_gait.viewer.motion import leg_columns, leg_values, read_motion
 from twin_gait.viewer.staging import build_scene
 from twin_gait.vocabulary import JointName, Side
 
-WALK = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
+WALK = "treadmill_ankle"
 JOINTS = tuple(JointName)
 
 
