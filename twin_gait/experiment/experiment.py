@@ -58,7 +58,7 @@ class Experiment(Parameters):
     integration: Integration | None = None
     engine: Engine = Engine.COMPILED
     seed: Annotated[int, WHOLE] = 0
-    faults: Annotated[tuple[Fault, ...], Notation(parse_fault, "KIND:SIDE_JOINT@TIMEs")] = ()
+    faults: Annotated[tuple[Fault, ...], Notation(parse_fault)] = ()
     interface: Annotated[BraceParameters | None, Word("rigid", "brace")] = None
     network: Annotated[NetworkParameters | None, Word("ideal", "can", implied=True)] = None
 

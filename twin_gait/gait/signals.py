@@ -14,13 +14,14 @@ from enum import Enum
 from functools import cache
 from typing import NamedTuple
 
+from twin_gait.parameters.quantities import DEGREE
+
 OTHER = "other."  # in front of a signal of the other leg
 
 HIGHEST_LOAD = 2.0  # [body weight]: walking loads a foot with 1.2 at most, running with 2 to 3
 LONGEST_STAY = 3600.0  # [s], for a phase without a time-out
-_DEGREE = math.pi / 180.0
 # [rad] / [s]: an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
-HIGHEST_VELOCITY = 500.0 * _DEGREE
+HIGHEST_VELOCITY = 500.0 * DEGREE
 
 
 class Scope(Enum):
@@ -45,8 +46,8 @@ class Unit(NamedTuple):
     factor: float = 1.0
 
 
-DEGREES = Unit("deg", "°", _DEGREE)
-DEGREES_PER_SECOND = Unit("deg/s", "°/s", _DEGREE)
+DEGREES = Unit("deg", "°", DEGREE)
+DEGREES_PER_SECOND = Unit("deg/s", "°/s", DEGREE)
 BODY_WEIGHTS = Unit("body weights", " BW")
 SECONDS = Unit("s", " s")
 NO_UNIT = Unit("no unit", "")

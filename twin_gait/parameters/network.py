@@ -164,7 +164,7 @@ class NetworkParameters(Parameters):
     impedance: ImpedancePlace = ImpedancePlace.BOARD
     board_silence: Annotated[Time, POSITIVE] = 0.02
     ccu_silence: Annotated[Time, POSITIVE] = 0.02
-    outages: Annotated[tuple[Outage, ...], Notation(parse_outage, "KIND:NODE@TIMEs=DURATIONs")] = ()
+    outages: Annotated[tuple[Outage, ...], Notation(parse_outage)] = ()
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -22,7 +22,7 @@ from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_ty
 
 from twin_gait.exceptions import ParameterError
 
-DEGREE = math.pi / 180.0
+DEGREE, KM_PER_H = math.pi / 180.0, 1.0 / 3.6  # in SI
 
 EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in several units
 
@@ -115,11 +115,9 @@ class Notation:
 
     Attributes:
         read: From the text to the value, whose ``str`` is the text.
-        shape: In words.
     """
 
     read: Callable[[str], Any]
-    shape: str
 
 
 @dataclass(frozen=True)
@@ -183,7 +181,7 @@ Resistance = Annotated[float, Unit("Ohm")]
 RotaryDamping = Annotated[float, Unit("Nms_per_rad", Nms_per_deg=1.0 / DEGREE)]
 RotaryDissipation = Annotated[float, Unit("s_per_rad")]
 RotaryStiffness = Annotated[float, Unit("Nm_per_rad", Nm_per_deg=1.0 / DEGREE)]
-Speed = Annotated[float, Unit("m_per_s", km_per_h=1.0 / 3.6)]
+Speed = Annotated[float, Unit("m_per_s", km_per_h=KM_PER_H)]
 Time = Annotated[float, Unit("s", ms=1e-3)]
 ShortTime = Annotated[float, Unit("s", ms=1e-3, us=1e-6)]
 Torque = Annotated[float, Unit("Nm")]

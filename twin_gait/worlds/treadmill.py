@@ -13,19 +13,17 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters, require
-from twin_gait.parameters.quantities import Angle, Key, Range, Speed, Time
+from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE, Adjustment, Posture, Scenario, Walking
 from twin_gait.worlds.world import World, start_posture
 
-_DEGREE = math.pi / 180.0
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75
 SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
 RAMPS = Range(0.0, above=True, endless=True, words="a time above 0")
 SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most, up or down")
-KM_PER_H = 1.0 / 3.6  # [m/s]
 BELT_RANGE = (0.5, 1.5)  # of the present speed, in which it may be set; tables are made for one speed
 
 
@@ -67,10 +65,10 @@ class Treadmill(Scenario):
     leading: Side = Side.LEFT
     # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
     leading_angles: Annotated[Posture, Key("leading_start")] = field(
-        default_factory=lambda: {JointName.HIP: 18.0 * _DEGREE, JointName.KNEE: 10.0 * _DEGREE}
+        default_factory=lambda: {JointName.HIP: 18.0 * DEGREE, JointName.KNEE: 10.0 * DEGREE}
     )
     trailing_angles: Annotated[Posture, Key("trailing_start")] = field(
-        default_factory=lambda: {JointName.HIP: -8.0 * _DEGREE, JointName.KNEE: 11.0 * _DEGREE}
+        default_factory=lambda: {JointName.HIP: -8.0 * DEGREE, JointName.KNEE: 11.0 * DEGREE}
     )
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
