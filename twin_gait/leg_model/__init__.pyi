@@ -4,5 +4,6 @@ from .joints import Bodies as Bodies
 from .joints import LegJoints as LegJoints
 from .leg_model import LegModel as LegModel
 from .urdf import packaged_urdf as packaged_urdf
+from .wearer import SHOULDER_HEIGHT as SHOULDER_HEIGHT
 from .wearer import DeviceSizes as DeviceSizes
 from .wearer import device_sizes as device_sizes

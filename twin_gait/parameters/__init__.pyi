@@ -1,3 +1,5 @@
+from .crutches import ArmParameters as ArmParameters
+from .crutches import CrutchParameters as CrutchParameters
 from .drives import HARD_TORQUE_LIMIT as HARD_TORQUE_LIMIT
 from .drives import HIP_ACTUATOR as HIP_ACTUATOR
 from .drives import KNEE_ACTUATOR as KNEE_ACTUATOR

@@ -78,6 +78,8 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "POINTS_PER_FOOT": n_points // legs,
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
         "FORWARD": -1 if model.forward_index is None else model.forward_index,
+        "PITCH": -1 if model.pitch_index is None else model.pitch_index,
+        "CRUTCHES": len(problem.world.arms),
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
         "POWERED_ANKLES": JointName.ANKLE in experiment.joints,
@@ -154,6 +156,13 @@ def new_episode(
         efforts=Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
+        trunk=ABSENT if world.trunk is None else copied(world.trunk),
+        arms=[copied(arm) for arm in world.arms],
+        habit=ABSENT if world.habit is None else copied(world.habit),
+        sense=ABSENT if world.sense is None else copied(world.sense),
+        swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
+        if world.arms
+        else [],
         recording=Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
@@ -353,7 +362,12 @@ def _limits(problem: Problem) -> Limits:
 
 def _ends(problem: Problem) -> Ends:
     height = problem.world.fall_height
-    return Ends(-math.inf if height is None else float(height), DIVERGED_VELOCITY)
+    return Ends(
+        -math.inf if height is None else float(height),
+        DIVERGED_VELOCITY,
+        problem.world.fall_pitch,
+        problem.world.longest_reach,
+    )
 
 
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:

@@ -9,6 +9,7 @@ from twin_gait.core.faults import faulty_angle, faulty_load
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
     FAULTY,
+    PITCH,
     POINTS_PER_FOOT,
     SLOPED,
     contact_forces,
@@ -38,7 +39,9 @@ def measure(e: Episode, tick: int) -> None:
 
 
 def trunk_pitch(one: Episode) -> float:
-    """Pitch of the trunk in [rad]: none, as the pelvis is guided."""
+    """Pitch of the trunk in [rad], forwards positive; none if the pelvis is guided."""
+    if PITCH >= 0:
+        return one.q[PITCH]
     return 0.0
 
 
