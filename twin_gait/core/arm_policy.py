@@ -101,10 +101,7 @@ def new_sense(delay: int, lean: float) -> Sense:
         delay: In ticks.
         lean: In [rad].
     """
-    sense = Sense(new_delay_line(delay), new_delay_line(delay), new_delay_line(delay))
-    for number in range(len(sense.felt_lean.samples)):
-        sense.felt_lean.samples[number] = lean
-    return sense
+    return Sense(new_delay_line(delay, lean), new_delay_line(delay), new_delay_line(delay))
 
 
 def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:

@@ -79,6 +79,8 @@ class Experiment(Parameters):
             self.network.require_fit(self.leg.legs, self.joints, self.duration)
         if self.interface is not None and self.patient is None:
             raise ParameterError("interface: braces need a wearer; give a patient, or interface: rigid")
+        if self.interface is not None and self.scenario.pelvis is PelvisGuide.FREE:
+            raise ParameterError("interface: no braces on a wearer whose trunk is free; set it to rigid")
 
     def _check_joints(self) -> None:
         """Every joint that the table controls is one of the legs' and has a drive, friction and a path."""

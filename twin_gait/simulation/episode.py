@@ -21,6 +21,7 @@ from twin_gait.core.can_codec import SignalLayout
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
+from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
 from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
@@ -233,6 +234,7 @@ class Episode:
         braced: Coordinates of the device in the order of the log's braces.
         brace_work: Work of the braces since the start in [J].
         trunk: If it is free.
+        trunk_unit: On it, unless its pitch is known exactly.
         arms: That hold a crutch.
         habit: How they are used.
         sense: What the person feels.
@@ -277,6 +279,7 @@ class Episode:
     efforts: Efforts
     recording: Recording
     trunk: Trunk
+    trunk_unit: TrunkUnit
     arms: list[Arm]
     habit: Habit
     sense: Sense

@@ -18,9 +18,10 @@ from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
-from twin_gait.core.estimation import new_delay_line
+from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
+from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
@@ -43,7 +44,7 @@ from twin_gait.simulation.episode import (
     Supply,
     Wire,
 )
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
 from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
@@ -96,6 +97,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "DELAYED": control.delay_ticks > 0,
         "SLOPED": problem.world.slope != 0.0,
         "NETWORKED": experiment.network is not None,
+        "INERTIAL": has_inertial_unit(experiment),
         "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
     }
 
@@ -157,6 +159,7 @@ def new_episode(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
         trunk=ABSENT if world.trunk is None else copied(world.trunk),
+        trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
         arms=[copied(arm) for arm in world.arms],
         habit=ABSENT if world.habit is None else copied(world.habit),
         sense=ABSENT if world.sense is None else copied(world.sense),
@@ -381,6 +384,13 @@ def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
         inertia,
         inertia_gain=problem.experiment.control.inertia_compensation,
     )
+
+
+def _trunk_unit(problem: Problem) -> TrunkUnit:
+    """The unit, whose estimate is right at the start."""
+    sensor, place = problem.experiment.sensors.trunk, problem.world.model.pitch_index
+    gain, pitch = first_order_gain(TICK, sensor.time_constant), float(problem.world.start_q[place])
+    return taken_from(TrunkUnit, sensor, gain=gain, pitch=pitch)
 
 
 def _imposed_motion(problem: Problem) -> ImposedMotion:

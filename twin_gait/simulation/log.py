@@ -124,6 +124,7 @@ class TrunkRow:
 
     trunk_pitch: float = column("rad", "of pelvis and trunk from upright, forwards positive")
     trunk_pitch_velocity: float = column("rad/s", "of it")
+    measured_trunk_pitch: float = column("rad", "as the gait controller has it")
 
 
 @dataclass(slots=True)
@@ -270,7 +271,7 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
     if model.forward_index is not None:
         names[model.forward_index] = (f"{own}pelvis_forward_m", f"{own}pelvis_forward_velocity_m_per_s")
     if model.pitch_index is not None:
-        names[model.pitch_index] = tuple(columns_of(TrunkRow))  # type: ignore[assignment]  # it has two
+        names[model.pitch_index] = ("trunk_pitch_rad", "trunk_pitch_velocity_rad_per_s")
     return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
 
 

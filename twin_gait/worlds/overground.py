@@ -33,6 +33,7 @@ from twin_gait.parameters.quantities import (
     Ratio,
     Speed,
     UnitInside,
+    Word,
 )
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import SUPPORT_SHARE, Adjustment, Posture, Scenario, Walking
@@ -87,7 +88,9 @@ class Overground(Scenario):
     surroundings: ClassVar[Surroundings] = Surroundings.WALKWAY
 
     speed: Annotated[Speed, SPEEDS] = 0.3
-    crutches: CrutchParameters | None = field(default_factory=CrutchParameters)
+    crutches: Annotated[CrutchParameters | None, Word("none", "forearm", implied=True)] = field(
+        default_factory=CrutchParameters
+    )
     arms: ArmParameters = field(default_factory=ArmParameters)
     harness: HarnessParameters = field(default_factory=HarnessParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
@@ -215,7 +218,7 @@ class Overground(Scenario):
                 pull_limit=crutches.pull_limit,
                 moment_limit=crutches.moment_limit,
                 grip=Grip(self.arms.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-                felt_ahead=new_delay_line(self._delay_ticks),
+                felt_ahead=new_delay_line(self._delay_ticks, ahead),
                 felt_load=new_delay_line(self._delay_ticks),
                 length=math.hypot(ahead, shoulder[0]),
             )

@@ -57,6 +57,7 @@ def _record_whole(e: Episode, row: LogRow) -> None:
     if PITCH >= 0:
         row.trunk.trunk_pitch = e.q[PITCH]
         row.trunk.trunk_pitch_velocity = e.v[PITCH]
+        row.trunk.measured_trunk_pitch = e.controller.common.trunk_pitch
     if CRUTCHES > 0:
         of_tips = energy_of_tips(e)
         kinetic += of_tips[0]
