@@ -106,8 +106,10 @@ class PelvisRow:
     pelvis_height: float = column("m", "above the belt")
     pelvis_velocity: float = column("m/s", "upwards")
     support_force: float = column("N", "of body-weight support and harness, upwards")
-    guide_force: float = column("N", "forward force of the guide, or of the harness")
-    guide_moment: float = column("N m", "pitching moment of the guide")
+    guide_force: float = column(
+        "N", "forward force of the guide, or of harness, arms and seat on a free pelvis"
+    )
+    guide_moment: float = column("N m", "pitching moment of the guide, or of harness, arms and seat")
 
 
 @dataclass(slots=True)
@@ -136,6 +138,7 @@ class CrutchRow:
     crutch_friction_force: float = column("N", "of the ground on the tip, forwards positive")
     arm_push: float = column("N", "of the arm along the line from shoulder to tip, away from the shoulder")
     shoulder_moment: float = column("N m", "of the shoulder, which turns the crutch forwards")
+    arm_power: float = column("W", "that the arm gives to trunk and crutch")
 
 
 @dataclass(slots=True)

@@ -87,6 +87,7 @@ def _record_crutch(e: Episode, arm: Arm, out: CrutchRow) -> None:
     out.crutch_friction_force = arm.tip.forward
     out.arm_push = arm.push
     out.shoulder_moment = arm.moment
+    out.arm_power = arm.power
 
 
 def _record_joint(e: Episode, number: int, out: JointRow) -> None:
