@@ -164,6 +164,15 @@ class ForwardBraceRow:
     pelvis_forward_brace_force: float = column("N", "of the device on the wearer, forwards")
 
 
+@dataclass(slots=True)
+class SupervisorRow:
+    """Columns of the operating modes; codes are places in their table."""
+
+    mode: float = column("code", "operating mode, counted from 0")
+    request: float = column("code", "made in this tick, counted from 1; 0 for none")
+    refused: float = column("code", "the same where nothing has answered it")
+
+
 @dataclass(slots=True, kw_only=True)
 class LogRow:
     """A row of the log: numbers only, so that the rows are a table."""
@@ -186,6 +195,7 @@ class LogRow:
     braces: list[BraceRow]
     pelvis_brace: PelvisBraceRow
     forward_brace: ForwardBraceRow
+    supervisor: SupervisorRow
 
 
 def columns_of(row: type) -> dict[str, tuple[str, str]]:
@@ -258,7 +268,8 @@ def unit_of(name: str) -> str:
     """
     if name.endswith("_phase"):
         return "name"
-    if name in (item for item, (unit, _) in columns_of(LogRow).items() if unit == "code"):
+    known = columns_of(LogRow) | columns_of(SupervisorRow)
+    if name in (item for item, (unit, _) in known.items() if unit == "code"):
         return "code"
     units = {f"_{suffix}": unit for unit, suffix in _SUFFIXES.items()}
     return units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
@@ -277,6 +288,7 @@ def meaning_of(name: str) -> str:
         BraceRow,
         PelvisBraceRow,
         ForwardBraceRow,
+        SupervisorRow,
         LogRow,
     )
     known = {
@@ -298,6 +310,7 @@ class LogLayout:
         pelvis: Whether the pelvis moves.
         forward: Whether it moves fore-aft too.
         braced: Whether braces bind the wearer to the device.
+        supervised: Whether it has operating modes.
     """
 
     legs: Mapping[Side, Sequence[JointName]]
@@ -306,6 +319,7 @@ class LogLayout:
     pelvis: bool
     forward: bool = False
     braced: bool = False
+    supervised: bool = False
 
     def row(self) -> LogRow:
         """An empty row."""
@@ -321,6 +335,7 @@ class LogLayout:
             braces=[BraceRow() for _ in (*self._joints, *self._passive) if self.braced],
             pelvis_brace=PelvisBraceRow() if self.braced and self.pelvis else ABSENT,
             forward_brace=ForwardBraceRow() if self.braced and self.forward else ABSENT,
+            supervisor=SupervisorRow() if self.supervised else ABSENT,
         )
 
     @property
