@@ -32,7 +32,7 @@ def add_parser(commands: Any) -> None:
     add("--as-table", action="store_true", help="print the gait table where a preset has its name")
     add(
         "--schema",
-        choices=["experiment", "table"],
+        choices=["experiment", "table", "modes"],
         help="print the JSON Schema of a kind of file, for editors",
     )
     options.add_json(parser)

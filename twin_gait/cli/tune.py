@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options, terminal
@@ -47,6 +46,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Tune, and write the table with its report."""
     from twin_gait.exceptions import ParameterError
+    from twin_gait.report.tune import summary
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
     from twin_gait.studies.tune.outcome import write_tuning
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         everyone=arguments.everyone,
     )
     again = f"the same command with --resume goes on from there: {arguments.out}"
-    folder = None
+    outcome = None
     try:
         with options.runner_of(arguments) as workers, terminal.stop_on_interrupt() as should_stop:
             tuning = tune(
@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
             terminal.clear_line()
             if tuning.status is RunStatus.COMPLETED:
                 with terminal.progress_bar("departures", "walk") as progress:
-                    folder = write_tuning(
+                    outcome = write_tuning(
                         tuning,
                         experiment,
                         settings,
@@ -98,21 +98,11 @@ def run(arguments: argparse.Namespace) -> int:
     except WorkersLost as error:
         print(f"twin-gait: {error}; what is done is kept, and {again}", file=sys.stderr)
         return FAILED
-    if folder is None:
+    if outcome is None:
         return terminal.interrupted(again)
-    terminal.answer(
-        arguments,
-        report(folder.outcome, folder.directory),
-        lambda: {**folder.outcome, "directory": folder.directory},
-    )
+    lines = [*summary(outcome), f"  {arguments.out}"]
+    terminal.answer(arguments, lines, lambda: {**outcome, "directory": arguments.out})
     return DONE
-
-
-def report(outcome: dict[str, Any], directory: Path) -> Iterator[str]:
-    """Results in a few lines."""
-    from twin_gait.report.tune import summary
-
-    yield from (*summary(outcome), f"  {directory}")
 
 
 def _reference_speed(text: str | None) -> float | None:

@@ -1,7 +1,7 @@
 r"""How a person uses two crutches: a law that sees what a person feels, late.
 
-Felt are the lean of the trunk and its rate, how far each tip stands in front of the shoulder, the load on each
-hand, and whether the device is taking a step, which it announces; all come later by the delay of a
+Felt are the lean of the trunk and its rate, how far each tip stands in front of the shoulder, the load on
+each hand, and whether the device is taking a step, which it announces; all come later by the delay of a
 reaction. An arm whose crutch is planted pushes with
 
 .. math::

@@ -71,6 +71,7 @@ class Arm:
         aside: Way of the tip from where the grip would have it, against n, in [m].
         push: Force along the strut in [N]; likewise.
         moment: Of the shoulder in [N m], which turns the tip forwards; likewise.
+        power: That the arm gives in [W]; likewise.
         tip: Force of the ground on the tip; likewise.
         doing: What the arm is about, as :mod:`twin_gait.core.arm_policy` numbers it.
         since: Ticks since it began that.
@@ -91,6 +92,7 @@ class Arm:
     aside: float = 0.0
     push: float = 0.0
     moment: float = 0.0
+    power: float = 0.0
     doing: int = 0
     since: int = 0
     first_angle: float = 0.0
@@ -141,4 +143,5 @@ def arm_force(
     arm.push = held(push, -arm.pull_limit, arm.push_limit)
     arm.moment = held(grip.turn + turning * length, -arm.moment_limit, arm.moment_limit)
     across = arm.moment / length
+    arm.power = arm.push * along_speed + across * aside_speed
     return arm.push * ex - across * ez, arm.push * ez + across * ex

@@ -33,17 +33,11 @@ Rows = Mapping[str, np.ndarray]
 
 
 class BusFrame(NamedTuple):
-    """A frame as it goes onto the bus.
+    """A frame as it goes onto the bus."""
 
-    Attributes:
-        time: Of its tick in [s] since the start of the walk.
-        identifier: Of 11 bits.
-        data: Its bytes.
-    """
-
-    time: float
-    identifier: int
-    data: bytes
+    time: float  # of its tick in [s] since the start of the walk
+    identifier: int  # of 11 bits
+    data: bytes  # its bytes
 
 
 def messages_of(experiment: Experiment) -> dict[str, Message]:

@@ -50,21 +50,13 @@ SETUP_FILE, FOUND_FILE = "inverse_dynamics.xml", "inverse_dynamics.sto"
 
 
 class ExternalLoad(NamedTuple):
-    """What the surroundings do on a body, in the axes of OpenSim.
+    """What the surroundings do on a body, in the axes of OpenSim."""
 
-    Attributes:
-        name: Of the load.
-        body: On which it acts.
-        force: In [N], shape ``(n, 3)``.
-        point: Where it acts, in the world in [m], shape ``(n, 3)``.
-        torque: Beside the force in [N m], shape ``(n, 3)``.
-    """
-
-    name: str
-    body: str
-    force: np.ndarray
-    point: np.ndarray
-    torque: np.ndarray
+    name: str  # of the load
+    body: str  # on which it acts
+    force: np.ndarray  # in [N], shape ``(n, 3)``
+    point: np.ndarray  # where it acts, in the world in [m], shape ``(n, 3)``
+    torque: np.ndarray  # beside the force in [N m], shape ``(n, 3)``
 
 
 def export_inverse_dynamics(

@@ -31,21 +31,15 @@ _RANK = 1e-11  # relative singular value below which parameters cannot be told a
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """What is known about the parameters of a fit.
+    """What is known about the parameters of a fit."""
 
-    Attributes:
-        intervals: Lower and upper end by parameter, 95 %; infinite where the samples do not determine it.
-        correlations: Between the parameters, shape ``(p, p)``; NaN where one is not determined.
-        standard_errors: Of ordinary theory, all samples independent: for comparison with other programs.
-        by: What was drawn: ``test`` or ``block``.
-        blocks: How many there were.
-    """
-
+    # lower and upper end by parameter, 95 %; infinite where the samples do not determine it
     intervals: Mapping[str, tuple[float, float]]
-    correlations: np.ndarray
+    correlations: np.ndarray  # between the parameters, shape ``(p, p)``; NaN where one is not determined
+    # of ordinary theory, all samples independent: for comparison with other programs
     standard_errors: Mapping[str, float]
-    by: str
-    blocks: int
+    by: str  # what was drawn: ``test`` or ``block``
+    blocks: int  # how many there were
 
 
 def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:

@@ -104,18 +104,14 @@ def _factor_of(unit: str, quantity: Quantity) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class LogColumns:
-    """Which column holds what.
+    """Which column holds what."""
 
-    Attributes:
-        names: Column of a quantity; a minus before it turns the sign.
-        units: Unit of a quantity, where the column does not state it; SI without one.
-    """
-
+    # column of a quantity; a minus before it turns the sign
     names: Mapping[Quantity, str] = field(default_factory=dict)
+    # unit of a quantity, where the column does not state it; SI without one
     units: Mapping[Quantity, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the units."""
         for quantity, unit in self.units.items():
             _factor_of(unit, quantity)
 

@@ -48,38 +48,24 @@ class Loss(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
-    """How to fit.
+    """How to fit."""
 
-    Attributes:
-        loss: Weighing of residuals.
-        physical: Whether torques and coefficients must be 0 or more and break-away at least Coulomb.
-        seed: Of the starts.
-    """
-
-    loss: Loss = Loss.AUTO
+    loss: Loss = Loss.AUTO  # weighing of residuals
+    # whether torques and coefficients must be 0 or more and break-away at least Coulomb
     physical: bool = False
-    seed: int = 0
+    seed: int = 0  # of the starts
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model.
+    """A fitted model."""
 
-    Attributes:
-        model: The model.
-        x: Linear coefficients and logarithms of the shape, shape ``(size,)``.
-        low: Lower bounds of x.
-        high: Upper bounds of x.
-        sigma: Robust standard deviation of the residuals in [N m].
-        threshold: Of Huber's loss in [N m]; infinite for least squares.
-    """
-
-    model: FrictionModel
-    x: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    sigma: float
-    threshold: float
+    model: FrictionModel  # the model
+    x: np.ndarray  # linear coefficients and logarithms of the shape, shape ``(size,)``
+    low: np.ndarray  # lower bounds of x
+    high: np.ndarray  # upper bounds of x
+    sigma: float  # robust standard deviation of the residuals in [N m]
+    threshold: float  # of Huber's loss in [N m]; infinite for least squares
 
     def residuals(self, samples: Samples) -> np.ndarray:
         """Measured less predicted torque of the samples that are used, in [N m]."""

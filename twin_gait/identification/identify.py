@@ -38,44 +38,26 @@ _TIE = 2e-4  # share by which errors differ from rounding of the fits alone
 
 @dataclass(frozen=True, kw_only=True)
 class IdentificationOptions:
-    """How to identify.
+    """How to identify."""
 
-    Attributes:
-        columns: Which column of the logs holds what.
-        bench: The bench; None for series of friction torques.
-        processing: How the logs are smoothed.
-        fit: How the models are fitted.
-        models: Names of the models; empty for all that the columns allow.
-        cross_validation: Whether to leave files and weights out in turn.
-    """
-
-    columns: LogColumns = field(default_factory=LogColumns)
-    bench: BenchSetup | None = None
-    processing: ProcessingOptions = field(default_factory=ProcessingOptions)
-    fit: FitOptions = field(default_factory=FitOptions)
-    models: tuple[str, ...] = ()
-    cross_validation: bool = True
+    columns: LogColumns = field(default_factory=LogColumns)  # which column of the logs holds what
+    bench: BenchSetup | None = None  # the bench; None for series of friction torques
+    processing: ProcessingOptions = field(default_factory=ProcessingOptions)  # how the logs are smoothed
+    fit: FitOptions = field(default_factory=FitOptions)  # how the models are fitted
+    models: tuple[str, ...] = ()  # names of the models; empty for all that the columns allow
+    cross_validation: bool = True  # whether to leave files and weights out in turn
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel:
-    """A model with all that is known about it.
+    """A model with all that is known about it."""
 
-    Attributes:
-        fit: The fit.
-        goodness: On all samples.
-        uncertainty: Of the parameters.
-        validations: Errors on what was left out.
-        residuals: Of the samples that are used, in [N m].
-        warnings: What is doubtful, one line each.
-    """
-
-    fit: Fit
-    goodness: Goodness
-    uncertainty: Uncertainty
-    validations: tuple[CrossValidation, ...]
-    residuals: np.ndarray
-    warnings: tuple[str, ...]
+    fit: Fit  # the fit
+    goodness: Goodness  # on all samples
+    uncertainty: Uncertainty  # of the parameters
+    validations: tuple[CrossValidation, ...]  # errors on what was left out
+    residuals: np.ndarray  # of the samples that are used, in [N m]
+    warnings: tuple[str, ...]  # what is doubtful, one line each
 
     @property
     def name(self) -> str:
@@ -91,23 +73,14 @@ class IdentifiedModel:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Result of an identification.
+    """Result of an identification."""
 
-    Attributes:
-        tests: The tests after processing.
-        samples: The same, joined; evenly taken if there are more than a million.
-        models: Best first.
-        skipped: Models that lack a column, with the column.
-        options: How it was done.
-        warnings: What the samples cannot tell, one line each.
-    """
-
-    tests: tuple[FrictionTest, ...]
-    samples: Samples
-    models: tuple[IdentifiedModel, ...]
-    skipped: dict[str, tuple[str, ...]]
-    options: IdentificationOptions
-    warnings: tuple[str, ...]
+    tests: tuple[FrictionTest, ...]  # the tests after processing
+    samples: Samples  # the same, joined; evenly taken if there are more than a million
+    models: tuple[IdentifiedModel, ...]  # best first
+    skipped: dict[str, tuple[str, ...]]  # models that lack a column, with the column
+    options: IdentificationOptions  # how it was done
+    warnings: tuple[str, ...]  # what the samples cannot tell, one line each
 
 
 def identify_logs(

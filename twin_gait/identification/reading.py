@@ -36,22 +36,16 @@ _COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*([-+.\deE]
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log in SI units, as it was recorded.
+    """A log in SI units, as it was recorded."""
 
-    Attributes:
-        source: The file.
-        columns: Of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty.
-        mass: Weight on the link in [kg], if comments or the file's name say so.
-        asked: Columns that the user named; the others were found by their known names.
-    """
-
-    source: str
+    source: str  # the file
+    # of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty
     columns: Mapping[Quantity, np.ndarray]
-    mass: float | None = None
+    mass: float | None = None  # weight on the link in [kg], if comments or the file's name say so
+    # columns that the user named; the others were found by their known names
     asked: frozenset[Quantity] = frozenset()
 
     def __len__(self) -> int:
-        """Rows."""
         return len(next(iter(self.columns.values()), ()))
 
 

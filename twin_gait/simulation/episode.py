@@ -116,6 +116,19 @@ class Supply:
 
 
 @dataclass(slots=True)
+class Asked:
+    """A request of the schedule.
+
+    Attributes:
+        tick: In which it is made, -1 for none.
+        request: Its code.
+    """
+
+    tick: int = -1
+    request: int = 0
+
+
+@dataclass(slots=True)
 class Ends:
     """What ends a run.
 
@@ -217,6 +230,7 @@ class Episode:
         catch_dissipation: In [s] / [m].
         watching: Whether the safety monitor is on.
         first_fault: First tick with a fault.
+        requests: That are made of the supervisor, with room for more; none without one.
         limbs: Hip and knee of the wearer, leg by leg.
         ankles: Place of the ankle of each leg in the coordinates; none without.
         passive: Places of the joints that are not controlled, in the order of the log.
@@ -276,6 +290,7 @@ class Episode:
     braces: list[Brace]
     braced: list[int]
     faults: list[Fault]
+    requests: list[Asked]
     efforts: Efforts
     recording: Recording
     trunk: Trunk

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from twin_gait.control.controller import Controller, Plan
@@ -15,6 +16,7 @@ from twin_gait.control.gait_controller import (
     WatchedSupply,
 )
 from twin_gait.control.joint_board import BoardState, Limits, Rates
+from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
@@ -25,7 +27,8 @@ from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
-from twin_gait.gait.signals import first_signals
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import first_signals, signal_of
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
@@ -33,6 +36,7 @@ from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
+    Asked,
     Ends,
     Episode,
     Joint,
@@ -91,6 +95,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         ),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),
+        "SUPERVISED": experiment.modes is not None,
         "INERTIA_WANTED": control.inertia_compensation > 0.0,
         "WEARER": problem.wearer.acts,
         **problem.controller.constants(),
@@ -155,6 +160,7 @@ def new_episode(
         braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
+        requests=_requests(problem),
         efforts=Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
@@ -278,7 +284,43 @@ def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
         ),
         model=_control_model(problem, bodies),
         memory=memory_of(problem.controller, problem.plan),
+        supervisor=_supervisor(problem),
     )
+
+
+def _supervisor(problem: Problem) -> Supervisor:
+    """The supervisor; where there is none, nothing is left of it in the record."""
+    modes, table, initial = problem.experiment.modes, problem.table, problem.experiment.initial_mode
+    if modes is None:
+        absent: Supervisor = ABSENT
+        return absent
+    modes = replace(modes, joints=table.joints)  # in whose places the signals stand
+    program = compile_guards(modes)
+    return Supervisor(
+        program=_padded(program),
+        modes=[
+            ModeCommand(
+                NO_POSTURE if mode.posture is None else table.phase_index(mode.posture),
+                float(mode.walk),
+                float(mode.step),
+            )
+            for mode in modes.phases.values()
+        ],
+        hold=modes.phase_index(modes.hold),
+        swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
+        signals=[signal_of(name).first for name in modes.signals],
+        debounce=[0] * _capacity(program.n_transitions),
+        mode=0 if initial is None else modes.phase_index(initial),
+    )
+
+
+def _requests(problem: Problem) -> list[Asked]:
+    """Requests of the schedule, with room, so that schedules of like length share one loop."""
+    modes, requests = problem.experiment.modes, problem.experiment.requests
+    if modes is None:
+        return []
+    asked = [Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
+    return asked + [Asked() for _ in range(_capacity(len(asked)) - len(asked))]
 
 
 def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJoint:

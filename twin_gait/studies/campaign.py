@@ -14,7 +14,7 @@ import numpy as np
 
 from twin_gait import __version__
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import write_atomically
+from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.parameters.quantities import (
     COUNT,
     NOT_NEGATIVE,
@@ -88,7 +88,6 @@ class TwoWayProtocol(Parameters):
     damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         ordered = self.highest_speed >= self.lowest_speed
         require(ordered, "highest_speed", "at least the lowest", self.highest_speed)
@@ -130,7 +129,6 @@ class Campaign(Parameters):
     longest: Annotated[Time, Range(1.0, 600.0, words="1 to 600 s")] = 20.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         require(self.joint in BENCH_FRICTION, "joint", "knee or hip", str(self.joint))
 
@@ -143,53 +141,28 @@ class Campaign(Parameters):
 
 @dataclass(frozen=True, eq=False)
 class PlannedTest:
-    """One test of a campaign.
+    """One test of a campaign."""
 
-    Attributes:
-        name: Of its file.
-        mass: On the link in [kg].
-        number: 1 to 9.
-        settings: What was set, as it goes into the header.
-        test: The test.
-        variation: What chance adds.
-        noise_seed: Of its noise.
-    """
-
-    name: str
-    mass: float
-    number: int
-    settings: Mapping[str, float]
-    test: BenchJoint
-    variation: BenchVariation
-    noise_seed: int
+    name: str  # of its file
+    mass: float  # on the link in [kg]
+    number: int  # 1 to 9
+    settings: Mapping[str, float]  # what was set, as it goes into the header
+    test: BenchJoint  # the test
+    variation: BenchVariation  # what chance adds
+    noise_seed: int  # of its noise
 
 
 def planned_tests(campaign: Campaign) -> list[PlannedTest]:
-    """The tests of a campaign, weight by weight; each has its own seed.
-
-    Args:
-        campaign: The campaign.
-
-    Returns:
-        Five weights of nine tests.
-    """
+    """The tests of a campaign, weight by weight, five of nine tests; each has its own seed."""
     plans = []
     seeds = np.random.SeedSequence(campaign.seed).spawn(len(WEIGHTS) * TESTS_PER_WEIGHT)
     for place, seed in enumerate(seeds):
         mass, number = WEIGHTS[place // TESTS_PER_WEIGHT], place % TESTS_PER_WEIGHT + 1
-        drop = campaign.protocol is Protocol.DROP
-        settings, test = (_drop if drop else _two_way)(campaign, mass, number)
-        plans.append(
-            PlannedTest(
-                name=f"{campaign.joint}_{mass:g}kg_{number}.log",
-                mass=mass,
-                number=number,
-                settings=settings,
-                test=test,
-                variation=_variation(campaign, np.random.default_rng(seed)),
-                noise_seed=int(seed.generate_state(1)[0]),
-            )
-        )
+        settings, test = (_drop if campaign.protocol is Protocol.DROP else _two_way)(campaign, mass, number)
+        name = f"{campaign.joint}_{mass:g}kg_{number}.log"
+        variation = _variation(campaign, np.random.default_rng(seed))
+        noise = int(seed.generate_state(1)[0])
+        plans.append(PlannedTest(name, mass, number, settings, test, variation, noise))
     return plans
 
 
@@ -256,17 +229,11 @@ def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, fl
 
 @dataclass(frozen=True, eq=False)
 class CampaignResult:
-    """What a campaign left behind.
+    """What a campaign left behind."""
 
-    Attributes:
-        directory: Its folder.
-        status: Completed or interrupted.
-        tests: A line on each test, as in ``campaign.json``.
-    """
-
-    directory: Path
-    status: RunStatus
-    tests: tuple[Mapping[str, Any], ...]
+    directory: Path  # its folder
+    status: RunStatus  # completed or interrupted
+    tests: tuple[Mapping[str, Any], ...]  # a line on each test, as in ``campaign.json``
 
 
 def run_campaign(
@@ -278,9 +245,6 @@ def run_campaign(
     on_compile: Callable[[], None] | None = None,
 ) -> CampaignResult:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
-
-    Returns:
-        The folder and what happened in each test.
 
     Raises:
         RunDirectoryError: If the folder exists or cannot be written.
@@ -317,13 +281,12 @@ def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False
 
 
 def _header(campaign: Campaign, plan: PlannedTest) -> dict[str, object]:
-    values = {name: f"{value:g}" for name, value in plan.settings.items()}
     return {
         "joint": str(campaign.joint),
         "protocol": str(campaign.protocol),
         "mass_kg": f"{plan.mass:g}",
         "test": plan.number,
-        **values,
+        **{name: f"{value:g}" for name, value in plan.settings.items()},
         "campaign_seed": campaign.seed,
     }
 
@@ -348,9 +311,8 @@ def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
 def summarise(run: BenchRun) -> dict[str, float | None]:
     """What one looks at first in a test.
 
-    Returns:
-        Times in [s] at which the joint had moved by 1° and reached the stop, None if it did not; RMSE of
-        target and measured current in [A].
+    Times in [s] at which the joint had moved by 1° and reached the stop, None if it did not; RMSE of target
+    and measured current in [A].
     """
     angle = run.column("link_angle_rad")
     error = run.column("target_current_A") - run.column("measured_current_A")
@@ -383,10 +345,8 @@ def _settings(campaign: Campaign, status: RunStatus, lines: list[dict[str, Any]]
 
 def _finite(value: Any) -> Any:
     """Infinite numbers have no JSON; they become null."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
     if isinstance(value, Mapping):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_finite(item) for item in value]
-    return value
+    return finite_or_none(value) if isinstance(value, float) else value

@@ -119,6 +119,10 @@ class Overground(Scenario):
         """On the floor."""
         return Walking(speed=self.speed, support_share=self.harness.share, contact=self.contact, belt=Belt())
 
+    def without_aids(self) -> Self | None:
+        """The same floor without crutches."""
+        return None if self.crutches is None else replace(self, crutches=None)
+
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
         """Support."""

@@ -58,12 +58,9 @@ class _Leg(NamedTuple):
 
 
 def run_measures(run: Run) -> Measures:
-    """All numbers of a run, by names with their units.
+    """All numbers of a run, by names with their units; NaN where one is not defined.
 
     ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
-
-    Returns:
-        Measures by name; NaN where one is not defined.
     """
     end = len(run.log) if run.trip is None else run.trip.tick
     walked = run.verdict.outcome is Outcome.WALKED
@@ -138,11 +135,7 @@ def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
 
 
 def winter_cycle(joint: JointName) -> np.ndarray:
-    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``.
-
-    Args:
-        joint: One of ``WINTER_JOINTS``.
-    """
+    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``."""
     walk = normative_walk(WINTER, strides=2)
     angles = walk.recording.angles[Side.LEFT][str(joint)]
     return np.asarray(np.interp(PERCENT / 100.0 * walk.cycle_time, np.arange(len(angles)) * TICK, angles))
@@ -172,11 +165,7 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
 
 
 def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
-    """Torque of the wearer's effort at a joint: the whole torque less tissue and spastic muscles.
-
-    Returns:
-        Torque in [N m], one value a tick, shape ``(n_ticks,)``.
-    """
+    """Torque of the wearer's effort at a joint, in [N m] at every tick: less tissue and spastic muscles."""
     log, patient = run.log, run.experiment.patient or Patient()
     condition = patient.conditions.get((side, joint), JointCondition())
     whole = log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
@@ -220,15 +209,11 @@ def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.nda
 
 
 def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> float:
-    """Share of the stiffness of its phases that a joint was given: in full 1, without springs 0.
+    """Share of the stiffness of its phases that a driven joint was given: in full 1, without springs 0.
 
-    Args:
-        joint: A driven one.
-        since: Stays in a phase that begin before this tick do not count.
-
-    Returns:
-        Mean over the ends of the stays in a phase, where no blend is under way; NaN if there is none.
-        Where it adapts, the first strides say how it began and not where it settles.
+    Mean over the ends of the stays in a phase, where no blend is under way; NaN if there is none. Where it
+    adapts, the first strides say how it began and not where it settles: stays before tick ``since`` do not
+    count.
     """
     control = run.experiment.control
     if control.mode in ("transparent", "gravity"):
