@@ -96,7 +96,7 @@ def test_a_trunk_that_turns_evenly_is_followed_without_lag() -> None:
 
 
 def test_an_acceleration_is_taken_for_gravity_by_the_share_of_the_time_constant() -> None:
-    r"""1 m/s² for 0.5 s: the estimate goes back towards :math:`-\arctan(a/g)` with :math:`1 - e^{-t/\tau}`."""
+    r"""1 m/s² for 0.5 s: the estimate goes towards :math:`-\arctan(a/g)` with :math:`1 - e^{-t/\tau}`."""
     unit, tau, found = unit_of(0.0, 0.5), 0.5, []
     for tick in range(1500):
         forward = 1.0 if tick < 500 else 0.0

@@ -111,7 +111,7 @@ def _angles(world: World, joint: JointName) -> tuple[float, float]:
 
 def _pitches(world: World) -> tuple[float, float]:
     """Range of the trunk's pitch: none on a guided pelvis, else what is no fall."""
-    largest = 0.0 if world.model.pitch_index is None else world.fall_pitch
+    largest = 0.0 if world.model.pitch_index is None else min(world.fall_pitch, ANY_ANGLE[1])
     return -largest, largest
 
 
