@@ -90,7 +90,7 @@ class Experiment(Parameters):
 
     def _check_modes(self) -> None:
         """Modes read joints of two legs, and have postures that the gait table offers."""
-        check_requests(self.requests, self.modes, self.duration)
+        check_requests(self.requests, self.modes)
         if self.modes is None:
             require(self.initial_mode is None, "initial_mode", "modes, such as twin", str(self.initial_mode))
             return
