@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from string import Template
@@ -92,9 +92,8 @@ class Project:
         texts = {}
         for path in _FILES.iterdir():
             text = path.read_text(encoding="utf-8")
-            texts[path.name] = (
-                Template(text).substitute(self._words()) if path.suffix in (".md", ".c") else text
-            )
+            filled = path.suffix in (".md", ".c")
+            texts[path.name] = Template(text).substitute(self._words()) if filled else text
         texts["experiment.yaml"] = dump_yaml(dict(document))
         texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
         supervised = self.problem.experiment.modes is not None
@@ -149,13 +148,11 @@ class Project:
             "source_hash": self.program.source_hash[:16],
             "first": self.joints[0],
             "boards": _markdown(["joint", "first call", "angle of a count [rad]"], boards),
-            "phases": ", ".join(f"{number} {name}" for number, name in enumerate(problem.table.phases)),
+            "phases": _numbered(problem.table.phases),
             "causes": ", ".join(f"{cause.code} {cause}" for cause in TripCause),
             "can": self._can(),
-            "modes": "none"
-            if modes is None
-            else ", ".join(f"{n} {name}" for n, name in enumerate(modes.phases)),
-            "requests": ", ".join(f"{n} {name}" for n, name in enumerate(("none", *asked))),
+            "modes": _numbered([] if modes is None else modes.phases) or "none",
+            "requests": _numbered(["none", *asked]),
             "read_request": "" if modes is None else _READ_REQUEST,
             **{f"{item.__name__}_bytes": str(self._bytes(item)) for item in (JointBoard, GaitController)},
         }
@@ -266,6 +263,10 @@ def _table(joints: Sequence[str], vectors: Vectors, supervised: bool) -> Iterato
         numbers += [item for command in commands for item in (command["torque"], command["target_current"])]
         phases = [*expected["decision"]["phases"], expected["decision"]["trip_cause"]]
         yield ",".join([*(repr(float(item)) for item in numbers), *(str(int(item)) for item in phases)])
+
+
+def _numbered(names: Iterable[str]) -> str:
+    return ", ".join(f"{number} {name}" for number, name in enumerate(names))
 
 
 def _markdown(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
