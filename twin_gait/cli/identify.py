@@ -139,8 +139,13 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
         Loss,
         Processing,
         ProcessingOptions,
+        Quantity,
     )
     from twin_gait.parameters.quantities import WHOLE
+
+    def by_quantity(flag: str, text: str) -> dict[Quantity, str]:
+        given = options.pairs(flag, text, list(map(str, Quantity)))
+        return {Quantity(name): value for name, value in given.items()}
 
     WHOLE.require("--seed", arguments.seed)
     processing = options.given(
@@ -151,7 +156,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     )
     return IdentificationOptions(
         columns=LogColumns(
-            names=_pairs("--columns", arguments.columns), units=_pairs("--units", arguments.units)
+            names=by_quantity("--columns", arguments.columns), units=by_quantity("--units", arguments.units)
         ),
         bench=_bench(arguments),
         processing=ProcessingOptions(**processing),
@@ -188,16 +193,6 @@ def _bench(arguments: argparse.Namespace) -> Any:
         mass_as_printed=arguments.mass_inertia_as_printed,
         **stated,
     )
-
-
-def _pairs(flag: str, text: str) -> dict[Any, str]:
-    from twin_gait.exceptions import ParameterError
-    from twin_gait.identification import parse_columns
-
-    try:
-        return dict(parse_columns(text))
-    except ParameterError as error:
-        raise ParameterError(f"{flag}: {error}") from error
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:

@@ -21,9 +21,7 @@ DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callable[[], Any]) -> None:
     """Print the result: lines for a reader or, with ``--json``, one document for a program.
 
-    Args:
-        lines: For a reader.
-        document: Makes the mapping for a program; numbers that are not finite become null.
+    In the document numbers that are not finite become null.
     """
     if not arguments.json:
         print("\n".join(lines))

@@ -81,7 +81,7 @@ class Fit:
 
 def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of the parameter vector, scaled to the samples."""
-    low = [0.0 if physical and not item.signed else -math.inf for item in model.coefficients]
+    low = [0.0 if physical and sign == "+" else -math.inf for sign in model.coefficients]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
         scale = _scale(item.scale, samples)
@@ -112,16 +112,10 @@ def fit_model(
     *,
     seeds: Sequence[np.ndarray] = (),
 ) -> Fit:
-    """Fit a model.
+    """Fit a model to samples with every column that it needs.
 
     Args:
-        model: The model.
-        samples: The samples, with every column that the model needs.
-        options: How to fit.
         seeds: Further starts beside the many: the fits of simpler models.
-
-    Returns:
-        The fit.
     """
     full = rows_of(model, samples)
     low, high = bounds(model, full, physical=options.physical)

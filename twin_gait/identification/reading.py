@@ -53,14 +53,8 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     """Read a log.
 
     The separator may be a comma, a semicolon, a tab or blanks; lines that begin with # are comments, of which
-    ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on.
-
-    Args:
-        path: The file.
-        columns: Which column holds what; those with a known name are found without.
-
-    Returns:
-        The log.
+    ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on. Columns
+    with a known name are found without being named in ``columns``.
 
     Raises:
         ParameterFileError: If the file cannot be read as numbers; one line with file, column and row.

@@ -58,14 +58,7 @@ class Samples:
         return len(self.velocity)
 
     def rows(self, chosen: np.ndarray) -> Samples:
-        """Some of the samples.
-
-        Args:
-            chosen: Mask or indices; a dynamic model needs whole tests.
-
-        Returns:
-            The samples.
-        """
+        """Some of the samples, by a mask or indices; a dynamic model needs whole tests."""
         columns = {name: None if values is None else values[chosen] for name, values in vars(self).items()}
         return Samples(**cast("dict[str, Any]", columns))
 
@@ -75,14 +68,7 @@ class Samples:
 
 
 def join_tests(tests: Sequence[FrictionTest]) -> Samples:
-    """Lay tests end to end.
-
-    Args:
-        tests: At least one.
-
-    Returns:
-        Their samples; a quantity that one of the tests lacks is left out.
-    """
+    """Lay tests end to end; a quantity that one of them lacks is left out."""
     lengths = [len(test) for test in tests]
     fresh = np.concatenate([_fresh(test) for test in tests])
     period = _joined([None if test.time is None else _periods(test.time) for test in tests])
