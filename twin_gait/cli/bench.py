@@ -102,9 +102,9 @@ def _add_numbers(parser: argparse.ArgumentParser, entries: tuple[tuple[Any, ...]
 
 def bench_of(arguments: argparse.Namespace) -> BenchJoint:
     """The bench as the options describe it, without a controller."""
+    from twin_gait import worlds as world
     from twin_gait.parameters import BatteryParameters
     from twin_gait.vocabulary import JointName
-    from twin_gait.worlds import bench_joint as world
 
     joint = JointName(arguments.joint)
     friction = world.BenchFriction(
@@ -204,8 +204,8 @@ def run_test_command(arguments: argparse.Namespace) -> int:
 
 
 def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | None:
+    from twin_gait import worlds as world
     from twin_gait.vocabulary import JointName
-    from twin_gait.worlds import bench_joint as world
 
     joint = JointName(arguments.joint)
     if arguments.controller == "off":

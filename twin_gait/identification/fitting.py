@@ -156,19 +156,15 @@ def _descended(
     threshold: float,
 ) -> np.ndarray:
     """The minimum near a start: first on few samples, where a step costs little, then on all."""
-    tolerance = _tolerance(full)
+    number = int(full.used.sum())
+    # Share of the loss that is worth another step: less than noise decides, exact for few samples.
+    tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
     candidates = [start]
     coarse = rows_of(model, samples, _COARSE)
     if 2 * len(coarse) < len(full):
         candidates.append(refine(model, coarse, start, low, high, threshold, tolerance=_REFIT_TOLERANCE))
     best = min(candidates, key=lambda x: huber_cost(residuals(model, x, full), threshold))
     return refine(model, full, best, low, high, threshold, tolerance=tolerance)
-
-
-def _tolerance(samples: Samples) -> float:
-    """Share of the loss that is worth another step: less than noise decides, exact for few samples."""
-    number = int(samples.used.sum())
-    return _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
 
 
 def rows_of(model: FrictionModel, samples: Samples, limit: int | None = None) -> Samples:

@@ -202,7 +202,7 @@ def _velocity_slope(columns: Mapping[Quantity, np.ndarray]) -> float | None:
     time, angle, velocity = (columns[name] for name in (Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY))
     # Displacements over a tenth of the log: noise of single differences would hide the slope.
     stride = max(len(time) // 10, 1)
-    travelled = cumulative_trapezoid(velocity, time, initial=0.0)
+    travelled = cumulative_trapezoid(velocity, time, initial=0)
     moved, integrated = angle[stride:] - angle[:-stride], travelled[stride:] - travelled[:-stride]
     energy = float(moved @ moved)
     if energy < 1e-6 * len(moved):  # less than a milliradian: nothing to compare

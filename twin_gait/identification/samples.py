@@ -71,7 +71,9 @@ def join_tests(tests: Sequence[FrictionTest]) -> Samples:
     """Lay tests end to end; a quantity that one of them lacks is left out."""
     lengths = [len(test) for test in tests]
     fresh = np.concatenate([_fresh(test) for test in tests])
-    period = _joined([None if test.time is None else _periods(test.time) for test in tests])
+    period = _joined(
+        [None if test.time is None else np.diff(test.time, prepend=test.time[:1]) for test in tests]
+    )
     time = _joined([None if test.time is None else test.time - test.time[:1] for test in tests])
     return Samples(
         velocity=np.concatenate([test.velocity for test in tests]),
@@ -118,10 +120,6 @@ def thinned(samples: Samples, limit: int) -> Samples:
 def _joined(columns: Sequence[np.ndarray | None]) -> np.ndarray | None:
     present = [column for column in columns if column is not None]
     return np.concatenate(present) if len(present) == len(columns) else None
-
-
-def _periods(time: np.ndarray) -> np.ndarray:
-    return np.diff(time, prepend=time[:1])
 
 
 def _fresh(test: FrictionTest) -> np.ndarray:
