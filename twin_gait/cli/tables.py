@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,8 +57,6 @@ def show_presets(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration.people import people
 
     if arguments.schema is not None:
-        import json
-
         from twin_gait.configuration.schema import json_schema
 
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
