@@ -40,8 +40,8 @@ class CrutchParameters(Parameters):
         length: Of straight arm and crutch over the height of the wearer: 0.485 to the grip at the wrist and
             0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
         slack: By which a hand may be farther from the shoulder before it lets go, in [m] (an assumption).
-        straight_stiffness: Of a straight arm and the hand that holds on, in [N] / [m] (an assumption: shoulder
-            girdle and wrist leave 5 to 15 kN/m of what the elbow has).
+        straight_stiffness: Of a straight arm and the hand that holds on, in [N] / [m] (an assumption:
+            shoulder girdle and wrist leave 5 to 15 kN/m of what the elbow has).
         push_limit: Largest force of an arm along the strut in [N] (an assumption: paraplegic men push as hard
             as others, Kotajarvi et al. 2002; half the weight on each hand is what lifting oneself asks for).
         pull_limit: With which it lifts a crutch in [N] (an assumption).
