@@ -262,7 +262,9 @@ def test_planted_defect_is_found_where_it_is(name: str) -> None:
 
 def test_a_defect_is_planted_for_every_rule_of_guards() -> None:
     ours = {rule.__name__ for rule in GUARD_RULES}
-    assert ours | {"unknown_rule", "unused_waiver"} == {rule for rule, *_ in PLANTED.values()}
+    assert ours | {"unknown_rule", "unused_waiver", "unanswered_request"} == {
+        rule for rule, *_ in PLANTED.values()
+    }
 
 
 def test_every_finding_bears_the_name_of_its_rule() -> None:
@@ -553,7 +555,11 @@ def test_findings_come_worst_first_and_then_in_the_order_of_the_phases() -> None
 
 def test_every_rule_is_listed_with_one_line() -> None:
     listed = rules()
-    assert set(listed) == {rule.__name__ for rule in RULES} | {"unknown_rule", "unused_waiver"}
+    assert set(listed) == {rule.__name__ for rule in RULES} | {
+        "unknown_rule",
+        "unused_waiver",
+        "unanswered_request",
+    }
     for name, meaning in listed.items():
         assert re.fullmatch(r"[a-z_]+", name)
         assert meaning.endswith((".", ":")) and len(meaning) < 110

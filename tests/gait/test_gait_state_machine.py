@@ -241,7 +241,7 @@ def test_signals_are_laid_out_as_guards_read_them() -> None:
         "step": 0.125,
         "walk": 0.25,  # a leg reads its own command
     }
-    assert np.isnan(signal_list(two_phase_table(), 6.0, own, None)[6:-2]).all()
+    assert np.isnan(signal_list(two_phase_table(), 6.0, own, None)[6:-3]).all()
 
 
 def test_unknown_phases_are_refused() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -44,9 +46,6 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder and print what it says."""
-    import json
-    import textwrap
-
     from twin_gait.runs.folders import check_target
     from twin_gait.studies.compare.comparing import (
         CONTROLLERS,

@@ -108,8 +108,9 @@ def plot(arguments: argparse.Namespace) -> int:
 
 def export(arguments: argparse.Namespace) -> int:
     """Write the log."""
-    from twin_gait.conventions import find_convention
+    from twin_gait.conventions import DEGREES, RADIANS, find_convention
     from twin_gait.exceptions import ParameterError
+    from twin_gait.export import export_csv, export_motion
     from twin_gait.runs.record import load_run
 
     kind = arguments.format or _format_of(arguments.out, arguments.convention)
@@ -118,27 +119,12 @@ def export(arguments: argparse.Namespace) -> int:
     stored = load_run(arguments.directory)
     convention = find_convention(arguments.convention or DEFAULT_CONVENTION)
     device = arguments.of == "device"
-    names = {FOLDER: FOLDER, **CAN_FILES}
-    path = arguments.out or arguments.directory / names.get(kind, f"log.{kind}")
+    path = arguments.out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
     if kind == FOLDER:
         return _write_folder(stored, path, convention, device=device, force=arguments.force)
     options.check_file("--out", path, force=arguments.force)
     if kind in CAN_FILES:
         return _write_frames(stored, path, kind)
-    return _write_file(stored, path, kind, convention, device=device)
-
-
-def _format_of(path: Path | None, convention: str | None) -> str:
-    """The format that a file's name says; a convention asks for a motion, anything else is CSV."""
-    suffix = "" if path is None else path.suffix.removeprefix(".").lower()
-    suffix = {Path(name).suffix[1:]: kind for kind, name in CAN_FILES.items()}.get(suffix, suffix)
-    return suffix if suffix in FORMATS else CSV if convention is None else "mot"
-
-
-def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention, *, device: bool) -> int:
-    from twin_gait.conventions import DEGREES, RADIANS
-    from twin_gait.export import export_csv, export_motion
-
     columns = list(stored.log.columns)
     if kind == CSV:
         export_csv(stored.log, path)
@@ -147,6 +133,13 @@ def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention
         columns = export_motion(stored.log, path, convention, unit=unit, device=device)
     print(f"{len(stored.log)} rows, {len(columns)} columns: {path}")
     return DONE
+
+
+def _format_of(path: Path | None, convention: str | None) -> str:
+    """The format that a file's name says; a convention asks for a motion, anything else is CSV."""
+    suffix = "" if path is None else path.suffix.removeprefix(".").lower()
+    suffix = {Path(name).suffix[1:]: kind for kind, name in CAN_FILES.items()}.get(suffix, suffix)
+    return suffix if suffix in FORMATS else CSV if convention is None else "mot"
 
 
 def _write_frames(stored: StoredRun, path: Path, kind: str) -> int:

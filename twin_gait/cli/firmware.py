@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,8 +74,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Print the project into a folder; its manifest."""
-    from dataclasses import replace
-
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.project import print_project
     from twin_gait.firmware.vectors import record_vectors
@@ -92,8 +92,6 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
 
 def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     """Verify, and keep what was found in the folder."""
-    import json
-
     from twin_gait.files import write_atomically
     from twin_gait.firmware.verification import verify
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -77,8 +78,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def make_request(arguments: argparse.Namespace) -> ReplayRequest:
     """Turn arguments into a request."""
-    import math
-
     from twin_gait.conventions import find_convention
     from twin_gait.measures.reference import KILOMETRES_PER_HOUR
     from twin_gait.replay import LogFormat

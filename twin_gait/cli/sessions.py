@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace, records: Path) -> None:
-    from dataclasses import asdict
 
     from twin_gait.live.session_records import list_sessions
 
@@ -104,7 +105,6 @@ def _show(arguments: argparse.Namespace, records: Path) -> None:
 
 
 def _export(arguments: argparse.Namespace, records: Path) -> None:
-    import json
 
     from twin_gait.files import write_atomically
     from twin_gait.live.session_records import read_session

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
+import math
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -66,7 +68,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _simulate(arguments: argparse.Namespace, drawing: DrawingProcesses) -> int:
-    import json
 
     from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
@@ -138,8 +139,6 @@ def report(result: Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
 
 def accuracy_line(accuracy: Mapping[str, Any]) -> str:
     """What a tenth of the step changes, of :func:`~twin_gait.studies.accuracy.step_error`, in one line."""
-    import math
-
     names = ("largest_angle_error_rad", "largest_angle_error_before_first_slip_rad")
     whole, before = (f"{math.degrees(accuracy[name]):.2g}°" for name in names)
     line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves the joints by up to {whole}"

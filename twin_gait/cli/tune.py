@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -107,8 +108,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _reference_speed(text: str | None) -> float | None:
     """Speed of the reference in [m] / [s]."""
-    import re
-
     from twin_gait.exceptions import ParameterError
     from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 

@@ -26,7 +26,7 @@ class ModeTableFile(Strict):
     name: str | None = None
     description: str = ""
     joints: list[str] = Field(default=["hip", "knee"], min_length=1)
-    requests: list[str] = Field(min_length=1)
+    requests: list[str]
     hold: str
     modes: dict[str, _Mode] = Field(min_length=2)  # type: ignore[valid-type]
     transitions: list[TransitionEntry]

@@ -242,6 +242,7 @@ def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
     """Take all that is heard of the device as a whole."""
     hear_trunk(controller, heard.trunk_pitch)
     hear_command(controller, heard.walk, tick)
+    controller.common.step = heard.step
 
 
 def hear_trunk(controller: ControllerState, pitch: float) -> None:

@@ -43,9 +43,8 @@ class Supervisor:
         debounce: Consecutive ticks with an open guard, by transition.
         mode: Present mode.
         entry_tick: Tick in which it was entered.
-        request: That is made, ``NO_REQUEST`` for none; it lasts for one tick.
-        asked: That was made in this tick.
-        refused: That was made in this tick, and that nothing has answered.
+        request: That is made in this tick, ``NO_REQUEST`` for none.
+        refused: The same if nothing has answered it.
         entered: Whether a mode has been entered in this tick.
     """
 
@@ -58,22 +57,18 @@ class Supervisor:
     mode: int = 0
     entry_tick: int = 0
     request: int = NO_REQUEST
-    asked: int = NO_REQUEST
     refused: int = NO_REQUEST
     entered: bool = False
 
 
 def hear_request(supervisor: Supervisor, request: int) -> None:
-    """Take a request by its code; the last one of a tick counts."""
-    if request != NO_REQUEST:
-        supervisor.request = request
+    """Take what is asked for in this tick, by its code."""
+    supervisor.request = request
 
 
 def choose_mode(supervisor: Supervisor, tick: int, tripped: bool) -> None:
     """Go to another mode if a transition is due, or to the hold; note a request that is refused."""
-    supervisor.asked = supervisor.request
     supervisor.refused = supervisor.request
-    supervisor.request = NO_REQUEST
     supervisor.entered = False
     if tripped:
         if supervisor.mode != supervisor.hold:
@@ -84,7 +79,7 @@ def choose_mode(supervisor: Supervisor, tick: int, tripped: bool) -> None:
 
 def advance_mode(supervisor: Supervisor, tick: int) -> None:
     """Take the transition that is due, if there is one."""
-    program, signals, asked = supervisor.program, supervisor.signals, supervisor.asked - 1
+    program, signals, asked = supervisor.program, supervisor.signals, supervisor.request - 1
     ticks = tick - supervisor.entry_tick
     chosen = next_transition(program, supervisor.mode, ticks, signals, asked, supervisor.debounce)
     if chosen != NO_TRANSITION:

@@ -92,13 +92,14 @@ class Experiment(Parameters):
 
     def _check_modes(self) -> None:
         """Modes read joints of two legs, and have postures that the gait table offers."""
-        check_requests(self.requests, self.modes, self.duration)
+        check_requests(self.requests, self.modes)
         if self.modes is None:
             require(self.initial_mode is None, "initial_mode", "modes, such as twin", str(self.initial_mode))
             return
-        if self.initial_mode is not None:
-            self.modes.phase_index(self.initial_mode)
         table, modes = f"gait table {self.table.name!r}", f"modes {self.modes.name!r}"
+        if self.initial_mode not in (None, *self.modes.phases):
+            known = ", ".join(self.modes.phases)
+            raise ParameterError(f"initial_mode: {modes} have no {self.initial_mode!r}; there are {known}")
         require(len(self.leg.legs) == 2, "modes", "an experiment with two legs", ", ".join(self.leg.legs))
         if not set(self.modes.joints) <= set(self.table.joints):
             joints = ", ".join(self.modes.joints)

@@ -287,14 +287,15 @@ def _asks(table: StateTable) -> list[str]:
     """What can be asked for, and what becomes of a trip."""
     if not isinstance(table, ModeTable):
         return []
-    return [f"Requests: {', '.join(table.requests)}. After a trip of the safety monitor: {table.hold}.\n"]
+    asks = f"Requests: {', '.join(table.requests)}. " if table.requests else ""
+    return [f"{asks}After a trip of the safety monitor: {table.hold}.\n"]
 
 
 def mode_words(mode: Mode) -> list[str]:
     """What a mode sets, in words."""
     told = f"the legs are told to {'walk' if mode.walk else 'stand'}"
     told += f" and to {'step' if mode.step else 'wait for a step'}" if mode.walk or mode.step else ""
-    return [told, *([] if mode.posture is None else [f"both enter {mode.posture}"])]
+    return [told, *([] if mode.posture is None else [f"both legs enter {mode.posture}"])]
 
 
 def _settings(table: StateTable, phase: str) -> str:

@@ -57,7 +57,7 @@ class ModeTable(StateTable):
 
     Attributes:
         phases: The modes by name; the device begins in the first.
-        requests: What can be asked for.
+        requests: What can be asked for, if anything.
         hold: Mode in which the device is after a trip of the safety monitor; it is not left.
     """
 
@@ -68,7 +68,6 @@ class ModeTable(StateTable):
     words: ClassVar[GuardWords] = MODE_WORDS
 
     def _check_phases(self) -> None:
-        _require(bool(self.requests), "requests: expected at least one, got none")
         _require(len(self.requests) <= MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
         for name in self.requests:
             _require(bool(re.fullmatch(r"[A-Za-z_]\w*", name)), f"requests: expected a word, got {name!r}")
@@ -142,16 +141,14 @@ def parse_request(text: str) -> TimedRequest:
         raise ParameterError(f"request {text!r}: expected REQUEST@TIMEs, for example walk@2.5s") from None
 
 
-def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None, duration: float) -> None:
-    """Check that requests are known, come one at a time and within the run; raises ParameterError."""
+def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) -> None:
+    """Check that requests are known and come one at a time; raises ParameterError."""
     if requests and modes is None:
         raise ParameterError("requests: nothing answers them; give modes, such as twin")
     for number, item in enumerate(requests):
         known = () if modes is None else modes.requests
         if item.name not in known:
             raise ParameterError(f"request {item}: there are {', '.join(known)}")
-        if item.ticks * TICK >= duration:
-            raise ParameterError(f"request {item}: the run ends at {duration:g} s; choose an earlier time")
         if item.ticks in (other.ticks for other in requests[:number]):
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
 

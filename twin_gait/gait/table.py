@@ -354,6 +354,11 @@ class StateTable:
         """What a membership in a guard may name: phases of the other leg, or requests."""
         return self.phase_names
 
+    @property
+    def others(self) -> tuple[str | None, ...]:
+        """The :attr:`members` as a choice that is made; None alone where there are none."""
+        return self.members or (None,)
+
     def member_index(self, name: str | None) -> int:
         """Position of one of the :attr:`members`; -1 for none."""
         return -1 if name is None else self.members.index(name)

@@ -58,27 +58,17 @@ class BenchSetup(Parameters):
         return angle if self.start_angle is None else angle - angle[0] + self.start_angle
 
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
-        """Torque of gravity on the joint, equation (2.8); positive along the fall.
+        """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
 
         Args:
             angle: Joint angle in [rad], shape ``(n,)``.
             mass: On the link in [kg].
-
-        Returns:
-            In [N m], shape ``(n,)``.
         """
         tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
         return np.asarray(self.gravity * (mass * self.lever + self.link_moment) * np.cos(tilt))
 
     def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
-        """J of equation (2.12) at the joint in [kg m²].
-
-        Args:
-            mass: On the link in [kg].
-
-        Returns:
-            Rotor and wave generator times the ratio squared, link and weight.
-        """
+        """J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
         weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
         return self.actuator.armature + self.link_inertia + weight
 

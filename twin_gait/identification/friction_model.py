@@ -27,13 +27,6 @@ class Scale(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coefficient:
-    """A linear coefficient."""
-
-    signed: bool = False  # whether it may be negative in a physical friction
-
-
-@dataclass(frozen=True, kw_only=True)
 class Shape:
     """A parameter that enters non-linearly."""
 
@@ -43,14 +36,14 @@ class Shape:
     physical_low: float | None = None  # lower bound of a physical friction; ``low`` if None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FrictionModel:
     """A friction model."""
 
     name: str  # as the user writes it
     formula: str  # in one line, for reports
     names: tuple[str, ...]  # parameters as they are reported, with their units, in the order of ``public``
-    coefficients: tuple[Coefficient, ...]  # linear ones
+    coefficients: str  # linear ones: + for each that is 0 or more in a physical friction, else ±
     shape: tuple[Shape, ...]  # the others
     # law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``
     torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]

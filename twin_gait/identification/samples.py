@@ -58,14 +58,7 @@ class Samples:
         return len(self.velocity)
 
     def rows(self, chosen: np.ndarray) -> Samples:
-        """Some of the samples.
-
-        Args:
-            chosen: Mask or indices; a dynamic model needs whole tests.
-
-        Returns:
-            The samples.
-        """
+        """Some of the samples, by a mask or indices; a dynamic model needs whole tests."""
         columns = {name: None if values is None else values[chosen] for name, values in vars(self).items()}
         return Samples(**cast("dict[str, Any]", columns))
 
@@ -75,17 +68,12 @@ class Samples:
 
 
 def join_tests(tests: Sequence[FrictionTest]) -> Samples:
-    """Lay tests end to end.
-
-    Args:
-        tests: At least one.
-
-    Returns:
-        Their samples; a quantity that one of the tests lacks is left out.
-    """
+    """Lay tests end to end; a quantity that one of them lacks is left out."""
     lengths = [len(test) for test in tests]
     fresh = np.concatenate([_fresh(test) for test in tests])
-    period = _joined([None if test.time is None else _periods(test.time) for test in tests])
+    period = _joined(
+        [None if test.time is None else np.diff(test.time, prepend=test.time[:1]) for test in tests]
+    )
     time = _joined([None if test.time is None else test.time - test.time[:1] for test in tests])
     return Samples(
         velocity=np.concatenate([test.velocity for test in tests]),
@@ -132,10 +120,6 @@ def thinned(samples: Samples, limit: int) -> Samples:
 def _joined(columns: Sequence[np.ndarray | None]) -> np.ndarray | None:
     present = [column for column in columns if column is not None]
     return np.concatenate(present) if len(present) == len(columns) else None
-
-
-def _periods(time: np.ndarray) -> np.ndarray:
-    return np.diff(time, prepend=time[:1])
 
 
 def _fresh(test: FrictionTest) -> np.ndarray:

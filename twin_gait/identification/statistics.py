@@ -29,15 +29,11 @@ class Goodness:
 
 
 def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Goodness:
-    """Compute the goodness of a fit.
+    """Goodness of a fit with so many parameters.
 
     Args:
         measured: Torques in [N m], shape ``(n,)``, more than parameters.
         residuals: Measured less predicted torque in [N m], shape ``(n,)``.
-        parameters: How many were fitted.
-
-    Returns:
-        The goodness.
     """
     n, freedom = len(measured), max(len(measured) - parameters, 1)
     sse = float(residuals @ residuals)

@@ -185,20 +185,13 @@ def drop_amplitude(mass: float, step: int) -> float:
 def _drop(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float], BenchJoint]:
     gain = TRANSPARENCY_GAINS[(number - 1) // 3]
     amplitude = drop_amplitude(mass, (number - 1) % 3)
-    bench = campaign.plain_bench()
-    test = replace(
-        bench,
-        link=replace(bench.link, mass=mass),
-        control=DutyControl(
-            amplitude=amplitude,
-            frequency=FREQUENCY,
-            transparency_gain=gain,
-            lowest_velocity=LOWEST_VELOCITIES[campaign.joint],
-        ),
-        start_angle=HORIZONTAL,
-        duration=campaign.longest,
-        rest_at_stop=REST_AT_STOP,
+    control = DutyControl(
+        amplitude=amplitude,
+        frequency=FREQUENCY,
+        transparency_gain=gain,
+        lowest_velocity=LOWEST_VELOCITIES[campaign.joint],
     )
+    test = replace(_loaded(campaign, mass, control), duration=campaign.longest, rest_at_stop=REST_AT_STOP)
     return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, test
 
 
@@ -206,25 +199,24 @@ def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, fl
     way = campaign.two_way
     share = (number - 1) / (TESTS_PER_WEIGHT - 1)
     speed = way.lowest_speed + share * (way.highest_speed - way.lowest_speed)
-    bench = campaign.plain_bench()
-    test = replace(
-        bench,
-        link=replace(bench.link, mass=mass),
-        control=TorqueControl(
-            friction_model=BENCH_FRICTION[campaign.joint],
-            friction_compensation_gain=0.0,
-            stiffness=way.stiffness,
-            damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * bench.actuator.armature),
-            path=CosinePath(
-                start_angle=HORIZONTAL,
-                amplitude=-speed * way.period / math.pi,
-                frequency=1.0 / way.period,
-            ),
-        ),
-        start_angle=HORIZONTAL,
-        duration=way.cycles * way.period,
+    amplitude, frequency = -speed * way.period / math.pi, 1.0 / way.period
+    armature = campaign.plain_bench().actuator.armature
+    control = TorqueControl(
+        friction_model=BENCH_FRICTION[campaign.joint],
+        friction_compensation_gain=0.0,
+        stiffness=way.stiffness,
+        damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * armature),
+        path=CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
     )
+    test = replace(_loaded(campaign, mass, control), duration=way.cycles * way.period)
     return {"peak_speed_rad_per_s": speed, "period_s": way.period, "cycles": float(way.cycles)}, test
+
+
+def _loaded(campaign: Campaign, mass: float, control: DutyControl | TorqueControl) -> BenchJoint:
+    """The bench with a weight and a controller, level at the start."""
+    bench = campaign.plain_bench()
+    link = replace(bench.link, mass=mass)
+    return replace(bench, link=link, control=control, start_angle=HORIZONTAL)
 
 
 @dataclass(frozen=True, eq=False)

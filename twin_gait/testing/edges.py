@@ -179,7 +179,7 @@ def _pairs(first: Exit, second: Exit) -> Iterator[_Pair]:
     others = [item for item in first.rivals if item.index != second.index]
     for below in (len(first.table.transitions), second.index, first.index):
         rest = tuple(Requirement(item.item.guard, False) for item in others if item.index < below)
-        yield _Pair(first, second, rest, first.table.members)
+        yield _Pair(first, second, rest, first.table.others)
     yield _Pair(first, second, tuple(Requirement(item.item.guard, False) for item in others), (None,))
 
 

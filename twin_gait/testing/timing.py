@@ -147,7 +147,7 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
     gate = max(leave.gate, table.phases[phase].minimum_ticks)
     for first in leave.starts(leave.debounce, gate=gate) or [gate]:
         window = Window(first, first + leave.debounce - 1)
-        found = find(table.members, [Requirement(leave.item.guard), *guarded], window)
+        found = find(table.others, [Requirement(leave.item.guard), *guarded], window)
         steps = () if found is None else constant(found, *window)
         if steps and not any(index is not None for index in outcomes(table, phase, steps)):
             yield Scenario(f"holds in {phase}, which it does not leave", phase, steps, (None,) * len(steps))
@@ -188,7 +188,7 @@ def _cuts(leave: Exit, cutter: Exit) -> Iterator[Steps]:
         Requirement(item.item.guard, False) for item in leave.rivals if item.index != cutter.index
     ]
     for start in (tick for tick in starts if tick >= 1):
-        vector = find(leave.table.members, requirements, Window(start, start + ticks - 1))
+        vector = find(leave.table.others, requirements, Window(start, start + ticks - 1))
         if vector is not None:
             yield constant(vector, start, start + ticks - 1)
 

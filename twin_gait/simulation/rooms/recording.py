@@ -80,7 +80,7 @@ def _record_whole(e: Episode, row: LogRow) -> None:
     if SUPERVISED:
         supervisor = e.controller.supervisor
         row.supervisor.mode = float(supervisor.mode)
-        row.supervisor.request = float(supervisor.asked)
+        row.supervisor.request = float(supervisor.request)
         row.supervisor.refused = float(supervisor.refused)
     if SHIFT > 0:
         _record_braces(e, row)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
-from twin_gait.control.supervisor import hear_request
+from twin_gait.control.supervisor import NO_REQUEST, hear_request
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.simulation.episode import Episode
@@ -20,9 +20,11 @@ def command(e: Episode, tick: int) -> None:
     if e.belt.ramp > 0.0:
         hear_command(e.controller, walk_command(time, e.belt.start, e.belt.stop), tick)
     if SUPERVISED:
+        request = NO_REQUEST
         for number in range(len(e.requests)):
             if e.requests[number].tick == tick:
-                hear_request(e.controller.supervisor, e.requests[number].request)
+                request = e.requests[number].request
+        hear_request(e.controller.supervisor, request)
 
 
 def catch(e: Episode, tick: int) -> None:

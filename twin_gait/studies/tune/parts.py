@@ -148,7 +148,9 @@ def _of_walk(
     return {
         "knee_at_contact_deg": worst(lambda walk: math.degrees(walk.knee_at_contact)),
         "yield_lack_deg": worst(lambda walk: math.degrees(healthy["knee_yield"] - walk.knee_yield)),
-        "stride_time_error_pct": worst(lambda walk: _off(walk.stride_time, healthy["stride_time"])),
+        "stride_time_error_pct": worst(
+            lambda walk: 100.0 * abs(walk.stride_time / healthy["stride_time"] - 1.0)
+        ),
         "load_peak_pct": worst(lambda walk: 100.0 * (walk.load_peak - 1.0)),
         "trough_pct": worst(lambda walk: 100.0 * (1.0 - walk.trough)),
         "slow_loading_pct": worst(lambda walk: 100.0 * (1.0 - walk.least_load)),
@@ -159,10 +161,6 @@ def _of_walk(
     }
 
 
-def _off(value: float, healthy: float) -> float:
-    return 100.0 * abs(value / healthy - 1.0)
-
-
 def _lack(value: float) -> float | None:
     """A value, 0 if it is negative, None if it is not defined."""
     return None if math.isnan(value) else max(0.0, value)
@@ -171,21 +169,18 @@ def _lack(value: float) -> float | None:
 def _leg(run: Run, leg: LegRecord) -> dict[str, Any]:
     """Those numbers of the summary of a leg that the parts are made of; None for what is not defined."""
 
-    def defined(numbers: Mapping[str, float]) -> dict[str, float | None]:
-        return {name: finite_or_none(value) for name, value in numbers.items()}
+    def defined(*numbers: Mapping[str, float]) -> dict[str, Any]:
+        return {name: finite_or_none(value) for item in numbers for name, value in item.items()}
 
     joints = {
-        joint: {
-            **joint_motion(leg, joint, SKIPPED_STRIDES),
-            **joint_saturation(run, leg, joint),
-            **torque_at_switches(run, leg, joint, SKIPPED_STRIDES),
-        }
+        joint: defined(
+            joint_motion(leg, joint, SKIPPED_STRIDES),
+            joint_saturation(run, leg, joint),
+            torque_at_switches(run, leg, joint, SKIPPED_STRIDES),
+        )
         for joint in leg.angles
     }
-    return {
-        **defined(by_contact(run, leg, SKIPPED_STRIDES)),
-        "joints": {joint: defined(numbers) for joint, numbers in joints.items()},
-    }
+    return {**defined(by_contact(run, leg, SKIPPED_STRIDES)), "joints": joints}
 
 
 class Rating(NamedTuple):
@@ -358,16 +353,11 @@ def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:
 def _asymmetry(sides: Sequence[Mapping[str, Any]]) -> float | None:
     """Largest symmetry index, without its sign, of the share of swing and the ranges of the joints."""
     pairs = [[side["swing_share"] for side in sides]]
-    pairs += [
-        [side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in sides[0]["joints"]
-    ]
-    if any(value is None for pair in pairs for value in pair):
-        return None
-    return _largest(abs(symmetry_index(*pair)) for pair in pairs)
+    for joint in sides[0]["joints"]:
+        pairs.append([side["joints"][joint]["range_of_motion_deg"] for side in sides])
+    return _largest(None if None in pair else abs(symmetry_index(*pair)) for pair in pairs)
 
 
 def _clearance_lack(sides: Sequence[Mapping[str, Any]]) -> float | None:
     least = [side["toe_clearance_least_m"] for side in sides]
-    if any(value is None for value in least):
-        return None
-    return max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least)))
+    return None if None in least else max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least)))

@@ -48,18 +48,14 @@ def tune(
 
     Args:
         experiment: A treadmill with a wearer, and the table that is to be bettered.
-        directory: The folder; see :func:`twin_gait.studies.tune.state.open_state`.
-        workers: Processes or a cluster that execute the walks; the calling process if None.
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
-        on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
 
     Raises:
         ParameterError: If there is nothing to tune, or the settings make no sense.
         ParameterFileError: If a walk could not be run.
         RunDirectoryError: If the folder may not be used.
-        WorkersLost: If workers die again and again; what was done is kept.
     """
     check_walker(experiment)
     if settings.per_side:
@@ -86,9 +82,6 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
         **settings: Those of :class:`twin_gait.studies.tune.state.Settings`: ``minutes`` for everything
             (3), or ``generations`` of the search, with which the result does not depend on the machine's
             speed; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
-
-    Returns:
-        The best table that passes ``twin-gait check``.
 
     Raises:
         ParameterError: If there is nothing to tune, or no table passes the check.
