@@ -123,11 +123,9 @@ def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
 
 def on_crutches(run: Run) -> Run:
     """The same walk with an upright trunk over two crutches that carry 100 N each."""
-    names = ("crutch_forward_m", "crutch_height_m", "arm_push_N", "shoulder_moment_Nm")
-    still = {f"{side}_{name}": 0.0 for side in Side for name in names}
-    load = {f"{side}_crutch_normal_force_N": 100.0 for side in Side}
-    more = {"pelvis_forward_m": 0.0, "trunk_pitch_rad": 0.0, **still, **load}
-    return replace(run, log=run.log.assign(**more))
+    values = {"crutch_normal_force_N": 100.0, "arm_power_W": 20.0}
+    columns = {f"{side}_{name}": value for side in Side for name, value in values.items()}
+    return replace(run, log=run.log.assign(trunk_pitch_rad=0.0, **columns))
 
 
 def _leg_columns(side: Side, experiment: Experiment) -> dict[str, np.ndarray]:

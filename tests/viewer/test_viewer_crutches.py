@@ -12,7 +12,6 @@ import pytest
 from synthetic_floor import SPEED, floor_walk
 
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
-from twin_gait.measures.crutches import arm_work
 from twin_gait.report.crutch_figure import draw_crutches
 from twin_gait.report.figures import draw_figure
 from twin_gait.runs.run_page import setting_of
@@ -203,27 +202,9 @@ def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn
 
 
 def test_the_picture_of_crutches_is_of_walks_that_have_them(walk: Run) -> None:
-    lean, force, _ = draw_figure(walk, "crutches").axes
+    lean, force, work = draw_figure(walk, "crutches").axes
     assert lean.lines[0].get_ydata()[0] == pytest.approx(11.5)
     assert max(force.lines[0].get_ydata()) == walk.log["left_crutch_normal_force_N"].max()
-    bare = replace(walk, log=walk.log.drop(columns="left_crutch_normal_force_N"))
+    assert work.lines[0].get_ydata()[-1] == pytest.approx(12.0 * walk.duration)  # W over the time
+    bare = replace(walk, log=walk.log.drop(columns="left_arm_power_W"))
     assert draw_crutches(bare) is None
-
-
-def test_work_of_an_arm_is_force_times_way() -> None:
-    """A trunk that sinks straight down onto a crutch, and one that turns about its shoulder."""
-    run = floor_walk(0.5)
-    n = len(run.log)
-    still = dict.fromkeys(
-        ("trunk_pitch_rad", "pelvis_forward_m", "left_crutch_forward_m", "left_crutch_height_m",
-         "left_shoulder_moment_Nm", "left_arm_push_N"), 0.0
-    )  # fmt: skip
-    sinking = run.log.assign(
-        **{**still, "left_arm_push_N": 100.0, "pelvis_height_m": np.linspace(1.0, 0.9, n)}
-    )
-    assert arm_work(sinking, Side.LEFT, 0.5)[-1] == pytest.approx(-10.0)
-    turning = run.log.assign(
-        **{**still, "pelvis_height_m": 0.9, "left_shoulder_moment_Nm": 20.0},
-    )
-    turning["left_crutch_forward_m"] = 1.4 * np.tan(np.linspace(0.0, 0.3, n))
-    assert arm_work(turning, Side.LEFT, 0.5)[-1] == pytest.approx(20.0 * 0.3)

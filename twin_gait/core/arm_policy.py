@@ -1,7 +1,7 @@
 r"""How a person uses two crutches: a law that sees what a person feels, late.
 
-Felt are the lean of the trunk and its rate, how far each tip stands in front of the shoulder, the load on each
-hand, and whether the device is taking a step, which it announces; all come later by the delay of a
+Felt are the lean of the trunk and its rate, how far each tip stands in front of the shoulder, the load on
+each hand, and whether the device is taking a step, which it announces; all come later by the delay of a
 reaction. An arm whose crutch is planted pushes with
 
 .. math::
@@ -101,10 +101,7 @@ def new_sense(delay: int, lean: float) -> Sense:
         delay: In ticks.
         lean: In [rad].
     """
-    sense = Sense(new_delay_line(delay), new_delay_line(delay), new_delay_line(delay))
-    for number in range(len(sense.felt_lean.samples)):
-        sense.felt_lean.samples[number] = lean
-    return sense
+    return Sense(new_delay_line(delay, lean), new_delay_line(delay), new_delay_line(delay))
 
 
 def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:

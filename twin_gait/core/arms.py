@@ -66,11 +66,14 @@ class Arm:
         push_limit: Largest force with which the arm pushes the tip away in [N].
         pull_limit: With which it draws it near in [N].
         moment_limit: Largest moment of the shoulder in [N m].
+        longest: Length of the strut with a straight arm in [m].
+        straight_stiffness: Of a straight arm, which the hand holds on to, in [N] / [m].
         grip: What the muscles do.
         length: Of the strut in [m], as it was last.
         aside: Way of the tip from where the grip would have it, against n, in [m].
         push: Force along the strut in [N]; likewise.
         moment: Of the shoulder in [N m], which turns the tip forwards; likewise.
+        power: That the arm gives in [W]; likewise.
         tip: Force of the ground on the tip; likewise.
         doing: What the arm is about, as :mod:`twin_gait.core.arm_policy` numbers it.
         since: Ticks since it began that.
@@ -87,10 +90,13 @@ class Arm:
     grip: Grip
     felt_ahead: DelayLine
     felt_load: DelayLine
+    longest: float = math.inf
+    straight_stiffness: float = 0.0
     length: float = 0.0
     aside: float = 0.0
     push: float = 0.0
     moment: float = 0.0
+    power: float = 0.0
     doing: int = 0
     since: int = 0
     first_angle: float = 0.0
@@ -139,6 +145,9 @@ def arm_force(
     turning = grip.turning_stiffness * aside - grip.turning_damping * aside_speed
     arm.length, arm.aside = length, aside
     arm.push = held(push, -arm.pull_limit, arm.push_limit)
+    if length > arm.longest:
+        arm.push -= arm.straight_stiffness * (length - arm.longest)
     arm.moment = held(grip.turn + turning * length, -arm.moment_limit, arm.moment_limit)
     across = arm.moment / length
+    arm.power = arm.push * along_speed + across * aside_speed
     return arm.push * ex - across * ez, arm.push * ez + across * ex

@@ -1,5 +1,6 @@
 from .joints import FORWARD_JOINT as FORWARD_JOINT
 from .joints import PELVIS_JOINT as PELVIS_JOINT
+from .joints import PITCH_JOINT as PITCH_JOINT
 from .joints import Bodies as Bodies
 from .joints import LegJoints as LegJoints
 from .leg_model import LegModel as LegModel

@@ -1,36 +1,62 @@
-"""What arms do on crutches."""
+"""What arms and crutches do for a walk, and how far the trunk leans."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from twin_gait.vocabulary import Side
 
+TRUNK_PITCH = "trunk_pitch_rad"
 
-def arm_work(log: pd.DataFrame, side: Side, shoulder_height: float) -> np.ndarray:
-    r"""Work of an arm since the start, along the strut from shoulder to tip and about the shoulder.
 
-    .. math::
+@dataclass(frozen=True)
+class CrutchUse:
+    """One arm and its crutch over a run.
 
-        W = \int P\,d\ell + \int M\,d\varphi
+    Attributes:
+        mean_share: Mean vertical load over the weight of wearer and device.
+        peak_share: Largest one.
+        impulse: Of the vertical load in [N s].
+        push_peak: Largest force along the strut in [N].
+        moment_peak: Largest moment of the shoulder, either way, in [N m].
+        work_done: By the arm in [J].
+        work_taken: That it takes up in [J], zero or negative.
+        plantings: How often the crutch was put down.
+    """
 
-    with the strut's length ℓ and its angle φ against the trunk, forwards positive.
+    mean_share: float
+    peak_share: float
+    impulse: float
+    push_peak: float
+    moment_peak: float
+    work_done: float
+    work_taken: float
+    plantings: int
+
+
+def crutch_use(log: pd.DataFrame, side: Side, tick: float, body_weight: float) -> CrutchUse | None:
+    """Measures of one crutch; None without one.
 
     Args:
-        log: One row per tick, with the columns of crutches and of a free trunk.
-        side: The arm.
-        shoulder_height: Of the shoulder above the hips, along the trunk, in [m].
-
-    Returns:
-        In [J], positive where the arm gives work to trunk and crutch, shape ``(n,)``.
+        log: One row a tick.
+        tick: Sampling period in [s].
+        body_weight: Of wearer and device in [N].
     """
-    lean = log["trunk_pitch_rad"].to_numpy()
-    ahead = log[f"{side}_crutch_forward_m"] - log["pelvis_forward_m"] - shoulder_height * np.sin(lean)
-    down = log["pelvis_height_m"] + shoulder_height * np.cos(lean) - log[f"{side}_crutch_height_m"]
-    length, angle = np.hypot(ahead, down).to_numpy(), np.arctan2(ahead, down).to_numpy() + lean
-    work = np.zeros(len(log))
-    for force, way in (("arm_push_N", length), ("shoulder_moment_Nm", angle)):
-        values = log[f"{side}_{force}"].to_numpy()
-        work[1:] += np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(way))
-    return work
+    if f"{side}_crutch_normal_force_N" not in log or len(log) == 0:
+        return None
+    load = log[f"{side}_crutch_normal_force_N"].to_numpy()
+    power = log[f"{side}_arm_power_W"].to_numpy()
+    loaded = load > 0.0
+    return CrutchUse(
+        mean_share=float(load.mean()) / body_weight,
+        peak_share=float(load.max()) / body_weight,
+        impulse=float(load.sum()) * tick,
+        push_peak=float(log[f"{side}_arm_push_N"].max()),
+        moment_peak=float(log[f"{side}_shoulder_moment_Nm"].abs().max()),
+        work_done=float(np.maximum(power, 0.0).sum()) * tick,
+        work_taken=float(np.minimum(power, 0.0).sum()) * tick,
+        plantings=int(np.count_nonzero(loaded[1:] & ~loaded[:-1])),
+    )

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from twin_gait.leg_model import SHOULDER_HEIGHT
-from twin_gait.measures.crutches import arm_work
+from twin_gait.gait.table import TICK
+from twin_gait.measures.crutches import TRUNK_PITCH
 from twin_gait.palette import BLACK, SIDE_COLOURS
 from twin_gait.report.canvas import SCREEN_WIDTH, new_figure, put_legend, style_panel
 from twin_gait.report.panels import mark_events, whole_run
@@ -16,17 +16,16 @@ from twin_gait.simulation.run import Run
 
 def draw_crutches(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     """Draw lean of the trunk, forces on the crutches and work of the arms; None without crutches."""
-    patient = run.experiment.patient
-    if patient is None or any(f"{side}_crutch_normal_force_N" not in run.log for side in run.sides):
+    if any(f"{side}_arm_power_W" not in run.log for side in run.sides):
         return None
     window = whole_run(run)
     figure = new_figure(run, "Trunk, crutches and arms", height=8.0, width=width)
     lean, force, work = figure.subplots(3, 1, sharex=True)
-    degrees = np.degrees(run.log["trunk_pitch_rad"].to_numpy()[window.rows])
+    degrees = np.degrees(run.log[TRUNK_PITCH].to_numpy()[window.rows])
     lines: list[Artist] = [*lean.plot(window.time, degrees, color=BLACK, linewidth=1.5, label="trunk")]
     for side in run.sides:
         load = run.log[f"{side}_crutch_normal_force_N"].to_numpy()
-        done = arm_work(run.log, side, SHOULDER_HEIGHT * patient.height)
+        done = TICK * np.cumsum(run.log[f"{side}_arm_power_W"].to_numpy())
         for axes, values in ((force, load), (work, done)):
             label = f"{side} arm and crutch"
             lines += axes.plot(

@@ -17,6 +17,7 @@ from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic
 
+POSTURE = "posture"  # cause of a switch that the operating mode asks for; it is no transition of the table
 # A joint that turns faster than this is no longer physical: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
 
@@ -53,6 +54,7 @@ def log_layout(problem: Problem) -> LogLayout:
         free=problem.world.model.pitch_index is not None,
         crutches=problem.sides[: len(problem.world.arms)],
         braced=problem.world.braces is not None,
+        supervised=problem.experiment.modes is not None,
     )
 
 
@@ -89,7 +91,9 @@ def switches_of(
     names, sides = problem.table.phase_names, problem.sides
     causes = [item.cause for item in problem.table.transitions]
     return tuple(
-        PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
+        PhaseSwitch(
+            tick, sides[leg], names[source], names[target], causes[chosen] if chosen >= 0 else POSTURE, chosen
+        )
         for tick, leg, source, target, chosen in switches
     )
 

@@ -21,6 +21,7 @@ from twin_gait.core.can_codec import SignalLayout
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
+from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
 from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
@@ -112,6 +113,19 @@ class Supply:
     regeneration: float
     bus_voltage: float
     power: float = 0.0
+
+
+@dataclass(slots=True)
+class Asked:
+    """A request of the schedule.
+
+    Attributes:
+        tick: In which it is made, -1 for none.
+        request: Its code.
+    """
+
+    tick: int = -1
+    request: int = 0
 
 
 @dataclass(slots=True)
@@ -216,6 +230,7 @@ class Episode:
         catch_dissipation: In [s] / [m].
         watching: Whether the safety monitor is on.
         first_fault: First tick with a fault.
+        requests: That are made of the supervisor, with room for more; none without one.
         limbs: Hip and knee of the wearer, leg by leg.
         ankles: Place of the ankle of each leg in the coordinates; none without.
         passive: Places of the joints that are not controlled, in the order of the log.
@@ -233,6 +248,7 @@ class Episode:
         braced: Coordinates of the device in the order of the log's braces.
         brace_work: Work of the braces since the start in [J].
         trunk: If it is free.
+        trunk_unit: On it, unless its pitch is known exactly.
         arms: That hold a crutch.
         habit: How they are used.
         sense: What the person feels.
@@ -274,9 +290,11 @@ class Episode:
     braces: list[Brace]
     braced: list[int]
     faults: list[Fault]
+    requests: list[Asked]
     efforts: Efforts
     recording: Recording
     trunk: Trunk
+    trunk_unit: TrunkUnit
     arms: list[Arm]
     habit: Habit
     sense: Sense

@@ -20,10 +20,10 @@ POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES = 0, -1, -1, -1, 0, 0
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
 # Whether legs have ankles, those are controlled, some joint is not, the integration is Runge-Kutta's, there
-# are faults, the wearer acts, commands come late, the ground rises, boards
-# and gait controller talk over a bus, and the springs are in the gait controller.
+# are faults, the wearer acts, commands come late, the ground rises, boards and gait controller talk over a
+# bus, the springs are in the gait controller, and an inertial unit finds the pitch of the trunk.
 ANKLES = POWERED_ANKLES = PASSIVE = False
-RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = False
+RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
 
 
 def dynamics(
@@ -126,7 +126,10 @@ def switch_row(e: Episode, number: int) -> Switch:
 
 
 def noise_row(e: Episode, tick: int) -> Sequence[float]:
-    """What the encoders read in excess of the angles in a tick in [rad], noise and offset, by joint."""
+    """What sensors read in excess in a tick: encoders in [rad], noise and offset, by joint.
+
+    Behind them, of an inertial unit, noise of gyroscope in [rad] / [s] and of accelerometer in [m] / [s²].
+    """
     raise NotImplementedError
 
 

@@ -106,8 +106,8 @@ class PelvisRow:
     pelvis_height: float = column("m", "above the belt")
     pelvis_velocity: float = column("m/s", "upwards")
     support_force: float = column("N", "of body-weight support and harness, upwards")
-    guide_force: float = column("N", "forward force of the guide, or of the harness")
-    guide_moment: float = column("N m", "pitching moment of the guide")
+    guide_force: float = column("N", "forward force of the guide; of harness, arms, seat on a free pelvis")
+    guide_moment: float = column("N m", "pitching moment of the guide; of harness, arms, seat")
 
 
 @dataclass(slots=True)
@@ -124,6 +124,7 @@ class TrunkRow:
 
     trunk_pitch: float = column("rad", "of pelvis and trunk from upright, forwards positive")
     trunk_pitch_velocity: float = column("rad/s", "of it")
+    measured_trunk_pitch: float = column("rad", "as the gait controller has it")
 
 
 @dataclass(slots=True)
@@ -136,6 +137,7 @@ class CrutchRow:
     crutch_friction_force: float = column("N", "of the ground on the tip, forwards positive")
     arm_push: float = column("N", "of the arm along the line from shoulder to tip, away from the shoulder")
     shoulder_moment: float = column("N m", "of the shoulder, which turns the crutch forwards")
+    arm_power: float = column("W", "that the arm gives to trunk and crutch")
 
 
 @dataclass(slots=True)
@@ -184,6 +186,15 @@ class ForwardBraceRow:
     pelvis_forward_brace_force: float = column("N", "of the device on the wearer, forwards")
 
 
+@dataclass(slots=True)
+class SupervisorRow:
+    """Columns of the operating modes; codes are places in their table."""
+
+    mode: float = column("code", "operating mode, counted from 0")
+    request: float = column("code", "made in this tick, counted from 1; 0 for none")
+    refused: float = column("code", "the same where nothing has answered it")
+
+
 @dataclass(slots=True, kw_only=True)
 class LogRow:
     """A row of the log: numbers only, so that the rows are a table."""
@@ -208,6 +219,7 @@ class LogRow:
     braces: list[BraceRow]
     pelvis_brace: PelvisBraceRow
     forward_brace: ForwardBraceRow
+    supervisor: SupervisorRow
 
 
 def columns_of(row: type) -> dict[str, tuple[str, str]]:
@@ -270,7 +282,7 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
     if model.forward_index is not None:
         names[model.forward_index] = (f"{own}pelvis_forward_m", f"{own}pelvis_forward_velocity_m_per_s")
     if model.pitch_index is not None:
-        names[model.pitch_index] = tuple(columns_of(TrunkRow))  # type: ignore[assignment]  # it has two
+        names[model.pitch_index] = ("trunk_pitch_rad", "trunk_pitch_velocity_rad_per_s")
     return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
 
 
@@ -282,7 +294,8 @@ def unit_of(name: str) -> str:
     """
     if name.endswith("_phase"):
         return "name"
-    if name in (item for item, (unit, _) in columns_of(LogRow).items() if unit == "code"):
+    known = columns_of(LogRow) | columns_of(SupervisorRow)
+    if name in (item for item, (unit, _) in known.items() if unit == "code"):
         return "code"
     units = {f"_{suffix}": unit for unit, suffix in _SUFFIXES.items()}
     return units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
@@ -303,6 +316,7 @@ def meaning_of(name: str) -> str:
         BraceRow,
         PelvisBraceRow,
         ForwardBraceRow,
+        SupervisorRow,
         LogRow,
     )
     known = {
@@ -326,6 +340,7 @@ class LogLayout:
         free: Whether it pitches too.
         crutches: Sides with one.
         braced: Whether braces bind the wearer to the device.
+        supervised: Whether it has operating modes.
     """
 
     legs: Mapping[Side, Sequence[JointName]]
@@ -336,6 +351,7 @@ class LogLayout:
     free: bool = False
     crutches: tuple[Side, ...] = ()
     braced: bool = False
+    supervised: bool = False
 
     def row(self) -> LogRow:
         """An empty row."""
@@ -353,6 +369,7 @@ class LogLayout:
             braces=[BraceRow() for _ in (*self._joints, *self._passive) if self.braced],
             pelvis_brace=PelvisBraceRow() if self.braced and self.pelvis else ABSENT,
             forward_brace=ForwardBraceRow() if self.braced and self.forward else ABSENT,
+            supervisor=SupervisorRow() if self.supervised else ABSENT,
         )
 
     @property

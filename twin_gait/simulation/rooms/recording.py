@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from twin_gait.control.gait_controller import SUPERVISED
 from twin_gait.core.arms import Arm
 from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.simulation.episode import Episode
@@ -57,6 +58,7 @@ def _record_whole(e: Episode, row: LogRow) -> None:
     if PITCH >= 0:
         row.trunk.trunk_pitch = e.q[PITCH]
         row.trunk.trunk_pitch_velocity = e.v[PITCH]
+        row.trunk.measured_trunk_pitch = e.controller.common.trunk_pitch
     if CRUTCHES > 0:
         of_tips = energy_of_tips(e)
         kinetic += of_tips[0]
@@ -75,6 +77,11 @@ def _record_whole(e: Episode, row: LogRow) -> None:
     row.works.patient_work = e.works.patient_work
     row.safety_state = 1.0 if e.controller.trip.tick >= 0 else 0.0
     row.trip_cause = float(e.controller.trip.cause)
+    if SUPERVISED:
+        supervisor = e.controller.supervisor
+        row.supervisor.mode = float(supervisor.mode)
+        row.supervisor.request = float(supervisor.request)
+        row.supervisor.refused = float(supervisor.refused)
     if SHIFT > 0:
         _record_braces(e, row)
 
@@ -87,6 +94,7 @@ def _record_crutch(e: Episode, arm: Arm, out: CrutchRow) -> None:
     out.crutch_friction_force = arm.tip.forward
     out.arm_push = arm.push
     out.shoulder_moment = arm.moment
+    out.arm_power = arm.power
 
 
 def _record_joint(e: Episode, number: int, out: JointRow) -> None:

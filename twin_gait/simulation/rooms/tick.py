@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from twin_gait.control.gait_controller import CONTROLLED, change_demands
+from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
 from twin_gait.simulation.interface import CRUTCHES, NETWORKED, PELVIS, PITCH, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
 from twin_gait.simulation.rooms.network import exchange, tell
-from twin_gait.simulation.rooms.phases import decide
+from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
 from twin_gait.simulation.rooms.surroundings import catch, command
@@ -50,6 +50,8 @@ def think(e: Episode, tick: int) -> None:
     tell(e, tick)
     if e.watching:
         watch(e, tick)
+    if SUPERVISED:
+        choose_modes(e, tick)
     walking = False
     for one in lanes(e):
         walking |= one.controller.trip.tick < 0
