@@ -16,6 +16,9 @@ THIGH_LENGTH = 0.245
 FOOT_LENGTH = 0.152
 FOOT_HEIGHT = 0.039
 HIP_BREADTH = 0.191
+SHOULDER_BREADTH = 0.258  # twice the way from the middle to a shoulder
+UPPER_ARM_LENGTH = 0.186
+FOREARM_LENGTH = 0.146  # elbow to wrist
 # From the heel along the foot, as shares of its length: the ankle (gait2d: 0.06 of 0.21 m) and the head of
 # the second metatarsal (an assumption; the tables do not say where it lies).
 ANKLE_IN_FOOT = 0.25
