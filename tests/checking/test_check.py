@@ -463,6 +463,13 @@ def test_guided_pelvis_does_not_pitch(condition: str, expected: dict[str, str]) 
         assert any("trunk.pitch_deg" in item.reason and "0 … 0" in item.reason for item in findings_of(data))
 
 
+def test_a_free_trunk_may_pitch_until_it_has_fallen() -> None:
+    settings = ["scenario.fall_lean_deg=40"]
+    free = load_experiment("overground", settings).experiment
+    space = SignalSpace(build_case(free.table, free))
+    assert space.range("trunk.pitch_deg") == pytest.approx((-40.0, 40.0))
+
+
 def test_trunk_of_another_machine_may_pitch_within_a_turn(tmp_path: Path) -> None:
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE.replace("ankle.angle_deg > 5", "trunk.pitch_deg > 5"), encoding="utf-8")

@@ -146,7 +146,7 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (("--columns", "speed=dq2"), "--columns: no quantity 'speed'"),
+        (("--columns", "speed=dq2"), "--columns: no 'speed'; there are time"),
         (("--units", "velocity"), "--units: expected QUANTITY=NAME"),
         (("--model", "gauss"), "model: no 'gauss'"),
         (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),

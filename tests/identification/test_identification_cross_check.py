@@ -23,7 +23,7 @@ from twin_gait.identification import (
     join_tests,
 )
 from twin_gait.identification.bootstrap import uncertainty
-from twin_gait.identification.friction_model import Coefficient, Shape
+from twin_gait.identification.friction_model import Shape
 from twin_gait.identification.statistics import goodness
 
 LEAST_SQUARES = FitOptions(loss=Loss.LINEAR)
@@ -125,7 +125,7 @@ def as_model(law, limits, count: int = 1) -> FrictionModel:
         name="reference",
         formula="",
         names=tuple(f"b{place}" for place in range(count + len(limits))),
-        coefficients=tuple(Coefficient() for _ in range(count)),
+        coefficients="+" * count,
         shape=tuple(Shape(low=low, high=high) for low, high in limits),
         torque=lambda samples, b, e: quietly(law, samples.velocity, b, e),
         public=lambda b, e: (*b, *e),

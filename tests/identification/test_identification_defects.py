@@ -18,11 +18,11 @@ from twin_gait.identification import (
     FitOptions,
     IdentificationOptions,
     LogColumns,
+    Quantity,
     fit_model,
     identify,
     identify_logs,
     join_tests,
-    parse_columns,
     process_log,
 )
 from twin_gait.identification.bench import ProcessingOptions
@@ -33,7 +33,7 @@ from twin_gait.identification.signals import soft_stop
 TIME = 0.01 * np.arange(1000)
 VELOCITY = np.sin(0.7 * TIME) + 0.3 * np.sin(2.3 * TIME)
 TORQUE = 3.0 * np.sign(VELOCITY) + 2.0 * VELOCITY
-NAMES = "time=t,velocity=dq2,friction_torque=tau2"
+NAMES = {Quantity.TIME: "t", Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "tau2"}
 
 
 def text_of(separator: str = ",", **columns: np.ndarray) -> str:
@@ -47,7 +47,7 @@ def text_of(separator: str = ",", **columns: np.ndarray) -> str:
 
 def identified(path, text: str, model: str = "coulomb_viscous"):
     path.write_text(text)
-    options = IdentificationOptions(columns=LogColumns(names=parse_columns(NAMES)), models=(model,))
+    options = IdentificationOptions(columns=LogColumns(names=NAMES), models=(model,))
     return identify_logs([path], options)
 
 
@@ -113,7 +113,9 @@ def test_what_would_give_a_wrong_result_is_refused_in_one_line(tmp_path, name):
 def test_one_column_cannot_be_two_quantities(tmp_path):
     (tmp_path / "a.csv").write_text(text_of())
     with pytest.raises(ParameterFileError, match="is given for velocity and friction_torque"):
-        read_log(tmp_path / "a.csv", LogColumns(names=parse_columns("velocity=dq2,friction_torque=dq2")))
+        read_log(
+            tmp_path / "a.csv", LogColumns(names={Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "dq2"})
+        )
 
 
 def test_a_velocity_in_degrees_is_doubted_in_a_series(tmp_path):
@@ -179,5 +181,5 @@ def test_more_samples_than_are_used_are_taken_evenly_and_said(tmp_path, monkeypa
 
 def test_processing_keeps_every_sample_of_a_series(tmp_path):
     (tmp_path / "a.csv").write_text(text_of(t=np.floor(TIME * 20.0) / 20.0))
-    log = read_log(tmp_path / "a.csv", LogColumns(names=parse_columns(NAMES)))
+    log = read_log(tmp_path / "a.csv", LogColumns(names=NAMES))
     assert len(process_log(log, None, ProcessingOptions())) == 1000

@@ -29,7 +29,7 @@ from twin_gait.identification import (
 )
 from twin_gait.identification.bootstrap import uncertainty
 from twin_gait.identification.fitting import Fit, bounds, refit
-from twin_gait.identification.friction_model import Coefficient, Shape
+from twin_gait.identification.friction_model import Shape
 from twin_gait.identification.refining import huber_cost, refine
 from twin_gait.identification.statistics import goodness
 
@@ -117,7 +117,7 @@ def test_nist_reference_problems_come_out_to_six_digits(name):
         name=name,
         formula="",
         names=("b1", "b2"),
-        coefficients=(Coefficient(),),
+        coefficients="+",
         shape=(Shape(low=1e-6, high=1e2),),
         torque=lambda samples, b, e: law(samples.velocity, b, e),
         public=lambda b, e: (*b, *e),

@@ -39,7 +39,6 @@ from twin_gait.identification import (
     Quantity,
     identify_logs,
     identify_tests,
-    parse_columns,
     process_log,
     read_log,
 )
@@ -212,7 +211,7 @@ def test_a_campaign_of_files_gives_table_3_1_back(tmp_path):
 SERIES = "t;dq2;tau2\n" + "\n".join(
     f"{0.01 * i};{math.sin(i / 9):.6f};{2 * math.sin(i / 9):.6f}" for i in range(60)
 )
-NAMED = LogColumns(names=parse_columns("time=t,velocity=dq2,friction_torque=tau2"))
+NAMED = LogColumns(names={Quantity.TIME: "t", Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "tau2"})
 
 
 @pytest.mark.parametrize(
@@ -257,7 +256,7 @@ def test_units_come_from_the_name_the_brackets_or_the_user(tmp_path):
 def test_a_file_without_names_has_numbered_columns_and_a_minus_turns_the_sign(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("\n".join(f"{math.sin(i)} {-3 * math.sin(i)}" for i in range(30)))
-    log = read_log(path, LogColumns(names=parse_columns("velocity=1,friction_torque=-2")))
+    log = read_log(path, LogColumns(names={Quantity.VELOCITY: "1", Quantity.FRICTION_TORQUE: "-2"}))
     assert_allclose(log.columns[Quantity.FRICTION_TORQUE], 3 * np.sin(np.arange(30)))
 
 
@@ -295,7 +294,7 @@ SWING = quiet(swing(TIME, 0.6, 3.0, 0.4))
         (changed(SWING, time_s=1000 * SWING["time_s"]), "times as far as the angle|samples per second"),
         (
             changed(SWING, measured_current_A=1000 * SWING["measured_current_A"] + 300),
-            "reaches .* A; declare its unit",
+            r"reaches .* A: of a joint\? Declare its unit",
         ),
         (changed(SWING, time_s=SWING["time_s"][::-1]), "goes back from 4.999 s to 4.998 s"),
         (changed(SWING, time_s=np.floor(SWING["time_s"] * 100) / 100), "the clock is too coarse"),
@@ -400,15 +399,6 @@ def test_any_file_is_read_or_refused_in_one_line(tmp_path, data):
         assert "\n" not in str(error)
     else:
         assert np.isfinite(test.velocity).all() and np.isfinite(test.torque).all()
-
-
-def test_quantities_and_names_that_are_unknown_are_refused():
-    with pytest.raises(ParameterError, match="no quantity 'speed'; there are time, angle"):
-        parse_columns("speed=dq")
-    with pytest.raises(ParameterError, match="velocity is given twice"):
-        parse_columns("velocity=a,velocity=b")
-    with pytest.raises(ParameterError, match="expected QUANTITY=NAME"):
-        parse_columns("velocity")
 
 
 def test_a_series_can_be_smoothed_without_delay():

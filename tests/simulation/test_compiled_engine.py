@@ -120,6 +120,7 @@ def test_joint_rotation_of_a_slanted_axis_is_rodrigues():
 
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
+LIFTED_SOON = "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4}"  # a crutch
 CASES = {
     "treadmill": ("treadmill", "duration_s=3", EULER),
     "treadmill, rk4": (
@@ -128,6 +129,7 @@ CASES = {
         "integration.method=rk4",
         "integration.step_ms=0.25",
     ),
+    "overground": ("overground", "duration_s=0.4", EULER, LIFTED_SOON),
     "bench leg": ("bench_leg", "duration_s=10", EULER),
     "bench leg, rk4": ("bench_leg", "duration_s=3", "integration.method=rk4", "integration.step_ms=1"),
     "bench leg with a hand": (
@@ -295,6 +297,7 @@ PLAIN_CASES = {
         "scenario.imposed_motion={joint: knee, amplitude_deg: 40, release_s: 0.2}",
         "control.inertia_compensation=0.2",
     ),
+    "a free trunk by an inertial unit, on crutches": ("overground", SENSED, LIFTED_SOON),
     "treadmill with a wearer who acts, under faults": (
         "treadmill",
         EULER,

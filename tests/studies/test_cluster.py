@@ -114,9 +114,7 @@ def cluster(tmp_path) -> Iterator[Cluster]:
 def test_a_thousand_on_a_cluster_that_loses_a_worker_half_way_are_the_same(spec, alone, cluster, tmp_path):
     out = tmp_path / "out"
     victim, _ = cluster.add_worker(), cluster.add_worker()
-    process = start_sweep(
-        spec, "--out", out, "--scheduler", cluster.address, "--chunk-seconds", "0.3", "--no-pictures"
-    )
+    process = start_sweep(spec, "--out", out, "--scheduler", cluster.address, "--no-pictures")
     wait_until(lambda: rows_kept(out) >= MANY // 2, 180.0)
     victim.send_signal(signal.SIGKILL)
     process.join(180)
@@ -134,7 +132,7 @@ def rows_kept(out: Path) -> int:
 def test_a_scheduler_that_is_lost_is_one_line_and_what_is_done_stays(spec, alone, cluster, tmp_path):
     out = tmp_path / "out"
     cluster.add_worker()
-    options = ["--out", out, "--chunk-seconds", "0.1", "--no-pictures"]
+    options = ["--out", out, "--no-pictures"]
     errors = tmp_path / "errors"
     process = start_sweep(spec, *options, "--scheduler", cluster.address, errors=errors)
     wait_until(lambda: rows_kept(out) >= 5)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.studies import JobFailed, Workers, WorkersLost, run_jobs
-from twin_gait.studies.jobs import MOST_IN_CHUNK, even_size, one_by_one, portions, run_blocks
+from twin_gait.studies.jobs import even_size, one_by_one, portions, run_blocks
 from twin_gait.studies.processes import LOSSES_ALLOWED
 
 
@@ -116,20 +116,8 @@ def test_a_job_that_fails_is_named_with_its_index(workers):
 
 def test_a_portion_keeps_what_came_before_the_failure():
     with Workers() as workers:
-        found = list(
-            portions(partial(one_by_one, partial(refuse, 4)), [6, 5, 3], 3, workers, chunk_seconds=10.0)
-        )
-    assert [item.results for item in found] == [{0: 6}, {1: 5}, {}]
-    assert found[-1].problem == (2, "3 is below 4")
-
-
-def test_chunks_grow_to_their_seconds_and_shrink_towards_the_end():
-    with Workers() as workers:
-        sizes = [
-            len(item.results)
-            for item in portions(partial(one_by_one, square), range(5000), 5000, workers, chunk_seconds=60.0)
-        ]
-    assert sizes[0] == 1 and max(sizes) == MOST_IN_CHUNK and sizes[-1] == 1 and sum(sizes) == 5000
+        found = list(portions(partial(one_by_one, partial(refuse, 4)), [6, 5, 3, 9], 4, workers, block=4))
+    assert [(item.results, item.problem) for item in found] == [({0: 6, 1: 5}, (2, "3 is below 4"))]
 
 
 def test_items_of_a_worker_that_died_are_done_by_others(tmp_path):

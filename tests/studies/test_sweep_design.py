@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.studies.sweep.design import MOST_EPISODES, Range, Scale, grid, latin_hypercube, listed
+from twin_gait.studies.sweep.design import MOST_EPISODES, Range, grid, latin_hypercube, listed
 
 LEVELS = {"a": [1, 2, 3], "b.c": ["x", "y"], "d": [[1, 2], {"k": 3}]}
 
@@ -26,7 +26,7 @@ def test_a_range_of_a_grid_is_evenly_spaced_with_both_ends_exact():
     linear = grid({"a": Range(start=0.1, stop=0.7, count=4)}).column("a")
     assert (linear[0], linear[-1]) == (0.1, 0.7)
     np.testing.assert_allclose(np.diff(linear), 0.2, rtol=1e-14)
-    log = grid({"a": Range(start=0.01, stop=100.0, count=5, scale=Scale.LOG)}).column("a")
+    log = grid({"a": Range(start=0.01, stop=100.0, count=5, scale="log")}).column("a")
     assert (log[0], log[-1]) == (0.01, 100.0)
     np.testing.assert_allclose(log, [0.01, 0.1, 1.0, 10.0, 100.0], rtol=1e-14)
 
@@ -35,7 +35,7 @@ def test_a_range_of_a_grid_is_evenly_spaced_with_both_ends_exact():
 def test_a_latin_hypercube_has_one_point_in_every_slice_of_every_range(samples, seed):
     ranges = {
         "a": Range(start=-3.0, stop=5.0),
-        "b": Range(start=0.5, stop=500.0, scale=Scale.LOG),
+        "b": Range(start=0.5, stop=500.0, scale="log"),
     }
     design = latin_hypercube(ranges, samples, seed)
     a, b = np.array(design.column("a")), np.array(design.column("b"))
@@ -64,13 +64,16 @@ def test_rows_of_a_list_need_not_change_the_same_keys():
 
 
 WRONG = {
-    "falling": (lambda: Range(start=2.0, stop=1.0), "from below to"),
-    "log of zero": (lambda: Range(start=0.0, stop=1.0, scale=Scale.LOG), "above 0 on a log scale"),
+    "falling": (lambda: latin_hypercube({"a": Range(start=2.0, stop=1.0)}, 3, 0), "from below to"),
+    "log of zero": (
+        lambda: latin_hypercube({"a": Range(start=0.0, stop=1.0, scale="log")}, 3, 0),
+        "above 0 on a log scale",
+    ),
     "no count": (lambda: grid({"a": Range(start=0.0, stop=1.0)}), "a: expected a count"),
     "one": (lambda: grid({"a": Range(start=0.0, stop=1.0, count=1)}), "a: expected a count of 2"),
     "too many": (
         lambda: grid({name: Range(start=0.0, stop=1.0, count=3000) for name in "abc"}),
-        "at most 10000000 episodes, got 27000000000",
+        "to 10000000 episodes, got 27000000000",
     ),
     "too many samples": (lambda: latin_hypercube({"a": [1]}, MOST_EPISODES, 0, 2), "got 20000000"),
     "none": (lambda: listed([]), "expected 1 to"),

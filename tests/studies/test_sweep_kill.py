@@ -42,7 +42,7 @@ def parts_beyond(out, count):
 
 def test_a_sweep_killed_ten_times_and_resumed_equals_one_that_was_not(spec, undisturbed, tmp_path):
     out, moments = tmp_path / "sweep", np.random.default_rng(7)
-    command = [spec, "--out", out, "--chunk-seconds", "0.001", "--no-pictures"]
+    command = [spec, "--out", out, "--no-pictures"]
     kept: set[int] = set()
     for kill in range(10):
         before = parts_of(out)
@@ -72,7 +72,7 @@ def test_a_sweep_killed_ten_times_and_resumed_equals_one_that_was_not(spec, undi
 @pytest.mark.parametrize(("workers", "parts"), [(1, 3), (2, 0)], ids=["at work", "workers starting"])
 def test_ctrl_c_keeps_what_is_done_and_ends_with_130(workers, parts, spec, undisturbed, tmp_path):
     out = tmp_path / "sweep"
-    command = [spec, "--out", out, "--chunk-seconds", "0.001", "--no-pictures", "--workers", workers]
+    command = [spec, "--out", out, "--no-pictures", "--workers", workers]
     process = start_sweep(*command, errors=tmp_path / "errors")
     wait_until(lambda: parts_of(out) > parts)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
@@ -88,7 +88,7 @@ def test_ctrl_c_keeps_what_is_done_and_ends_with_130(workers, parts, spec, undis
 
 def test_workers_do_not_outlive_a_parent_that_is_killed(spec, tmp_path):
     out = tmp_path / "sweep"
-    process = start_sweep(spec, "--out", out, "--chunk-seconds", "0.001", "--workers", 2)
+    process = start_sweep(spec, "--out", out, "--workers", 2)
     wait_until(lambda: parts_of(out) > 2)  # the first is the parent's own
     os.kill(process.pid, signal.SIGKILL)
     process.join(30)

@@ -142,15 +142,6 @@ def test_legs_told_apart_have_numbers_of_their_own(shipped: GaitTable) -> None:
     assert stiffness == pytest.approx(own.upper * 180.0 / math.pi)
 
 
-def test_a_shipped_table_gives_way_to_a_better_shipped_one_and_ones_own_does_not(shipped: GaitTable) -> None:
-    assert [table.name for table in stages.start_tables(shipped)] == list(stages.START_TABLES)
-    apart = stages.start_tables(with_own_sides(shipped))
-    assert [table.name for table in apart] == list(stages.START_TABLES)
-    assert all(set(table.side_phases) == set(Side) for table in apart)
-    own = replace(shipped, blending=replace(shipped.blending, duration_ticks=40))
-    assert stages.start_tables(own) == (own,)
-
-
 def test_a_start_outside_the_usual_bounds_widens_them(shipped: GaitTable) -> None:
     document = table_document(shipped)
     document["phases"]["early_stance"]["hip"]["stiffness_Nm_per_rad"] = 20.0 * 180.0 / math.pi
@@ -533,8 +524,7 @@ def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl, tmp_path: P
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "quick_errors", lambda walked: ("unstable",))
         result = tune(experiment, tmp_path / "out", Settings(generations=2))
-    starts = [editable_document(item) for item in stages.start_tables(experiment.table)]
-    assert all(item.table in starts for item in result.ranked)
+    assert all(item.table == editable_document(experiment.table) for item in result.ranked)
     assert len({item.cost for item in result.state.generations}) == 1
 
 

@@ -100,8 +100,7 @@ def build_case(table: StateTable, experiment: Experiment | None = None) -> Check
     return CheckCase(
         table=scaled_table(driving, world),
         experiment=driving,
-        # The pelvis is guided in all worlds: no coordinate turns a part of the device but the joints.
-        limits=dict.fromkeys(device_parts(), (0.0, 0.0))
+        limits=dict.fromkeys(device_parts(), _pitches(world))
         | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
@@ -113,6 +112,12 @@ def _angles(world: World, joint: JointName) -> tuple[float, float]:
     limits = [world.model.position_limits(side, joint) for side in world.model.sides]
     lowest, highest = min(low for low, _ in limits), max(high for _, high in limits)
     return max(lowest, ANY_ANGLE[0]), min(highest, ANY_ANGLE[1])
+
+
+def _pitches(world: World) -> tuple[float, float]:
+    """Range of the trunk's pitch: none on a guided pelvis, else what is no fall."""
+    largest = 0.0 if world.model.pitch_index is None else min(world.fall_pitch, ANY_ANGLE[1])
+    return -largest, largest
 
 
 def _velocity(world: World, joint: JointName) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ CONTROLLERS = ("duty", "friction", "old-friction", "impedance", "off")
 # Numbers of the bench, of one test, and of its controller: option, default, unit, meaning.
 _BENCH = (
     ("--friction-ratio", 1.0, "S", "true friction over table 3.1 (1)"),
-    ("--friction-ripple-Nm", None, "NM", "friction that repeats with the gear (0.3)"),
+    ("--friction-ripple-Nm", 0.3, "NM", "friction that repeats with the gear (0.3)"),
     ("--friction-per-load", 0.0, "SHARE", "Coulomb friction per load (0)"),
     ("--lever-m", 0.30, "M", "from the axis to the weight (0.30)"),
     ("--current-noise-A", None, "A", "of a current sample (0.011)"),
@@ -49,22 +50,12 @@ _TEST = (
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "bench",
-        help="simulate the joint test bench",
-        description="Simulate the joint test bench of the thesis. All data that it writes are synthetic.",
-    )
+    about = "Simulate the joint test bench of the thesis. All data that it writes are synthetic."
+    parser = commands.add_parser("bench", help="simulate the joint test bench", description=about)
     actions = parser.add_subparsers(
         dest="action", required=True, parser_class=type(parser), metavar="campaign|run"
     )
-    campaign = actions.add_parser(
-        "campaign",
-        help="five weights, nine tests each, as log files",
-        description=(
-            "Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the "
-            "true friction."
-        ),
-    )
+    campaign = options.add_command(actions, "campaign", run_campaign_command)
     _add_bench(campaign)
     campaign.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
     campaign.add_argument(
@@ -73,22 +64,14 @@ def add_parser(commands: Any) -> None:
         default="drop",
         help="the thesis's falls, or driven by the motor to ±2.5 rad/s, or a folder for each (drop)",
     )
-    campaign.add_argument(
-        "--longest", type=float, default=20.0, metavar="S", help="when a fall that sticks is ended (20)"
-    )
-    campaign.set_defaults(run=run_campaign_command)
-    test = actions.add_parser(
-        "run",
-        help="one test, with what no bench can measure beside it",
-        description="Simulate one test and write its log with the true motion, friction and current.",
-    )
+    _add_numbers(campaign, (("--longest", 20.0, "S", "when a fall that sticks is ended (20)"),))
+    test = options.add_command(actions, "run", run_test_command)
     _add_bench(test)
     options.add_out(test, "FILE", "log to write", required=True)
     test.add_argument(
         "--controller", choices=CONTROLLERS, default="friction", help="what drives the motor (friction)"
     )
     _add_numbers(test, _TEST)
-    test.set_defaults(run=run_test_command)
 
 
 def _add_bench(parser: argparse.ArgumentParser) -> None:
@@ -108,61 +91,44 @@ def _add_numbers(parser: argparse.ArgumentParser, entries: tuple[tuple[Any, ...]
 
 def bench_of(arguments: argparse.Namespace) -> BenchJoint:
     """The bench as the options describe it, without a controller."""
-    from dataclasses import replace
-
+    from twin_gait import worlds as world
     from twin_gait.parameters import BatteryParameters
     from twin_gait.vocabulary import JointName
-    from twin_gait.worlds.bench_joint import (
-        BENCH_FRICTION,
-        BenchFriction,
-        CatalogueEfficiency,
-        CurrentLoop,
-        LinkParameters,
-        LoadAngle,
-        Torsion,
-        bench_joint,
-    )
 
     joint = JointName(arguments.joint)
-    bench = bench_joint(
-        joint,
-        friction=BenchFriction(
-            law=BENCH_FRICTION[joint].scaled(arguments.friction_ratio),
-            coulomb_per_load=arguments.friction_per_load,
-            ripple=0.3 if arguments.friction_ripple_Nm is None else arguments.friction_ripple_Nm,
-        ),
-        link=LinkParameters(lever=arguments.lever_m, load_angle=LoadAngle(arguments.load_angle)),
-        battery=BatteryParameters(voltage=arguments.battery_V),
+    friction = world.BenchFriction(
+        law=world.BENCH_FRICTION[joint].scaled(arguments.friction_ratio),
+        coulomb_per_load=arguments.friction_per_load,
+        ripple=arguments.friction_ripple_Nm,
     )
+    link = world.LinkParameters(lever=arguments.lever_m, load_angle=world.LoadAngle(arguments.load_angle))
+    battery = BatteryParameters(voltage=arguments.battery_V)
+    bench = world.bench_joint(joint, friction=friction, link=link, battery=battery)
+    noise = options.given(noise=arguments.current_noise_A)
     temperature, stiffness = arguments.gear_temperature_degC, arguments.torsional_stiffness_Nm_per_rad
     return replace(
         bench,
-        drive=replace(
-            bench.drive,
-            loop=CurrentLoop(arguments.current_loop),
-            **options.given(noise=arguments.current_noise_A),
-        ),
-        efficiency=None if temperature is None else CatalogueEfficiency(temperature=temperature),
-        torsion=None if stiffness is None else Torsion(stiffness=stiffness),
+        drive=replace(bench.drive, loop=world.CurrentLoop(arguments.current_loop), **noise),
+        efficiency=None if temperature is None else world.CatalogueEfficiency(temperature=temperature),
+        torsion=None if stiffness is None else world.Torsion(stiffness=stiffness),
     )
 
 
 def run_campaign_command(arguments: argparse.Namespace) -> int:
-    """Simulate one campaign or both."""
+    """Five weights, nine tests each, as log files.
+
+    Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the true
+    friction.
+    """
     from twin_gait.exceptions import RunDirectoryError
     from twin_gait.simulation import RunStatus
     from twin_gait.studies.campaign import Campaign, Protocol, run_campaign
     from twin_gait.vocabulary import JointName
 
     both = arguments.protocol == "both"
+    joint, bench = JointName(arguments.joint), bench_of(arguments)
     campaigns = [
-        Campaign(
-            joint=JointName(arguments.joint),
-            protocol=protocol,
-            seed=arguments.seed,
-            bench=bench_of(arguments),
-            longest=arguments.longest,
-        )
+        Campaign(joint=joint, protocol=protocol, seed=arguments.seed, bench=bench, longest=arguments.longest)
         for protocol in (Protocol if both else [Protocol(arguments.protocol)])
     ]
     if arguments.out.exists():
@@ -195,9 +161,10 @@ def report_campaign(result: CampaignResult) -> Iterator[str]:
 
 
 def run_test_command(arguments: argparse.Namespace) -> int:
-    """Simulate one test."""
-    from dataclasses import replace
+    """One test, with what no bench can measure beside it.
 
+    Simulate one test and write its log with the true motion, friction and current.
+    """
     from twin_gait.files import write_atomically
     from twin_gait.parameters.quantities import WHOLE
     from twin_gait.simulation import RunStatus
@@ -233,32 +200,26 @@ def run_test_command(arguments: argparse.Namespace) -> int:
 
 
 def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | None:
+    from twin_gait import worlds as world
     from twin_gait.vocabulary import JointName
-    from twin_gait.worlds.bench_joint import (
-        BENCH_FRICTION,
-        LOWEST_VELOCITIES,
-        DutyControl,
-        OldFrictionModel,
-        TorqueControl,
-    )
 
     joint = JointName(arguments.joint)
     if arguments.controller == "off":
         return None
     if arguments.controller == "duty":
-        return DutyControl(
+        return world.DutyControl(
             amplitude=arguments.amplitude_counts,
             frequency=arguments.frequency_Hz,
             transparency_gain=arguments.transparency_gain,
-            lowest_velocity=LOWEST_VELOCITIES[joint],
+            lowest_velocity=world.LOWEST_VELOCITIES[joint],
         )
     springy = arguments.controller == "impedance"
-    return TorqueControl(
-        friction_model=BENCH_FRICTION[joint],
-        old_model=OldFrictionModel() if arguments.controller == "old-friction" else None,
+    return world.TorqueControl(
+        friction_model=world.BENCH_FRICTION[joint],
+        old_model=world.OldFrictionModel() if arguments.controller == "old-friction" else None,
         friction_compensation_gain=arguments.friction_compensation_gain,
         target_torque=arguments.target_torque_Nm,
-        stiffness=arguments.stiffness_Nm_per_deg * 180.0 / math.pi if springy else 0.0,
+        stiffness=math.degrees(arguments.stiffness_Nm_per_deg) if springy else 0.0,
         damping=arguments.damping_Nms_per_rad if springy else 0.0,
         equilibrium_angle=math.radians(arguments.equilibrium_deg),
         inertia_compensation=arguments.inertia_compensation,
@@ -271,11 +232,8 @@ def _imposed_motion_of(arguments: argparse.Namespace) -> ImposedMotionParameters
 
     if arguments.imposed_amplitude_deg is None:
         return None
-    return ImposedMotionParameters(
-        joint=JointName(arguments.joint),
-        amplitude=math.radians(arguments.imposed_amplitude_deg),
-        frequency=arguments.imposed_frequency_Hz,
-    )
+    amplitude, frequency = math.radians(arguments.imposed_amplitude_deg), arguments.imposed_frequency_Hz
+    return ImposedMotionParameters(joint=JointName(arguments.joint), amplitude=amplitude, frequency=frequency)
 
 
 def report_test(run: BenchRun, out: Path) -> Iterator[str]:
@@ -284,8 +242,7 @@ def report_test(run: BenchRun, out: Path) -> Iterator[str]:
 
     from twin_gait.studies.campaign import summarise
 
-    velocity = run.column("motor_velocity_rad_per_s")
-    summary = summarise(run)
+    velocity, summary = run.column("motor_velocity_rad_per_s"), summarise(run)
     yield f"{run.status}: {len(run.rows) * 1e-3:g} s of synthetic data in {out}"
     yield f"  joint velocity {velocity.min():.3f} to {velocity.max():.3f} rad/s"
     for name, words in (("breakaway_s", "moved by 1°"), ("stop_s", "reached the stop")):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,14 +19,7 @@ WIDTH = 100
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "check",
-        help="check a gait table without a run",
-        description=(
-            "Check a gait table: exits that contend, follow at once or never open, phases that cannot be "
-            "reached or left, both legs in swing, and more. Ends with 1 if there is an error."
-        ),
-    )
+    parser = options.add_command(commands, "check", run)
     add = parser.add_argument
     add("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
     add(
@@ -36,11 +30,14 @@ def add_parser(commands: Any) -> None:
     options.add_settings(parser)
     options.add_json(parser)
     add("--rules", action="store_true", help="list the rules and end")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Check and print what was found."""
+    """Check a gait table without a run.
+
+    Check a gait table: exits that contend, follow at once or never open, phases that cannot be reached or
+    left, both legs in swing, and more. Ends with 1 if there is an error.
+    """
     from twin_gait.checking.check import check, counts, load_case, report, rules
 
     if arguments.rules:
@@ -61,30 +58,21 @@ def draw(findings: Sequence[Finding]) -> Iterator[str]:
     """Findings as lines, grouped by severity; a waived one in two lines at the end of its group."""
     for finding in findings:
         yield f"{'waived ' if finding.waived else ''}{heading(finding)}"
-        if finding.waived:
-            yield from _wrapped(finding.waived)
-            continue
-        yield from _wrapped(finding.reason)
-        if finding.counterexample:
-            yield from _wrapped(f"at {', '.join(_signal(*item) for item in finding.counterexample.items())}")
-        if finding.severity != "note":
-            yield from _wrapped(f"→ {finding.suggestion}")
+        texts = [finding.waived or finding.reason]
+        if finding.counterexample and not finding.waived:
+            signals = finding.counterexample.items()
+            at = [f"{name} {x if isinstance(x, str) else format(x, '.7g')}" for name, x in signals]
+            texts.append(f"at {', '.join(at)}")
+        if finding.severity != "note" and not finding.waived:
+            texts.append(f"→ {finding.suggestion}")
+        for text in texts:
+            yield from textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
 
 
 def heading(finding: Finding) -> str:
     """Severity, rule and place of a finding."""
     parts = [str(part) for part in (finding.transition or finding.phase, finding.side) if part is not None]
     return f"{finding.severity} {finding.rule}" + (f": {' · '.join(parts)}" if parts else "")
-
-
-def _wrapped(text: str) -> list[str]:
-    import textwrap
-
-    return textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
-
-
-def _signal(name: str, value: float | str) -> str:
-    return f"{name} {value if isinstance(value, str) else format(value, '.7g')}"
 
 
 def counted(numbers: Mapping[str, int]) -> str:

@@ -24,14 +24,7 @@ FORMATS = (CSV, "mot", "sto", FOLDER, *CAN_FILES)
 
 def add_parser(commands: Any) -> None:
     """Add both commands to the parser."""
-    parser = commands.add_parser(
-        "plot",
-        help="draw figures of a run for a paper",
-        description=(
-            "Draw figures of a run directory for print: one or two columns wide, letters on the panels, no "
-            "title inside; what the title would say is printed, for the caption."
-        ),
-    )
+    parser = options.add_command(commands, "plot", plot)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
     add(
@@ -46,18 +39,8 @@ def add_parser(commands: Any) -> None:
         "--width", type=float, default=85.0, metavar="MM", help="85 for one column (the default), 174 for two"
     )
     options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
-    parser.set_defaults(run=plot)
 
-    parser = commands.add_parser(
-        "export",
-        help="write the log of a run: CSV, for OpenSim or CAN tools",
-        description=(
-            "Write the log of a run directory as CSV (every column), its joint angles as a motion of "
-            "OpenSim (.mot in degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a "
-            "folder with model, motion, external loads, set-up, and the joint moments to compare with; or "
-            "the frames of its CAN network (candump's .log, Vector's .asc), which twin.dbc decodes."
-        ),
-    )
+    parser = options.add_command(commands, "export", export)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
     add(
@@ -77,11 +60,14 @@ def add_parser(commands: Any) -> None:
         help="whose angles a motion has where braces let the two move apart (the wearer's)",
     )
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
-    parser.set_defaults(run=export)
 
 
 def plot(arguments: argparse.Namespace) -> int:
-    """Draw the figures."""
+    """Draw figures of a run for a paper.
+
+    Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
+    inside; what the title would say is printed, for the caption.
+    """
     from twin_gait.exceptions import ParameterError
     from twin_gait.report.canvas import save
     from twin_gait.report.figures import available_figures, draw_for_paper
@@ -107,9 +93,16 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Write the log."""
-    from twin_gait.conventions import find_convention
+    """Write the log of a run: CSV, for OpenSim or CAN tools.
+
+    Write the log of a run directory as CSV (every column), its joint angles as a motion of OpenSim (.mot in
+    degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a folder with model, motion,
+    external loads, set-up, and the joint moments to compare with; or the frames of its CAN network (candump's
+    .log, Vector's .asc), which twin.dbc decodes.
+    """
+    from twin_gait.conventions import DEGREES, RADIANS, find_convention
     from twin_gait.exceptions import ParameterError
+    from twin_gait.export import export_csv, export_motion
     from twin_gait.runs.record import load_run
 
     kind = arguments.format or _format_of(arguments.out, arguments.convention)
@@ -118,27 +111,12 @@ def export(arguments: argparse.Namespace) -> int:
     stored = load_run(arguments.directory)
     convention = find_convention(arguments.convention or DEFAULT_CONVENTION)
     device = arguments.of == "device"
-    names = {FOLDER: FOLDER, **CAN_FILES}
-    path = arguments.out or arguments.directory / names.get(kind, f"log.{kind}")
+    path = arguments.out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
     if kind == FOLDER:
         return _write_folder(stored, path, convention, device=device, force=arguments.force)
     options.check_file("--out", path, force=arguments.force)
     if kind in CAN_FILES:
         return _write_frames(stored, path, kind)
-    return _write_file(stored, path, kind, convention, device=device)
-
-
-def _format_of(path: Path | None, convention: str | None) -> str:
-    """The format that a file's name says; a convention asks for a motion, anything else is CSV."""
-    suffix = "" if path is None else path.suffix.removeprefix(".").lower()
-    suffix = {Path(name).suffix[1:]: kind for kind, name in CAN_FILES.items()}.get(suffix, suffix)
-    return suffix if suffix in FORMATS else CSV if convention is None else "mot"
-
-
-def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention, *, device: bool) -> int:
-    from twin_gait.conventions import DEGREES, RADIANS
-    from twin_gait.export import export_csv, export_motion
-
     columns = list(stored.log.columns)
     if kind == CSV:
         export_csv(stored.log, path)
@@ -147,6 +125,13 @@ def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention
         columns = export_motion(stored.log, path, convention, unit=unit, device=device)
     print(f"{len(stored.log)} rows, {len(columns)} columns: {path}")
     return DONE
+
+
+def _format_of(path: Path | None, convention: str | None) -> str:
+    """The format that a file's name says; a convention asks for a motion, anything else is CSV."""
+    suffix = "" if path is None else path.suffix.removeprefix(".").lower()
+    suffix = {Path(name).suffix[1:]: kind for kind, name in CAN_FILES.items()}.get(suffix, suffix)
+    return suffix if suffix in FORMATS else CSV if convention is None else "mot"
 
 
 def _write_frames(stored: StoredRun, path: Path, kind: str) -> int:

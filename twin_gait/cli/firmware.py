@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,15 +23,7 @@ VERIFICATION = "verification.json"
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "firmware",
-        help="print the controller as C for the device, and prove it",
-        description=(
-            "Print gait table, drives and laws of an experiment as readable C99: the board of a joint, the "
-            "gait controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to "
-            "compare them with. Exits with 1 if --verify finds a difference."
-        ),
-    )
+    parser = options.add_command(commands, "firmware", run)
     options.add_experiment(parser, seconds="that of the experiment")
     options.add_out(parser, "DIR", "folder to write")
     parser.add_argument(
@@ -38,11 +32,15 @@ def add_parser(commands: Any) -> None:
         help="compare the C with the simulation over the walk and faults, on this machine and a Cortex-M4F",
     )
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the project, or verify it, or both."""
+    """Print the controller as C for the device, and prove it.
+
+    Print gait table, drives and laws of an experiment as readable C99: the board of a joint, the gait
+    controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to compare them with.
+    Exits with 1 if --verify finds a difference.
+    """
     from contextlib import nullcontext
 
     from twin_gait.exceptions import ParameterError
@@ -72,8 +70,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Print the project into a folder; its manifest."""
-    from dataclasses import replace
-
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.project import print_project
     from twin_gait.firmware.vectors import record_vectors
@@ -92,8 +88,6 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
 
 def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     """Verify, and keep what was found in the folder."""
-    import json
-
     from twin_gait.files import write_atomically
     from twin_gait.firmware.verification import verify
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,15 +19,7 @@ PRINTED_MODELS = 5
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "identify",
-        help="identify the friction of a joint from logs",
-        description=(
-            "Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each "
-            "file is one test. Written: identification.json (models best first), parameter files that "
-            "simulate takes, the samples, and figures."
-        ),
-    )
+    parser = options.add_command(commands, "identify", run)
     add = parser.add_argument
     add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files")
     add("--joint", choices=["hip", "knee"], help="whose motor and gear it is (for currents)")
@@ -65,33 +58,35 @@ def add_parser(commands: Any) -> None:
     options.add_seed(parser)
     options.add_no_pictures(parser)
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def _add_bench(parser: argparse.ArgumentParser) -> None:
-    bench = parser.add_argument_group("test bench, for logs with a current")
-    bench.add_argument("--mass", type=float, metavar="KG", help="weight, where file and file name do not say")
-    bench.add_argument("--lever-m", type=float, metavar="B", help="from the axis to the weight (0.30)")
-    bench.add_argument("--link-inertia-kgm2", type=float, metavar="J", help="about the axis (0.02)")
-    bench.add_argument(
-        "--link-moment-kgm", type=float, metavar="S", help="mass of the link times its arm (0)"
-    )
-    bench.add_argument(
+    add = parser.add_argument_group("test bench, for logs with a current").add_argument
+    add("--mass", type=float, metavar="KG", help="weight, where file and file name do not say")
+    add("--lever-m", type=float, metavar="B", help="from the axis to the weight (0.30)")
+    add("--link-inertia-kgm2", type=float, metavar="J", help="about the axis (0.02)")
+    add("--link-moment-kgm", type=float, metavar="S", help="mass of the link times its arm (0)")
+    add(
         "--start-angle-deg",
         metavar="A",
         help="what the first angle is set to: 90 (horizontal), or 'as-logged'",
     )
-    bench.add_argument(
+    add(
         "--load-angle",
         choices=["corrected", "printed"],
         default="corrected",
         help="F b cos(θ - 90°), or F b cos θ as the thesis prints it",
     )
-    bench.add_argument("--mass-inertia-as-printed", action="store_true", help="J_mass = m b instead of m b²")
+    add("--mass-inertia-as-printed", action="store_true", help="J_mass = m b instead of m b²")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identify, write and print."""
+    """Identify the friction of a joint from logs.
+
+    Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each file is
+    one test. Written: identification.json (models best first), parameter files that simulate takes, the
+    samples, and figures.
+    """
     from twin_gait.identification import identify_logs
     from twin_gait.identification.writing import IDENTIFICATION, write_identification
     from twin_gait.runs.folders import check_target
@@ -139,8 +134,13 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
         Loss,
         Processing,
         ProcessingOptions,
+        Quantity,
     )
     from twin_gait.parameters.quantities import WHOLE
+
+    def by_quantity(flag: str, text: str) -> dict[Quantity, str]:
+        given = options.pairs(flag, text, list(map(str, Quantity)))
+        return {Quantity(name): value for name, value in given.items()}
 
     WHOLE.require("--seed", arguments.seed)
     processing = options.given(
@@ -151,7 +151,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     )
     return IdentificationOptions(
         columns=LogColumns(
-            names=_pairs("--columns", arguments.columns), units=_pairs("--units", arguments.units)
+            names=by_quantity("--columns", arguments.columns), units=by_quantity("--units", arguments.units)
         ),
         bench=_bench(arguments),
         processing=ProcessingOptions(**processing),
@@ -163,8 +163,6 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
 
 def _bench(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
-    import math
-
     from twin_gait.identification import BenchSetup
     from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
     from twin_gait.worlds import LoadAngle
@@ -188,16 +186,6 @@ def _bench(arguments: argparse.Namespace) -> Any:
         mass_as_printed=arguments.mass_inertia_as_printed,
         **stated,
     )
-
-
-def _pairs(flag: str, text: str) -> dict[Any, str]:
-    from twin_gait.exceptions import ParameterError
-    from twin_gait.identification import parse_columns
-
-    try:
-        return dict(parse_columns(text))
-    except ParameterError as error:
-        raise ParameterError(f"{flag}: {error}") from error
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import inspect
+import json
+import math
 import os
+import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +29,17 @@ _SHORTHANDS = {
     "--speed": ("KM_PER_H", "scenario.belt_speed_km_per_h", "belt speed in km/h"),
     "--support": ("SHARE", "scenario.support.share", "body weight support: 0.6 or 60%%"),
 }
+
+
+def add_command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], int]
+) -> argparse.ArgumentParser:
+    """Add a command whose help and description are the docstring of what runs it."""
+    summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
+    text = summary[0].lower() + summary[1:].rstrip(".")
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=" ".join(rest.split()))
+    parser.set_defaults(run=run)
+    return parser
 
 
 def add_out(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:
@@ -94,18 +109,12 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--patient",
         action="append",
         dest="settings",
-        type=lambda name: f"patient={_quoted(name)}",
+        type=lambda name: f"patient={json.dumps(name)}",
         metavar="NAME",
         help="wearer: a person that ships (twin-gait presets), or a YAML file",
     )
     for flag, (unit, key, text) in _SHORTHANDS.items():
         _add_shorthand(parser, flag, unit, key, text)
-
-
-def _quoted(text: str) -> str:
-    import json
-
-    return json.dumps(text)
 
 
 def _add_shorthand(parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str) -> None:
@@ -136,8 +145,6 @@ def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperi
 
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
     """Stop at errors of the gait table, and say on one line how many warnings there are."""
-    import shlex
-
     from twin_gait.checking.check import check_before_run, counts
     from twin_gait.cli.check import counted, heading
     from twin_gait.cli.terminal import clear_line, note_step
@@ -230,8 +237,6 @@ def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, s
 
 def number(flag: str, text: str, expected: str = "a number") -> float:
     """Read a finite number."""
-    import math
-
     try:
         value = float(text)
     except ValueError:

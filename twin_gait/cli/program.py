@@ -127,10 +127,7 @@ def build_parser() -> ProgramParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Args:
-        argv: Arguments without the program name; those of the process if None.
+    """Run a command with arguments without the program name, those of the process if None.
 
     Returns:
         Exit status: 0 done, 1 failed or diverged, 2 bad input, 70 an error that nobody foresaw,

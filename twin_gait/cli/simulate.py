@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
+import math
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -20,11 +22,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "simulate",
-        help="simulate a gait and keep the run",
-        description="Simulate a preset or an experiment file and write a run directory.",
-    )
+    parser = options.add_command(commands, "simulate", run)
     add = parser.add_argument
     options.add_experiment(parser, seconds="that of the experiment")
     options.add_seed(parser, of_experiment=True)
@@ -54,11 +52,13 @@ def add_parser(commands: Any) -> None:
         help="run again at a tenth of the step and report the difference (takes ten times as long)",
     )
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate and write the run directory."""
+    """Simulate a gait and keep the run.
+
+    Simulate a preset or an experiment file and write a run directory.
+    """
     from twin_gait.runs.drawing import drawing_processes
 
     with drawing_processes(wanted=not arguments.no_pictures) as drawing:
@@ -66,7 +66,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _simulate(arguments: argparse.Namespace, drawing: DrawingProcesses) -> int:
-    import json
 
     from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
@@ -138,8 +137,6 @@ def report(result: Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
 
 def accuracy_line(accuracy: Mapping[str, Any]) -> str:
     """What a tenth of the step changes, of :func:`~twin_gait.studies.accuracy.step_error`, in one line."""
-    import math
-
     names = ("largest_angle_error_rad", "largest_angle_error_before_first_slip_rad")
     whole, before = (f"{math.degrees(accuracy[name]):.2g}°" for name in names)
     line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves the joints by up to {whole}"

@@ -17,43 +17,29 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "sweep",
-        help="simulate an experiment over any of its parameters",
-        description=(
-            "Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. "
-            "The same command goes on with a sweep that was stopped or killed."
-        ),
-    )
+    parser = options.add_command(commands, "sweep", run)
     add = parser.add_argument
     add("spec", type=Path, metavar="SPEC", help="YAML file, such as examples/sweep.yaml")
     add("--out", type=Path, metavar="DIR", required=True, help="folder of the sweep")
     options.add_settings(parser)
     options.add_unchecked(parser)
     options.add_runner(parser)
-    add(
-        "--chunk-seconds",
-        type=float,
-        default=2.0,
-        metavar="S",
-        help="work handed over at a time (2); of 64 episodes and more a block of 32 at least",
-    )
     options.add_no_pictures(parser)
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the sweep, or go on with it."""
-    from twin_gait.exceptions import ParameterError
+    """Simulate an experiment over any of its parameters.
+
+    Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. The same
+    command goes on with a sweep that was stopped or killed.
+    """
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
     from twin_gait.studies.sweep.spec import load_sweep
     from twin_gait.studies.sweep.sweep import run_sweep
 
     options.workers_of(arguments)
-    if not 0.0 < arguments.chunk_seconds < float("inf"):
-        raise ParameterError(f"--chunk-seconds: expected a number above 0, got {arguments.chunk_seconds}")
     sweep = load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
         options.check_table(sweep.experiment)
@@ -68,7 +54,6 @@ def run(arguments: argparse.Namespace) -> int:
                 sweep,
                 arguments.out,
                 workers=workers,
-                chunk_seconds=arguments.chunk_seconds,
                 pictures=not arguments.no_pictures,
                 checking=checking,
                 **watch,
@@ -89,8 +74,7 @@ def report(result: SweepResult) -> Iterator[str]:
         yield f"  {result.resumed} were there already"
     yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
     if last["episodes"]:
-        pace = last["worker_s_per_episode"]
-        yield f"  {last['wall_s']:.1f} s, {pace:.3g} s of a worker's time per episode"
+        yield f"  {last['wall_s']:.1f} s for {last['episodes']} of them"
     if result.not_drawn:
         yield f"  not drawn, because no completed episode has it: {', '.join(result.not_drawn)}"
     yield f"  {result.directory}"

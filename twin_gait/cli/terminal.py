@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import io
+import json
 import shlex
 import signal
 import sys
-import threading
-import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -21,14 +20,11 @@ DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callable[[], Any]) -> None:
     """Print the result: lines for a reader or, with ``--json``, one document for a program.
 
-    Args:
-        lines: For a reader.
-        document: Makes the mapping for a program; numbers that are not finite become null.
+    In the document numbers that are not finite become null.
     """
     if not arguments.json:
         print("\n".join(lines))
         return
-    import json
 
     print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
 
@@ -103,14 +99,8 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None) -> Iterator[dict[str, Any]]:
     """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
     stopping = stop_on_interrupt() if should_stop is None else nullcontext(should_stop)
-    with stopping as asked, progress_bar(title, unit) as bar, compilation_clock() as clock:
-        start, stop = clock
-
-        def progress(done: int, total: int) -> None:
-            stop()  # the first progress comes when the engine is there
-            bar(done, total)
-
-        yield {"progress": progress, "should_stop": asked, "on_compile": start}
+    with stopping as asked, progress_bar(title, unit) as progress:
+        yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
 
 
 def interrupted(hint: str) -> int:
@@ -149,9 +139,6 @@ def warn_on_one_line() -> None:
     warnings.formatwarning = line
 
 
-USUAL_COMPILATION = 15.0  # [s] on a processor of 2023
-
-
 def note_compilation() -> None:
     """Say why the first run on a machine takes its time."""
     clear_line()
@@ -160,42 +147,3 @@ def note_compilation() -> None:
         file=sys.stderr,
         flush=True,
     )
-
-
-@contextmanager
-def compilation_clock() -> Iterator[tuple[Callable[[], None], Callable[[], None]]]:
-    """What says that the engine is being compiled, and on a terminal for how long; and what ends it."""
-    ended, thread = threading.Event(), threading.Thread()
-
-    def run(began: float) -> None:
-        while not ended.wait(0.5):
-            note_line(compilation_line(time.monotonic() - began))
-
-    def start() -> None:
-        nonlocal thread
-        note_compilation()
-        if sys.stderr.isatty() and not thread.is_alive():
-            ended.clear()  # a second model may be compiled in one command
-            thread = threading.Thread(target=run, args=(time.monotonic(),), daemon=True)
-            thread.start()
-
-    def stop() -> None:
-        ended.set()
-        if thread.is_alive():
-            thread.join()
-            clear_line()
-
-    try:
-        yield start, stop
-    finally:
-        stop()
-
-
-def compilation_line(passed: float) -> str:
-    """How far a compilation is after a time in [s]."""
-    if passed > USUAL_COMPILATION:
-        return (
-            f"  {passed:.0f} s, longer than the usual {USUAL_COMPILATION:.0f} s: the machine is slow or busy"
-        )
-    done = round(20 * passed / USUAL_COMPILATION)
-    return f"  {passed:2.0f} s of about {USUAL_COMPILATION:.0f} [{'#' * done}{'.' * (20 - done)}]"

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options, terminal
@@ -19,14 +19,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "tune",
-        help="tune a gait table to one person",
-        description=(
-            "Search for the numbers of a gait table, try the best tables on a robust set, and write the best "
-            "with a report. It can be stopped at any time and goes on with --resume."
-        ),
-    )
+    parser = options.add_command(commands, "tune", run)
     add = parser.add_argument
     options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
@@ -41,12 +34,16 @@ def add_parser(commands: Any) -> None:
     options.add_seed(parser)
     options.add_runner(parser)
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Tune, and write the table with its report."""
+    """Tune a gait table to one person.
+
+    Search for the numbers of a gait table, try the best tables on a robust set, and write the best with a
+    report. It can be stopped at any time and goes on with --resume.
+    """
     from twin_gait.exceptions import ParameterError
+    from twin_gait.report.tune import summary
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
     from twin_gait.studies.tune.outcome import write_tuning
@@ -68,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         everyone=arguments.everyone,
     )
     again = f"the same command with --resume goes on from there: {arguments.out}"
-    folder = None
+    outcome = None
     try:
         with options.runner_of(arguments) as workers, terminal.stop_on_interrupt() as should_stop:
             tuning = tune(
@@ -85,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
             terminal.clear_line()
             if tuning.status is RunStatus.COMPLETED:
                 with terminal.progress_bar("departures", "walk") as progress:
-                    folder = write_tuning(
+                    outcome = write_tuning(
                         tuning,
                         experiment,
                         settings,
@@ -98,27 +95,15 @@ def run(arguments: argparse.Namespace) -> int:
     except WorkersLost as error:
         print(f"twin-gait: {error}; what is done is kept, and {again}", file=sys.stderr)
         return FAILED
-    if folder is None:
+    if outcome is None:
         return terminal.interrupted(again)
-    terminal.answer(
-        arguments,
-        report(folder.outcome, folder.directory),
-        lambda: {**folder.outcome, "directory": folder.directory},
-    )
+    lines = [*summary(outcome), f"  {arguments.out}"]
+    terminal.answer(arguments, lines, lambda: {**outcome, "directory": arguments.out})
     return DONE
-
-
-def report(outcome: dict[str, Any], directory: Path) -> Iterator[str]:
-    """Results in a few lines."""
-    from twin_gait.report.tune import summary
-
-    yield from (*summary(outcome), f"  {directory}")
 
 
 def _reference_speed(text: str | None) -> float | None:
     """Speed of the reference in [m] / [s]."""
-    import re
-
     from twin_gait.exceptions import ParameterError
     from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 

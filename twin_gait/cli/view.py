@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import re
 import sys
 import time
 from pathlib import Path
@@ -24,12 +25,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "view",
-        help="show runs or a URDF in the browser, or draw a picture",
-        description="Show a run directory, two of them side by side, or any URDF with a slider for each "
-        "joint in the browser until Ctrl-C; or write the page or a picture of it.",
-    )
+    parser = options.add_command(commands, "view", run)
     add = parser.add_argument
     add(
         "targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF file"
@@ -43,11 +39,14 @@ def add_parser(commands: Any) -> None:
     add("--play-speed", type=float, default=1.0, metavar="X", help="times real time (1)")
     add("--once", action="store_true", help="end when the run has been played once")
     options.add_page(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show or draw the targets."""
+    """Show runs or a URDF in the browser, or draw a picture.
+
+    Show a run directory, two of them side by side, or any URDF with a slider for each joint in the browser
+    until Ctrl-C; or write the page or a picture of it.
+    """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of
     from twin_gait.runs.shown_run import read_shown_run
@@ -101,13 +100,11 @@ def _show_urdf(urdf: Path, arguments: argparse.Namespace) -> int:
     if arguments.out is not None or arguments.png is not None:
         return _write(page, arguments)
     arguments.play_speed = 1.0
-    return _serve(page, math.inf, arguments)
+    return _serve(page(), math.inf, arguments)
 
 
 def picture_size(text: str | None) -> PictureSize:
     """Read a size such as ``1600x1000``; None stands for the default."""
-    import re
-
     from twin_gait.viewer.picture import DEFAULT_SIZE, LARGEST, SMALLEST, PictureSize
 
     if text is None:
@@ -146,13 +143,13 @@ def _serve_runs(runs: Sequence[ShownRun], arguments: argparse.Namespace) -> int:
 
     moments = () if arguments.at is None else (arguments.at,)
     longest = max(one.duration for one in runs) / arguments.play_speed if arguments.once else math.inf
-    return _serve(lambda: page_of(runs, moments=moments), longest, arguments)
+    return _serve(page_of(runs, moments=moments), longest, arguments)
 
 
-def _serve(make: Callable[[], str], longest: float, arguments: argparse.Namespace) -> int:
+def _serve(page: str, longest: float, arguments: argparse.Namespace) -> int:
     from twin_gait.viewer.page_server import PageServer
 
-    with stop_on_interrupt() as should_stop, PageServer(make(), port=arguments.port) as server:
+    with stop_on_interrupt() as should_stop, PageServer(page, port=arguments.port) as server:
         announce(f"{server.url}{_fragment(arguments)}", browser=not arguments.no_browser)
         last = time.monotonic() + longest
         while not should_stop() and time.monotonic() < last:
@@ -162,11 +159,11 @@ def _serve(make: Callable[[], str], longest: float, arguments: argparse.Namespac
 
 def _fragment(arguments: argparse.Namespace) -> str:
     words = [
-        *([] if arguments.at is None else [f"t={arguments.at:.3f}"]),
-        *([] if arguments.play_speed == 1.0 else [f"speed={arguments.play_speed:g}"]),
-        *(["theme=dark"] if arguments.dark else []),
+        "" if arguments.at is None else f"t={arguments.at:.3f}",
+        "" if arguments.play_speed == 1.0 else f"speed={arguments.play_speed:g}",
+        "theme=dark" if arguments.dark else "",
     ]
-    return f"#{'&'.join(words)}" if words else ""
+    return f"#{'&'.join(filter(None, words))}" if any(words) else ""
 
 
 def show_run(run: Run) -> int:

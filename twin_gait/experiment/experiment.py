@@ -87,6 +87,8 @@ class Experiment(Parameters):
         self._check_modes()
         if self.interface is not None and self.patient is None:
             raise ParameterError("interface: braces need a wearer; give a patient, or interface: rigid")
+        if self.interface is not None and self.scenario.pelvis is PelvisGuide.FREE:
+            raise ParameterError("interface: no braces on a wearer whose trunk is free; set it to rigid")
 
     def _check_modes(self) -> None:
         """Modes read joints of two legs, and have postures that the gait table offers."""

@@ -17,6 +17,7 @@ from twin_gait.core.can_codec import pack_frame
 from twin_gait.exceptions import MissingOptionalDependency
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
+from twin_gait.gait.signals import TRUNK_PITCH
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages
 from twin_gait.network.dbc import Message, load_messages
@@ -33,17 +34,11 @@ Rows = Mapping[str, np.ndarray]
 
 
 class BusFrame(NamedTuple):
-    """A frame as it goes onto the bus.
+    """A frame as it goes onto the bus."""
 
-    Attributes:
-        time: Of its tick in [s] since the start of the walk.
-        identifier: Of 11 bits.
-        data: Its bytes.
-    """
-
-    time: float
-    identifier: int
-    data: bytes
+    time: float  # of its tick in [s] since the start of the walk
+    identifier: int  # of 11 bits
+    data: bytes  # its bytes
 
 
 def messages_of(experiment: Experiment) -> dict[str, Message]:
@@ -57,12 +52,7 @@ def messages_of(experiment: Experiment) -> dict[str, Message]:
 
 
 def run_frames(run: Run, messages: Mapping[str, Message]) -> Iterator[BusFrame]:
-    """All frames of a run, in the order of their times and identifiers.
-
-    Args:
-        run: Of legs; a joint bench has no network.
-        messages: From :func:`messages_of`.
-    """
+    """All frames of a run of legs, in the order of their times and identifiers."""
     trip = run.trip
     tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
     columns = {name: run.log[name].to_numpy() for name in run.log.columns}
@@ -76,14 +66,13 @@ def bus_frames(
 ) -> list[BusFrame]:
     """Frames of some ticks: every message at its own cycle, as if the bus took no time.
 
+    Boards that the log does not have send none.
+
     Args:
         rows: Columns of the log by name, with the names of the phases.
         first: Tick of the first row.
         body_weight: Of wearer and device in [N].
         tripped: Board that the monitor tripped on, such as ``left_knee``; empty for none.
-
-    Returns:
-        The frames in the order of their times and identifiers; boards that the log does not have send none.
     """
     ticks = first + np.arange(len(rows["safety_state"]))
     found: list[BusFrame] = []
@@ -101,11 +90,7 @@ def bus_frames(
 
 
 def encoded(message: Message, values: list[float]) -> bytes:
-    """The bytes of a message.
-
-    Args:
-        values: Of all its signals in their order, in their units; NaN for none.
-    """
+    """The bytes of a message with the values of its signals in their order and units; NaN for none."""
     halves = [0, 0]
     pack_frame(message.layout, values, halves)
     return struct.pack("<2I", *halves)[: message.length]
@@ -122,8 +107,9 @@ def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -
         return _measurement(message, rows, board, body_weight, board == tripped)
     if message.name == "battery":
         return {"voltage": rows["bus_voltage_V"], "power": rows["battery_power_W"]}
-    if message.name == "imu":  # neither guide nor harness lets the trunk pitch
-        return {"pitch": 0.0, "pitch_rate": 0.0}
+    if message.name == "imu":  # neither guide nor harness lets the trunk pitch; the rate is the true one
+        rate = rows.get("trunk_pitch_velocity_rad_per_s", 0.0)
+        return {"pitch": rows.get(TRUNK_PITCH.column, 0.0), "pitch_rate": rate}
     return _gait_state(message, rows)
 
 
@@ -184,18 +170,13 @@ def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
 
 
 def export_can(frames: Iterable[BusFrame], path: Path, kind: str) -> int:
-    """Write frames as other tools read them.
+    """Write frames as other tools read them; how many there are.
 
     Args:
-        path: The file.
         kind: ``candump``, the log format of can-utils, or ``asc``, that of Vector.
-
-    Returns:
-        How many there are.
 
     Raises:
         MissingOptionalDependency: If python-can is not installed.
-        RunDirectoryError: If it cannot be written.
     """
     try:
         import can

@@ -50,43 +50,30 @@ SETUP_FILE, FOUND_FILE = "inverse_dynamics.xml", "inverse_dynamics.sto"
 
 
 class ExternalLoad(NamedTuple):
-    """What the surroundings do on a body, in the axes of OpenSim.
+    """What the surroundings do on a body, in the axes of OpenSim."""
 
-    Attributes:
-        name: Of the load.
-        body: On which it acts.
-        force: In [N], shape ``(n, 3)``.
-        point: Where it acts, in the world in [m], shape ``(n, 3)``.
-        torque: Beside the force in [N m], shape ``(n, 3)``.
-    """
-
-    name: str
-    body: str
-    force: np.ndarray
-    point: np.ndarray
-    torque: np.ndarray
+    name: str  # of the load
+    body: str  # on which it acts
+    force: np.ndarray  # in [N], shape ``(n, 3)``
+    point: np.ndarray  # where it acts, in the world in [m], shape ``(n, 3)``
+    torque: np.ndarray  # beside the force in [N m], shape ``(n, 3)``
 
 
 def export_inverse_dynamics(
     run: Run, folder: Path, convention: Convention, *, device: bool = False
 ) -> list[str]:
-    """Write everything that OpenSim needs to find the joint moments of a run.
+    """Write everything that OpenSim needs to find the joint moments of a run; names of the files.
 
     ``opensim-cmd run-tool inverse_dynamics.xml`` in the folder then writes ``inverse_dynamics.sto``, to be
     compared with ``joint_moments.sto``.
 
     Args:
-        run: The run.
         folder: An existing, empty folder.
         convention: Names and signs of the coordinates.
         device: Whether bodies and motion are the device's where braces bind the wearer to it.
 
-    Returns:
-        Names of the files.
-
     Raises:
         ParameterError: If the convention has no column names of its own, or the log is too short.
-        ModelError: If the URDF cannot be read.
     """
     if len(run.log) < 2:
         raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")
@@ -239,11 +226,7 @@ def _pelvis_place(run: Run, world: World, device: bool) -> tuple[np.ndarray, np.
 
 
 def joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
-    """Moments at the joints of the bodies that are written, as OpenSim names and counts them.
-
-    Returns:
-        In [N m] by column, shape ``(n,)`` each.
-    """
+    """Moments in [N m] at the joints of the bodies that are written, as OpenSim names and counts them."""
     moments = {}
     for side, leg in world.model.legs.items():
         for joint, _ in leg.items():

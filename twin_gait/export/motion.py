@@ -21,24 +21,18 @@ from twin_gait.vocabulary import JointName, Side
 def export_motion(
     log: pd.DataFrame, path: Path, convention: Convention, *, unit: str = DEGREES, device: bool = False
 ) -> list[str]:
-    """Write the joint angles of a log as a motion of an OpenSim model.
+    """Write the joint angles of a log as a motion of an OpenSim model; names of the columns.
 
     Hip and knee, and the ankle where the log has one, under the names and signs of the model. The pelvis is
     left out: the model keeps its own place.
 
     Args:
         log: One row per tick, with ``time_s`` and true angles.
-        path: The file; OpenSim reads .mot and .sto alike.
-        convention: Names and signs of the model.
         unit: ``deg``, which is usual in .mot files, or ``rad``; the header says which.
         device: Whether the angles are the device's where braces let the wearer move against it.
 
-    Returns:
-        Names of the columns.
-
     Raises:
         ParameterError: If the convention has no column names of its own, or the unit is another.
-        RunDirectoryError: If it cannot be written.
     """
     if unit not in (DEGREES, RADIANS):
         raise ParameterError(f"unit: expected {DEGREES} or {RADIANS}, got {unit!r}")
@@ -51,11 +45,7 @@ def export_motion(
 def joint_angles(
     log: pd.DataFrame, convention: Convention, unit: str, *, device: bool
 ) -> dict[str, np.ndarray]:
-    """Angles of all joints of a log under the names and signs of a model.
-
-    Returns:
-        Angles by column, shape ``(n,)`` each.
-    """
+    """Angles of all joints of a log by column, under the names and signs of a model."""
     if not convention.columns:
         raise ParameterError(f"convention: {convention.name} has no column names of its own")
     own: Container[str] = () if device else log.columns
@@ -71,12 +61,7 @@ def joint_angles(
 
 
 def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: bool) -> None:
-    """Write a .mot or .sto file, with all digits.
-
-    Args:
-        columns: By name, ``time`` first, shape ``(n,)`` each.
-        in_degrees: Whether its angles are in degrees.
-    """
+    """Write a .mot or .sto file of columns, ``time`` first, with all digits."""
     rows = np.column_stack(list(columns.values()))
     header = [
         path.stem,
@@ -92,13 +77,5 @@ def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: 
 
 
 def export_csv(log: pd.DataFrame, path: Path) -> None:
-    """Write a log as CSV: a header with units in the names, one row per tick, all digits.
-
-    Args:
-        log: One row per tick.
-        path: The file.
-
-    Raises:
-        RunDirectoryError: If it cannot be written.
-    """
+    """Write a log as CSV: a header with units in the names, one row per tick, all digits."""
     write_atomically(path, log.to_csv(index=False, lineterminator="\n"))

@@ -33,11 +33,7 @@ def osim_text(model: LegModel, name: str, convention: Convention, gravity: float
     """Write the bodies as a planar model: joints turn about the lateral axis, the pelvis moves in its plane.
 
     Rotors are not bodies: their inertia at the joints is left out. A pelvis that is fixed in the world is the
-    ground.
-
-    Args:
-        model: Device, wearer or both.
-        gravity: In [m] / [s²].
+    ground. Gravity is in [m] / [s²].
     """
     turn, bodies = to_opensim(model.up_axis), export_bodies(model.model)
     names, coordinates = _names(model, convention, len(bodies))

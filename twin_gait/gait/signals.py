@@ -139,7 +139,7 @@ TRUNK_PITCH = Signal(
     noise=0.5,
     room=1.0,
     first=0.0,
-    column="trunk_pitch_rad",
+    column="measured_trunk_pitch_rad",
 )
 WALK = Signal(  # what the legs are told: 1 to walk, 0 to stand
     "walk", Scope.DEVICE, NO_UNIT, "walk", "told to walk", _between(0.0, 1.0), room=0.25, first=1.0

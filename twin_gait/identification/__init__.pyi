@@ -6,7 +6,6 @@ from .bootstrap import Uncertainty as Uncertainty
 from .bootstrap import uncertainty as uncertainty
 from .columns import LogColumns as LogColumns
 from .columns import Quantity as Quantity
-from .columns import parse_columns as parse_columns
 from .fitting import Fit as Fit
 from .fitting import FitOptions as FitOptions
 from .fitting import Loss as Loss

@@ -29,56 +29,37 @@ from twin_gait.worlds import HORIZONTAL, LoadAngle
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSetup(Parameters):
-    """Test bench of one joint (thesis 2.2.1).
+    """Test bench of one joint (thesis 2.2.1)."""
 
-    Attributes:
-        actuator: Motor and gear.
-        mass: On the link in [kg], where the log does not say.
-        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
-        link_inertia: About the axis in [kg m²]; an assumption.
-        link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
-        start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
-        load_angle: Form of the load torque.
-        mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
-        gravity: In [m] / [s²].
-    """
-
-    actuator: ActuatorParameters
-    mass: Annotated[Mass | None, NOT_NEGATIVE] = None
+    actuator: ActuatorParameters  # motor and gear
+    mass: Annotated[Mass | None, NOT_NEGATIVE] = None  # on the link in [kg], where the log does not say
+    # b, from the axis to the weight, in [m]. The thesis does not print it: an assumption
     lever: Annotated[Length, POSITIVE] = 0.30
-    link_inertia: Annotated[Inertia, NOT_NEGATIVE] = 0.02
+    link_inertia: Annotated[Inertia, NOT_NEGATIVE] = 0.02  # about the axis in [kg m²]; an assumption
+    # mass of the link times the distance of its centre from the axis in [kg m]
     link_moment: Annotated[float, Unit("kgm"), NOT_NEGATIVE] = 0.0
+    # what the first angle of a log is set to in [rad]; None leaves the angles as they are
     start_angle: Angle | None = HORIZONTAL
-    load_angle: LoadAngle = LoadAngle.CORRECTED
-    mass_as_printed: bool = False
-    gravity: Acceleration = 9.81
+    load_angle: LoadAngle = LoadAngle.CORRECTED  # form of the load torque
+    mass_as_printed: bool = False  # whether J_mass is m b, as printed, instead of m b²
+    gravity: Acceleration = 9.81  # in [m] / [s²]
 
     def joint_angle(self, angle: np.ndarray) -> np.ndarray:
         """Logged angles, set so that the first one is the start angle, in [rad]."""
         return angle if self.start_angle is None else angle - angle[0] + self.start_angle
 
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
-        """Torque of gravity on the joint, equation (2.8); positive along the fall.
+        """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
 
         Args:
             angle: Joint angle in [rad], shape ``(n,)``.
             mass: On the link in [kg].
-
-        Returns:
-            In [N m], shape ``(n,)``.
         """
         tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
         return np.asarray(self.gravity * (mass * self.lever + self.link_moment) * np.cos(tilt))
 
     def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
-        """J of equation (2.12) at the joint in [kg m²].
-
-        Args:
-            mass: On the link in [kg].
-
-        Returns:
-            Rotor and wave generator times the ratio squared, link and weight.
-        """
+        """J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
         weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
         return self.actuator.armature + self.link_inertia + weight
 
@@ -104,23 +85,18 @@ class CurrentSource(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class ProcessingOptions(Parameters):
-    """How to process logs.
+    """How to process logs."""
 
-    Attributes:
-        processing: None takes zero phase for logs with a current, and none for friction torques.
-        cutoff: Of the zero-phase filter in [Hz].
-        window: Samples of the thesis's moving average.
-        current: None takes the measured one if it is logged; with the thesis's processing the target.
-        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
-            current and 0 in series of friction torques.
-        impact_acceleration: Beyond it the link has hit a stop, in [rad] / [s²].
-        stop_margin: Samples so near to where a stop was hit are rejected, in [rad].
-    """
-
+    # None takes zero phase for logs with a current, and none for friction torques
     processing: Processing | None = None
-    cutoff: Annotated[Frequency, POSITIVE] = 40.0
-    window: Annotated[int, COUNT] = 10
+    cutoff: Annotated[Frequency, POSITIVE] = 40.0  # of the zero-phase filter in [Hz]
+    window: Annotated[int, COUNT] = 10  # samples of the thesis's moving average
+    # None takes the measured one if it is logged; with the thesis's processing the target
     current: CurrentSource | None = None
+    # slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a current and 0 in series of
+    # friction torques
     standstill_velocity: Annotated[AngularVelocity | None, NOT_NEGATIVE] = None
+    # beyond it the link has hit a stop, in [rad] / [s²]
     impact_acceleration: Annotated[AngularAcceleration, POSITIVE] = 25.0
+    # samples so near to where a stop was hit are rejected, in [rad]
     stop_margin: Annotated[Angle, NOT_NEGATIVE] = 0.01

@@ -31,34 +31,19 @@ _RANK = 1e-11  # relative singular value below which parameters cannot be told a
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """What is known about the parameters of a fit.
+    """What is known about the parameters of a fit."""
 
-    Attributes:
-        intervals: Lower and upper end by parameter, 95 %; infinite where the samples do not determine it.
-        correlations: Between the parameters, shape ``(p, p)``; NaN where one is not determined.
-        standard_errors: Of ordinary theory, all samples independent: for comparison with other programs.
-        by: What was drawn: ``test`` or ``block``.
-        blocks: How many there were.
-    """
-
+    # lower and upper end by parameter, 95 %; infinite where the samples do not determine it
     intervals: Mapping[str, tuple[float, float]]
-    correlations: np.ndarray
+    correlations: np.ndarray  # between the parameters, shape ``(p, p)``; NaN where one is not determined
+    # of ordinary theory, all samples independent: for comparison with other programs
     standard_errors: Mapping[str, float]
-    by: str
-    blocks: int
+    by: str  # what was drawn: ``test`` or ``block``
+    blocks: int  # how many there were
 
 
 def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
-    """Estimate intervals of the parameters.
-
-    Args:
-        fit: The fit.
-        samples: What it was fitted to.
-        seed: Of the draws.
-
-    Returns:
-        The uncertainty.
-    """
+    """Estimate intervals of the parameters of a fit from its samples, by draws of a seed."""
     model = fit.model
     rows = rows_of(model, samples)  # more than were fitted would promise too much
     values, matrix = residuals(model, fit.x, rows), jacobian(model, fit.x, rows)
@@ -70,14 +55,11 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     block, by = _blocks(rows.test[rows.used])
     number = int(block[-1]) + 1 if len(block) else 0
     if rank < max(len(free), 1) or number < 2:
-        unknown = {name: (-math.inf, math.inf) for name in model.names}
-        return Uncertainty(
-            unknown,
-            np.full((len(model.names),) * 2, math.nan),
+        unknown, errors = (
+            dict.fromkeys(model.names, (-math.inf, math.inf)),
             dict.fromkeys(model.names, math.inf),
-            by,
-            number,
         )
+        return Uncertainty(unknown, np.full((len(model.names),) * 2, math.nan), errors, by, number)
     steps = _draws(unit, values, huber_weights(values, fit.threshold), block, number, seed) / scale
     steps = steps[_telling(steps)]
     draws = np.tile(fit.x, (len(steps), 1))
@@ -85,13 +67,8 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     count = len(model.coefficients)
     # A shape that the samples hardly determine would overflow; e^±30 of its value says as much.
     draws[:, count:] = np.clip(draws[:, count:], fit.x[count:] - _FURTHEST, fit.x[count:] + _FURTHEST)
-    return Uncertainty(
-        _intervals(fit, draws, number),
-        _correlations(fit, draws),
-        _standard_errors(fit, unit, scale, free, values),
-        by,
-        number,
-    )
+    errors = _standard_errors(fit, unit, scale, free, values)
+    return Uncertainty(_intervals(fit, draws, number), _correlations(fit, draws), errors, by, number)
 
 
 def _blocks(test: np.ndarray) -> tuple[np.ndarray, str]:
@@ -196,8 +173,7 @@ def _standard_errors(
         ahead, behind = fit.x.copy(), fit.x.copy()
         ahead[place] += step
         behind[place] -= step
-        derivative[:, column] = (_public(fit, ahead[None])[:, 0] - _public(fit, behind[None])[:, 0]) / (
-            2 * step
-        )
+        change = _public(fit, ahead[None]) - _public(fit, behind[None])
+        derivative[:, column] = change[:, 0] / (2 * step)
     variance = np.einsum("ij,jk,ik->i", derivative, covariance, derivative)
     return {name: math.sqrt(max(float(item), 0.0)) for name, item in zip(names, variance, strict=True)}

@@ -104,18 +104,14 @@ def _factor_of(unit: str, quantity: Quantity) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class LogColumns:
-    """Which column holds what.
+    """Which column holds what."""
 
-    Attributes:
-        names: Column of a quantity; a minus before it turns the sign.
-        units: Unit of a quantity, where the column does not state it; SI without one.
-    """
-
+    # column of a quantity; a minus before it turns the sign
     names: Mapping[Quantity, str] = field(default_factory=dict)
+    # unit of a quantity, where the column does not state it; SI without one
     units: Mapping[Quantity, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the units."""
         for quantity, unit in self.units.items():
             _factor_of(unit, quantity)
 
@@ -182,28 +178,3 @@ def _unit(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> s
     if stated is None and given is not None:
         return next(name for name, factor in UNITS[quantity].items() if factor == _factor_of(given, quantity))
     return stated
-
-
-def parse_columns(text: str) -> dict[Quantity, str]:
-    """Read ``time=t,velocity=dq2``.
-
-    Args:
-        text: Quantities and values.
-
-    Returns:
-        Value by quantity.
-
-    Raises:
-        ParameterError: If a part is not an assignment or there is no such quantity.
-    """
-    pairs: dict[Quantity, str] = {}
-    for part in filter(None, (item.strip() for item in text.split(","))):
-        key, separator, value = (item.strip() for item in part.partition("="))
-        if not separator or not value:
-            raise ParameterError(f"expected QUANTITY=NAME,…, got {part!r}")
-        if key not in set(Quantity):
-            raise ParameterError(f"no quantity {key!r}; there are {', '.join(Quantity)}")
-        if Quantity(key) in pairs:
-            raise ParameterError(f"{key} is given twice")
-        pairs[Quantity(key)] = value
-    return pairs

@@ -23,22 +23,22 @@ _DRIFT = 0.5  # of the residual's standard deviation, from the first third of th
 
 def sample_warnings(samples: Samples) -> list[str]:
     """What the samples cannot tell, whatever the model."""
-    velocity = samples.velocity[samples.used]
-    speed, found = np.abs(velocity), []
-    rarer = rarer_direction(samples)
+    speed, rarer = np.abs(samples.velocity[samples.used]), rarer_direction(samples)
+    slow, fast = float((speed < _SLOW).mean()), float((speed > _FAST).mean())
+    found = []
     if rarer < _ONE_WAY:
         found.append(
             f"one direction only: {100.0 * rarer:.1f} % of the samples move the other way; an offset of "
             "current or load cannot be told from Coulomb friction"
         )
-    if (speed < _SLOW).mean() < _FEW:
+    if slow < _FEW:
         found.append(
-            f"no slow samples: {100.0 * (speed < _SLOW).mean():.1f} % below {_SLOW:g} rad/s; break-away and "
-            "Stribeck friction are extrapolated"
+            f"no slow samples: {100.0 * slow:.1f} % below {_SLOW:g} rad/s; break-away and Stribeck friction "
+            "are extrapolated"
         )
-    if (speed > _FAST).mean() < _FEW:
+    if fast < _FEW:
         found.append(
-            f"no fast samples: {100.0 * (speed > _FAST).mean():.1f} % above {_FAST:g} rad/s, the fastest is "
+            f"no fast samples: {100.0 * fast:.1f} % above {_FAST:g} rad/s, the fastest is "
             f"{speed.max():.3g} rad/s; viscous friction beyond is extrapolated"
         )
     return found
@@ -57,16 +57,7 @@ def processing_warnings(options: ProcessingOptions) -> list[str]:
 
 def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
     """What is doubtful about a fit."""
-    return [
-        *_wide_intervals(fit, uncertainty),
-        *_correlated(fit, uncertainty),
-        *_bounded(fit),
-        *_power(fit, samples),
-    ]
-
-
-def _wide_intervals(fit: Fit, uncertainty: Uncertainty) -> list[str]:
-    found = []
+    names, correlations, found = fit.model.names, uncertainty.correlations, []
     for name, value in fit.model.parameters(fit.x).items():
         low, high = uncertainty.intervals[name]
         half = 0.5 * (high - low)
@@ -75,56 +66,38 @@ def _wide_intervals(fit: Fit, uncertainty: Uncertainty) -> list[str]:
         elif half > WIDE * abs(value):
             share = f"{100.0 * half / abs(value):.0f} %" if value else "wider than the value"
             found.append(f"{name} is uncertain: half-width of the interval {share} of the value")
-    return found
-
-
-def _correlated(fit: Fit, uncertainty: Uncertainty) -> list[str]:
-    names, matrix = fit.model.names, uncertainty.correlations
-    return [
-        f"{names[i]} and {names[j]} are correlated ({matrix[i, j]:+.3f}): only a combination is known"
+    found += [
+        f"{names[i]} and {names[j]} are correlated ({correlations[i, j]:+.3f}): only a combination is known"
         for i in range(len(names))
         for j in range(i)
-        if abs(matrix[i, j]) > CORRELATED
+        if abs(correlations[i, j]) > CORRELATED
     ]
-
-
-def _bounded(fit: Fit) -> list[str]:
-    count = len(fit.model.coefficients)
-    found = []
     for place in fit.at_bound:
-        what = "a coefficient" if place < count else "a velocity, exponent or ratio"
+        linear = place < len(fit.model.coefficients)
+        what = "a coefficient" if linear else "a velocity, exponent or ratio"
         found.append(
             f"{what} lies on its bound ({_parameter_at(fit, place)}); its interval is not an estimate"
         )
+    if not fit.model.needs:  # friction must take power from the joint
+        power = (fit.model.predict(fit.x, samples) * samples.velocity)[samples.used]
+        driven = 100.0 * float((power < -1e-9).mean())
+        if driven >= 0.1:
+            found.append(
+                f"the law drives the joint in {driven:.1f} % of the samples; --physical forbids that"
+            )
     return found
 
 
 def _parameter_at(fit: Fit, place: int) -> str:
     """The reported parameter that a position of the vector moves most, relative to its value."""
-    values = np.array(list(fit.model.parameters(fit.x).values()))
     moved = fit.x.copy()
     moved[place] += 1e-3
-    change = np.abs(np.array(list(fit.model.parameters(moved).values())) - values) / (np.abs(values) + 1e-9)
-    return fit.model.names[int(np.argmax(change))]
+    values, other = (np.array(list(fit.model.parameters(x).values())) for x in (fit.x, moved))
+    return fit.model.names[int(np.argmax(np.abs(other - values) / (np.abs(values) + 1e-9)))]
 
 
-def _power(fit: Fit, samples: Samples) -> list[str]:
-    """Friction must take power from the joint."""
-    if fit.model.needs:
-        return []
-    predicted = (fit.model.predict(fit.x, samples) * samples.velocity)[samples.used]
-    share = float((predicted < -1e-9).mean())
-    if share < 0.001:
-        return []
-    return [f"the law drives the joint in {100.0 * share:.1f} % of the samples; --physical forbids that"]
-
-
-def drift_warnings(tests: Sequence[FrictionTest], residuals: np.ndarray, samples: Samples) -> list[str]:
-    """Drift of the residuals along the tests, such as warming up.
-
-    Args:
-        residuals: Of the samples that are used, in [N m].
-    """
+def drift_warnings(residuals: np.ndarray, samples: Samples) -> list[str]:
+    """Drift of the residuals in [N m] of the samples that are used along the tests, such as warming up."""
     if samples.time is None or len(residuals) < 30:
         return []
     time, way = samples.time[samples.used], np.sign(samples.velocity[samples.used])
@@ -136,37 +109,28 @@ def drift_warnings(tests: Sequence[FrictionTest], residuals: np.ndarray, samples
     return [f"friction drifts by {drift:+.2g} N m from the first to the last third of the tests: warming up?"]
 
 
-def thinning_warnings(number: int, kept: int) -> list[str]:
-    """Say that not every sample was used."""
-    if kept == number:
-        return []
-    return [f"of {number} samples every {-(-number // kept)}th was used, {kept} in all"]
-
-
-def file_warnings(tests: Sequence[FrictionTest]) -> list[str]:
-    """What a reader should know about the files, each once."""
-    where: dict[str, list[str]] = {}
-    for test in tests:
-        for note in test.notes:
-            where.setdefault(note, []).append(test.name)
-    return [
-        f"{names[0]}: {note}" if len(names) == 1 else f"{len(names)} files: {note}"
-        for note, names in where.items()
-    ]
-
-
-def weight_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
-    """Say that files name another weight than the bench does: theirs counts."""
-    if bench is None or bench.mass is None:
-        return []
-    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, bench.mass)]
-    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-    return [f"--mass {bench.mass:g} is overruled by what {others[0]}{more} says"] if others else []
-
-
-def untimed_warnings(samples: Samples, skipped: Mapping[str, tuple[str, ...]]) -> list[str]:
-    """Say that a missing time costs the models with a state."""
-    missed = [name for name, columns in skipped.items() if "period" in columns]
-    if samples.period is not None or not missed:
-        return []
-    return [f"without a time {', '.join(missed)} cannot be fitted; name the column with --columns time=NAME"]
+def file_warnings(
+    tests: Sequence[FrictionTest],
+    bench: BenchSetup | None,
+    samples: Samples,
+    number: int,
+    skipped: Mapping[str, tuple[str, ...]],
+) -> list[str]:
+    """What to know about the files, their ``number`` of samples, and models that were skipped."""
+    found, kept = [], len(samples)
+    for note in dict.fromkeys(note for test in tests for note in test.notes):
+        names = [test.name for test in tests if note in test.notes]
+        found.append(f"{names[0]}: {note}" if len(names) == 1 else f"{len(names)} files: {note}")
+    if bench is not None and bench.mass is not None:
+        others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, bench.mass)]
+        if others:
+            more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+            found.append(f"--mass {bench.mass:g} is overruled by what {others[0]}{more} says")
+    if kept < number:
+        found.append(f"of {number} samples every {-(-number // kept)}th was used, {kept} in all")
+    untimed = [name for name, columns in skipped.items() if "period" in columns]
+    if samples.period is None and untimed:
+        found.append(
+            f"without a time {', '.join(untimed)} cannot be fitted; name the column with --columns time=NAME"
+        )
+    return found

@@ -48,38 +48,24 @@ class Loss(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
-    """How to fit.
+    """How to fit."""
 
-    Attributes:
-        loss: Weighing of residuals.
-        physical: Whether torques and coefficients must be 0 or more and break-away at least Coulomb.
-        seed: Of the starts.
-    """
-
-    loss: Loss = Loss.AUTO
+    loss: Loss = Loss.AUTO  # weighing of residuals
+    # whether torques and coefficients must be 0 or more and break-away at least Coulomb
     physical: bool = False
-    seed: int = 0
+    seed: int = 0  # of the starts
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model.
+    """A fitted model."""
 
-    Attributes:
-        model: The model.
-        x: Linear coefficients and logarithms of the shape, shape ``(size,)``.
-        low: Lower bounds of x.
-        high: Upper bounds of x.
-        sigma: Robust standard deviation of the residuals in [N m].
-        threshold: Of Huber's loss in [N m]; infinite for least squares.
-    """
-
-    model: FrictionModel
-    x: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    sigma: float
-    threshold: float
+    model: FrictionModel  # the model
+    x: np.ndarray  # linear coefficients and logarithms of the shape, shape ``(size,)``
+    low: np.ndarray  # lower bounds of x
+    high: np.ndarray  # upper bounds of x
+    sigma: float  # robust standard deviation of the residuals in [N m]
+    threshold: float  # of Huber's loss in [N m]; infinite for least squares
 
     def residuals(self, samples: Samples) -> np.ndarray:
         """Measured less predicted torque of the samples that are used, in [N m]."""
@@ -95,7 +81,7 @@ class Fit:
 
 def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of the parameter vector, scaled to the samples."""
-    low = [0.0 if physical and not item.signed else -math.inf for item in model.coefficients]
+    low = [0.0 if physical and sign == "+" else -math.inf for sign in model.coefficients]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
         scale = _scale(item.scale, samples)
@@ -126,16 +112,10 @@ def fit_model(
     *,
     seeds: Sequence[np.ndarray] = (),
 ) -> Fit:
-    """Fit a model.
+    """Fit a model to samples with every column that it needs.
 
     Args:
-        model: The model.
-        samples: The samples, with every column that the model needs.
-        options: How to fit.
         seeds: Further starts beside the many: the fits of simpler models.
-
-    Returns:
-        The fit.
     """
     full = rows_of(model, samples)
     low, high = bounds(model, full, physical=options.physical)
@@ -176,19 +156,15 @@ def _descended(
     threshold: float,
 ) -> np.ndarray:
     """The minimum near a start: first on few samples, where a step costs little, then on all."""
-    tolerance = _tolerance(full)
+    number = int(full.used.sum())
+    # Share of the loss that is worth another step: less than noise decides, exact for few samples.
+    tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
     candidates = [start]
     coarse = rows_of(model, samples, _COARSE)
     if 2 * len(coarse) < len(full):
         candidates.append(refine(model, coarse, start, low, high, threshold, tolerance=_REFIT_TOLERANCE))
     best = min(candidates, key=lambda x: huber_cost(residuals(model, x, full), threshold))
     return refine(model, full, best, low, high, threshold, tolerance=tolerance)
-
-
-def _tolerance(samples: Samples) -> float:
-    """Share of the loss that is worth another step: less than noise decides, exact for few samples."""
-    number = int(samples.used.sum())
-    return _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
 
 
 def rows_of(model: FrictionModel, samples: Samples, limit: int | None = None) -> Samples:

@@ -27,60 +27,31 @@ class Scale(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coefficient:
-    """A linear coefficient.
-
-    Attributes:
-        signed: Whether it may be negative in a physical friction.
-    """
-
-    signed: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
 class Shape:
-    """A parameter that enters non-linearly.
+    """A parameter that enters non-linearly."""
 
-    Attributes:
-        low: Lower bound, a multiple of the scale.
-        high: Upper bound.
-        scale: What the bounds are multiples of.
-        physical_low: Lower bound of a physical friction; ``low`` if None.
-    """
-
-    low: float
-    high: float
-    scale: Scale = Scale.NONE
-    physical_low: float | None = None
+    low: float  # lower bound, a multiple of the scale
+    high: float  # upper bound
+    scale: Scale = Scale.NONE  # what the bounds are multiples of
+    physical_low: float | None = None  # lower bound of a physical friction; ``low`` if None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FrictionModel:
-    """A friction model.
+    """A friction model."""
 
-    Attributes:
-        name: As the user writes it.
-        formula: In one line, for reports.
-        names: Parameters as they are reported, with their units, in the order of ``public``.
-        coefficients: Linear ones.
-        shape: The others.
-        torque: Law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``.
-        public: Coefficients and shape -> reported parameters; works on columns of many at once.
-        needs: Columns of the samples, beyond speed and torque.
-        dynamic: Whether it has a state.
-        two_way: Whether it tells the directions apart, which samples of one direction cannot.
-    """
-
-    name: str
-    formula: str
-    names: tuple[str, ...]
-    coefficients: tuple[Coefficient, ...]
-    shape: tuple[Shape, ...]
+    name: str  # as the user writes it
+    formula: str  # in one line, for reports
+    names: tuple[str, ...]  # parameters as they are reported, with their units, in the order of ``public``
+    coefficients: str  # linear ones: + for each that is 0 or more in a physical friction, else ±
+    shape: tuple[Shape, ...]  # the others
+    # law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``
     torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
+    # coefficients and shape -> reported parameters; works on columns of many at once
     public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
-    needs: frozenset[str] = frozenset()
-    dynamic: bool = False
-    two_way: bool = False
+    needs: frozenset[str] = frozenset()  # columns of the samples, beyond speed and torque
+    dynamic: bool = False  # whether it has a state
+    two_way: bool = False  # whether it tells the directions apart, which samples of one direction cannot
 
     @property
     def size(self) -> int:

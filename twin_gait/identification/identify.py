@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,9 +20,6 @@ from twin_gait.identification.diagnostics import (
     fit_warnings,
     processing_warnings,
     sample_warnings,
-    thinning_warnings,
-    untimed_warnings,
-    weight_warnings,
 )
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.friction_model import FrictionModel
@@ -38,44 +36,26 @@ _TIE = 2e-4  # share by which errors differ from rounding of the fits alone
 
 @dataclass(frozen=True, kw_only=True)
 class IdentificationOptions:
-    """How to identify.
+    """How to identify."""
 
-    Attributes:
-        columns: Which column of the logs holds what.
-        bench: The bench; None for series of friction torques.
-        processing: How the logs are smoothed.
-        fit: How the models are fitted.
-        models: Names of the models; empty for all that the columns allow.
-        cross_validation: Whether to leave files and weights out in turn.
-    """
-
-    columns: LogColumns = field(default_factory=LogColumns)
-    bench: BenchSetup | None = None
-    processing: ProcessingOptions = field(default_factory=ProcessingOptions)
-    fit: FitOptions = field(default_factory=FitOptions)
-    models: tuple[str, ...] = ()
-    cross_validation: bool = True
+    columns: LogColumns = field(default_factory=LogColumns)  # which column of the logs holds what
+    bench: BenchSetup | None = None  # the bench; None for series of friction torques
+    processing: ProcessingOptions = field(default_factory=ProcessingOptions)  # how the logs are smoothed
+    fit: FitOptions = field(default_factory=FitOptions)  # how the models are fitted
+    models: tuple[str, ...] = ()  # names of the models; empty for all that the columns allow
+    cross_validation: bool = True  # whether to leave files and weights out in turn
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel:
-    """A model with all that is known about it.
+    """A model with all that is known about it."""
 
-    Attributes:
-        fit: The fit.
-        goodness: On all samples.
-        uncertainty: Of the parameters.
-        validations: Errors on what was left out.
-        residuals: Of the samples that are used, in [N m].
-        warnings: What is doubtful, one line each.
-    """
-
-    fit: Fit
-    goodness: Goodness
-    uncertainty: Uncertainty
-    validations: tuple[CrossValidation, ...]
-    residuals: np.ndarray
-    warnings: tuple[str, ...]
+    fit: Fit  # the fit
+    goodness: Goodness  # on all samples
+    uncertainty: Uncertainty  # of the parameters
+    validations: tuple[CrossValidation, ...]  # errors on what was left out
+    residuals: np.ndarray  # of the samples that are used, in [N m]
+    warnings: tuple[str, ...]  # what is doubtful, one line each
 
     @property
     def name(self) -> str:
@@ -91,37 +71,23 @@ class IdentifiedModel:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Result of an identification.
+    """Result of an identification."""
 
-    Attributes:
-        tests: The tests after processing.
-        samples: The same, joined; evenly taken if there are more than a million.
-        models: Best first.
-        skipped: Models that lack a column, with the column.
-        options: How it was done.
-        warnings: What the samples cannot tell, one line each.
-    """
-
-    tests: tuple[FrictionTest, ...]
-    samples: Samples
-    models: tuple[IdentifiedModel, ...]
-    skipped: dict[str, tuple[str, ...]]
-    options: IdentificationOptions
-    warnings: tuple[str, ...]
+    tests: tuple[FrictionTest, ...]  # the tests after processing
+    samples: Samples  # the same, joined; evenly taken if there are more than a million
+    models: tuple[IdentifiedModel, ...]  # best first
+    skipped: dict[str, tuple[str, ...]]  # models that lack a column, with the column
+    options: IdentificationOptions  # how it was done
+    warnings: tuple[str, ...]  # what the samples cannot tell, one line each
 
 
 def identify_logs(
     paths: Sequence[Path], options: IdentificationOptions, progress: Progress = lambda done, total: None
 ) -> Identification:
-    """Read, process and identify logs.
+    """Read, process and identify logs, one file a test.
 
     Args:
-        paths: One file a test.
-        options: How.
         progress: Called with the steps done and their number.
-
-    Returns:
-        The result.
 
     Raises:
         ParameterFileError: If a file cannot be used.
@@ -142,41 +108,39 @@ def identify_tests(
     options: IdentificationOptions,
     progress: Progress = lambda done, total: None,
 ) -> Identification:
-    """Fit models to tests.
-
-    Args:
-        tests: After their processing.
-        options: How.
-        progress: Called with the steps done and their number.
-
-    Returns:
-        The result.
+    """Fit models to tests, after their processing.
 
     Raises:
         ParameterError: If too few samples are left, or no model fits the columns.
     """
     tests, flipped = _along_the_velocity(tests)
-    options = _with_loss(options, tests)
+    if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
+        # The filter spreads an outlier, such as a touch of the stop, over samples.
+        options = replace(options, fit=replace(options.fit, loss=Loss.HUBER))
     joined = join_tests(tests)
     samples = thinned(joined, MOST_SAMPLES)
     models, skipped = _possible(find_models(options.models), samples)
     _check_number(samples, models)
     folds = folds_of(tests, samples) if options.cross_validation else []
     total = len(models) * (1 + sum(len(np.unique(item.labels)) for item in folds))
-    steps = _Counter(progress, total)
+    steps = itertools.count(1)
+
+    def advance() -> None:
+        progress(min(next(steps), total), total)
+
     fits: dict[str, Fit] = {}
     for model in models:
         starts = inherited_starts(model.name, {name: fit.x for name, fit in fits.items()})
         fits[model.name] = fit_model(model, samples, options.fit, seeds=starts)
-        steps.advance()
+        advance()
     found = []
     for fit in fits.values():
         rows = samples if fit.model.dynamic else samples.used_only()
         labels = [
             item if fit.model.dynamic else replace(item, labels=item.labels[samples.used]) for item in folds
         ]
-        validations = [cross_validate(fit, rows, item, steps.advance) for item in labels]
-        found.append(_assess(fit, tests, samples, validations, options))
+        validations = [cross_validate(fit, rows, item, advance) for item in labels]
+        found.append(_assess(fit, samples, validations, options.fit.seed))
     progress(total, total)
     return Identification(
         tests=tuple(tests),
@@ -187,11 +151,8 @@ def identify_tests(
         warnings=(
             *flipped,
             *processing_warnings(options.processing),
-            *file_warnings(tests),
-            *weight_warnings(tests, options.bench),
-            *thinning_warnings(len(joined), len(samples)),
+            *file_warnings(tests, options.bench, samples, len(joined), skipped),
             *sample_warnings(samples),
-            *untimed_warnings(samples, skipped),
         ),
     )
 
@@ -209,24 +170,6 @@ def _best_first(models: Sequence[IdentifiedModel], tie: float) -> tuple[Identifi
     tied = [item for item in ordered if item.rank[0] <= (1.0 + tie) * least]
     leader = min(tied, key=lambda item: item.fit.model.size)
     return (leader, *(item for item in ordered if item is not leader))
-
-
-class _Counter:
-    """Counts steps for the progress."""
-
-    def __init__(self, progress: Progress, total: int) -> None:
-        self._progress, self._total, self._done = progress, total, 0
-
-    def advance(self) -> None:
-        self._done += 1
-        self._progress(min(self._done, self._total), self._total)
-
-
-def _with_loss(options: IdentificationOptions, tests: Sequence[FrictionTest]) -> IdentificationOptions:
-    """Huber's loss for a bench: its filter spreads an outlier, such as a touch of the stop, over samples."""
-    if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
-        return replace(options, fit=replace(options.fit, loss=Loss.HUBER))
-    return options
 
 
 def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTest], list[str]]:
@@ -267,20 +210,13 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel]) -> None:
         raise ParameterError(f"logs: every sample moves at {velocity[0]:g} rad/s; expected several speeds")
 
 
-def _assess(
-    fit: Fit,
-    tests: Sequence[FrictionTest],
-    samples: Samples,
-    validations: Sequence[CrossValidation],
-    options: IdentificationOptions,
-) -> IdentifiedModel:
-    values = fit.residuals(samples)
-    known = uncertainty(fit, samples, options.fit.seed)
+def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
+    values, known = fit.residuals(samples), uncertainty(fit, samples, seed)
     return IdentifiedModel(
         fit=fit,
         goodness=goodness(samples.torque[samples.used], values, fit.model.size),
         uncertainty=known,
         validations=tuple(validations),
         residuals=values,
-        warnings=(*fit_warnings(fit, known, samples), *drift_warnings(tests, values, samples)),
+        warnings=(*fit_warnings(fit, known, samples), *drift_warnings(values, samples)),
     )

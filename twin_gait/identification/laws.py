@@ -51,76 +51,73 @@ two_velocity_torque = over_arrays(friction_models.two_velocity_torque)
 
 def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous."""
-    return coulomb_viscous_torque(samples.velocity, beta[0], beta[1])
+    return coulomb_viscous_torque(samples.velocity, *beta)
 
 
 def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous; shape: steepness."""
-    return coulomb_viscous_tanh_torque(samples.velocity, beta[0], beta[1], eta[0])
+    return coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
 
 
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent."""
-    breakaway, coulomb, viscous = beta[0] + beta[1], beta[1], beta[2]
-    return stribeck_torque(samples.velocity, coulomb, breakaway, viscous, eta[0], eta[1])
+    return stribeck_torque(samples.velocity, beta[1], beta[0] + beta[1], beta[2], *eta)
 
 
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
-    breakaway, coulomb, viscous = beta[0] + beta[1], beta[1], beta[2]
-    return rotational_friction_torque(samples.velocity, breakaway, coulomb, eta[0], viscous)
+    return rotational_friction_torque(samples.velocity, beta[0] + beta[1], beta[1], eta[0], beta[2])
 
 
 def simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
-    """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
-    return two_velocity_torque(
-        samples.velocity, beta[0] + beta[1], beta[1], beta[2], math.sqrt(2.0) * eta[0], 0.1 * eta[0]
+    """As :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity."""
+    breakaway, velocities = beta[0] + beta[1], (math.sqrt(2.0) * eta[0], 0.1 * eta[0])
+    return two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
+
+
+def _conditioned(
+    samples: Samples,
+    coulomb: float,
+    viscous: float,
+    transition: float,
+    per_load: float | None = None,
+    per_temperature: tuple[float, float] | None = None,
+) -> np.ndarray:
+    """Coulomb and viscous friction; Coulomb per load, and both per temperature, where that is fitted."""
+    number, (coulomb_warm, viscous_warm) = len(samples), per_temperature or (0.0, 0.0)
+    warm = np.full(number, REFERENCE_TEMPERATURE) if per_temperature is None else _column(samples.temperature)
+    loaded = np.zeros(number) if per_load is None else _column(samples.load)
+    load_share = 0.0 if per_load is None else per_load
+    return conditioned_torque(
+        samples.velocity, loaded, warm, coulomb, load_share, coulomb_warm, viscous, viscous_warm, transition
     )
 
 
 def load(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity."""
-    cold = np.full(len(samples), REFERENCE_TEMPERATURE)
-    return conditioned_torque(
-        samples.velocity, _column(samples.load), cold, beta[0], beta[2], 0.0, beta[1], 0.0, eta[0]
-    )
+    return _conditioned(samples, beta[0], beta[1], eta[0], beta[2])
 
 
 def temperature(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity."""
-    unloaded, warm = np.zeros(len(samples)), _column(samples.temperature)
-    return conditioned_torque(
-        samples.velocity, unloaded, warm, beta[0], 0.0, beta[2], beta[1], beta[3], eta[0]
-    )
+    return _conditioned(samples, beta[0], beta[1], eta[0], per_temperature=(beta[2], beta[3]))
 
 
 def load_temperature(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity."""
-    return conditioned_torque(
-        samples.velocity,
-        _column(samples.load),
-        _column(samples.temperature),
-        beta[0],
-        beta[2],
-        beta[3],
-        beta[1],
-        beta[4],
-        eta[0],
-    )
+    return _conditioned(samples, beta[0], beta[1], eta[0], beta[2], (beta[3], beta[4]))
 
 
 def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity."""
-    coulomb, forward, backward, offset = beta
-    return asymmetric_torque(
-        samples.velocity, offset, coulomb, coulomb, forward, backward, eta[0], 1.0, 1.0, 1.0
-    )
+    coulomb, *viscous, offset = beta
+    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb, *viscous, eta[0], 1.0, 1.0, 1.0)
 
 
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind."""
-    excess, coulomb, forward, backward, offset = beta
-    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, forward, backward, *eta)
+    excess, coulomb, *viscous, offset = beta
+    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, *viscous, *eta)
 
 
 def ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -132,51 +129,39 @@ def ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
 
 def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous; shape: stiffness over Coulomb."""
-    coulomb, viscous = beta
-    shape = np.array([eta[0], 1.0, 1.0])
-    bristles, rate = _sliding(samples, shape, 1.0)
-    sliding = lugre_torque(samples.velocity, bristles, rate, coulomb, 0.0, 0.0)
-    return _slid(samples, shape, 1.0, sliding, coulomb_viscous_torque(samples.velocity, 0.0, viscous))
+    rest = coulomb_viscous_torque(samples.velocity, 0.0, beta[1])
+    return _bristles(samples, np.array([eta[0], 1.0, 1.0]), 1.0, (beta[0], 0.0), rest)
 
 
 def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity."""
-    coulomb, damping, viscous = beta
-    bristles, rate = _sliding(samples, eta, 2.0)
-    sliding = lugre_torque(samples.velocity, bristles, rate, coulomb, damping, 0.0)
-    return _slid(samples, eta, 2.0, sliding, coulomb_viscous_torque(samples.velocity, 0.0, viscous))
+    rest = coulomb_viscous_torque(samples.velocity, 0.0, beta[2])
+    return _bristles(samples, eta, 2.0, (beta[0], beta[1]), rest)
 
 
 def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """As :func:`lugre`, viscous forward and backward, with an offset; shape: both exponents behind."""
     coulomb, damping, forward, backward, offset = beta
-    bristles, rate = _sliding(samples, eta[:3], eta[3])
-    sliding = lugre_torque(samples.velocity, bristles, rate, coulomb, damping, 0.0)
     rest = offset + directional_viscous_torque(samples.velocity, forward, backward, eta[4])
-    return _slid(samples, eta[:3], eta[3], sliding, rest)
+    return _bristles(samples, eta[:3], eta[3], (coulomb, damping), rest)
 
 
-def _sliding(samples: Samples, eta: np.ndarray, exponent: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bristle torque and bristle rate at a Coulomb friction of 1 N m."""
-    stiffness, ratio, stribeck_velocity = eta
-    velocity = samples.velocity
-    level = stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
-    z = bristle_deflection(velocity, _column(samples.period), samples.fresh, level, stiffness)
-    return stiffness * z, velocity - stiffness * np.abs(velocity) / level * z
-
-
-def _slid(
-    samples: Samples, eta: np.ndarray, exponent: float, sliding: np.ndarray, rest: np.ndarray
+def _bristles(
+    samples: Samples, eta: np.ndarray, exponent: float, scales: tuple[float, float], rest: np.ndarray
 ) -> np.ndarray:
-    """Bristle torque and the rest, with what is left of each test's start.
+    """Torque of bristles, scaled by Coulomb friction and damping, and the rest, with what a start leaves.
 
-    How the bristles were bent at the start is not known; the first torque of the test, less what is not
-    theirs, tells.
+    Bristles are those of a Coulomb friction of 1 N m. How they were bent at the start of a test is not known;
+    its first torque, less what is not theirs, tells.
     """
     stiffness, ratio, stribeck_velocity = eta
-    level = stribeck_level(samples.velocity, 1.0, ratio, stribeck_velocity, exponent)
-    left = remembered_start(samples.velocity, _column(samples.period), samples.fresh, level, stiffness)
-    origin = _start_of(samples.fresh)
+    velocity, period, fresh = samples.velocity, _column(samples.period), samples.fresh
+    level = stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
+    z = bristle_deflection(velocity, period, fresh, level, stiffness)
+    rate = velocity - stiffness * np.abs(velocity) / level * z
+    sliding = lugre_torque(velocity, stiffness * z, rate, *scales, 0.0)
+    left = remembered_start(velocity, period, fresh, level, stiffness)
+    origin = _start_of(fresh)
     return np.asarray(sliding + rest + left * (samples.torque[origin] - rest[..., origin]))
 
 
@@ -209,20 +194,17 @@ def lugre_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
 def bristle_deflection(
     velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
 ) -> np.ndarray:
-    """Deflection of the bristles at every sample.
+    """Deflection of the bristles in [rad] at every sample, shape ``(n,)``.
 
     The velocity holds from the sample before to the sample. A test starts with straight bristles; what is
     left of another start is :func:`remembered_start`.
 
     Args:
-        velocity: In [rad] / [s], shape ``(n,)``.
-        period: Since the sample before in [s], shape ``(n,)``.
-        fresh: Where a test starts, shape ``(n,)``; true at the first sample.
-        level: g of :func:`twin_gait.core.friction_models.bristle_rate` in [N m], shape ``(n,)``.
+        velocity: In [rad] / [s], shape ``(n,)`` as the next three.
+        period: Since the sample before in [s].
+        fresh: Where a test starts; true at the first sample.
+        level: g of :func:`twin_gait.core.friction_models.bristle_rate` in [N m].
         stiffness: σ0 in [N m] / [rad].
-
-    Returns:
-        Deflection in [rad], shape ``(n,)``.
     """
     return np.asarray(_loop()(velocity, period, fresh, level, stiffness))
 
@@ -232,15 +214,7 @@ def remembered_start(
 ) -> np.ndarray:
     """Share of the deflection at the start of a test that is left at every sample: the law is linear in it.
 
-    Args:
-        velocity: In [rad] / [s], shape ``(n,)``.
-        period: Since the sample before in [s], shape ``(n,)``.
-        fresh: Where a test starts, shape ``(n,)``; true at the first sample.
-        level: In [N m], shape ``(n,)``.
-        stiffness: σ0 in [N m] / [rad].
-
-    Returns:
-        From 1 at the start towards 0, shape ``(n,)``.
+    From 1 at the start towards 0, shape ``(n,)``. The arguments are those of :func:`bristle_deflection`.
     """
     travelled = np.cumsum(np.where(fresh, 0.0, stiffness * np.abs(velocity) * period / level))
     return np.asarray(np.exp(-(travelled - travelled[_start_of(fresh)])))

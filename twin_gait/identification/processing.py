@@ -30,6 +30,7 @@ _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
 REVERSAL_REACH = 2.0
 _UNEVEN = 0.02  # of a period, beyond which a log is put on an even grid
 _GAP = 1.5  # periods without a sample
+_WARM = Quantity.TEMPERATURE
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +52,7 @@ def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) 
     """Turn a log into samples of friction torque.
 
     Args:
-        log: As it was read.
         bench: The bench, for logs with a current; None if only friction torques are expected.
-        options: How to process.
-
-    Returns:
-        The test.
 
     Raises:
         ParameterFileError: If the log lacks what is needed, or cannot be what it is read as.
@@ -74,17 +70,20 @@ def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) 
 def _series(log: Log, counts: dict[str, int], options: ProcessingOptions) -> FrictionTest:
     """A plain series of velocity and friction torque."""
     velocity = _needed(log, Quantity.VELOCITY, "such as --columns velocity=NAME")
-    torque = log.columns[Quantity.FRICTION_TORQUE]
+    torque, time = log.columns[Quantity.FRICTION_TORQUE], log.columns.get(Quantity.TIME)
     for name, values in ((Quantity.VELOCITY, velocity), (Quantity.FRICTION_TORQUE, torque)):
         if np.ptp(values) == 0.0:
-            raise ParameterFileError(
-                log.source, str(name), f"is {values[0]:g} in every row; nothing can be fitted"
-            )
-    used = np.abs(velocity) >= (options.standstill_velocity or 0.0)
-    time = log.columns.get(Quantity.TIME)
+            text = f"is {values[0]:g} in every row; nothing can be fitted"
+            raise ParameterFileError(log.source, str(name), text)
     if options.processing in (Processing.ZERO_PHASE, Processing.THESIS):
-        velocity, torque = _smoothed_series(log, velocity, torque, time, options)
-        used = np.abs(velocity) >= (options.standstill_velocity or 0.0)
+        if time is None:
+            raise ParameterFileError(log.source, "time", "no such column; a filter needs it")
+        if options.processing is Processing.THESIS:
+            velocity = moving_average(velocity, options.window)
+        else:
+            rate, cutoff = _rate(log, options)
+            velocity, torque = zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
+    used = np.abs(velocity) >= (options.standstill_velocity or 0.0)
     mass = log.columns.get(Quantity.MASS)
     return FrictionTest(
         name=Path(log.source).name,
@@ -100,24 +99,12 @@ def _series(log: Log, counts: dict[str, int], options: ProcessingOptions) -> Fri
     )
 
 
-def _smoothed_series(
-    log: Log, velocity: np.ndarray, torque: np.ndarray, time: np.ndarray | None, options: ProcessingOptions
-) -> tuple[np.ndarray, np.ndarray]:
-    if time is None:
-        raise ParameterFileError(log.source, "time", "no such column; a filter needs it")
-    if options.processing is Processing.THESIS:
-        return moving_average(velocity, options.window), torque
-    rate, cutoff = _rate(log, options)
-    return zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
-
-
 def _balance(log: Log, counts: dict[str, int], bench: BenchSetup, options: ProcessingOptions) -> FrictionTest:
     """Friction torque by the balance of torques, equation (2.12)."""
-    thesis = options.processing is Processing.THESIS
     mass = _mass(log, bench)
     _needed(log, Quantity.TIME, "such as --columns time=NAME")
     options = replace(options, cutoff=_rate(log, options)[1])  # a slow log allows less
-    motion = (_thesis_motion if thesis else _zero_phase_motion)(log, bench, mass, options)
+    motion = _motion(log, bench, mass, options)
     inertial = bench.inertia(mass) * motion.acceleration
     torque = motion.motor_torque + motion.load - inertial
     slowest = 0.002 if options.standstill_velocity is None else options.standstill_velocity
@@ -170,49 +157,44 @@ def _needed(log: Log, quantity: Quantity, advice: str) -> np.ndarray:
 
 def _rate(log: Log, options: ProcessingOptions) -> tuple[float, float]:
     """Sampling rate in [Hz], and the cutoff that it allows."""
-    steps = np.diff(log.columns[Quantity.TIME])
-    rate = 1.0 / float(np.median(steps))
+    rate = 1.0 / float(np.median(np.diff(log.columns[Quantity.TIME])))
     return rate, min(options.cutoff, 0.2 * rate)
 
 
 def _even(log: Log, rate: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray], np.ndarray]:
     """Put a log on an even grid: time, columns, and where there were samples."""
     time = log.columns[Quantity.TIME]
-    steps = np.diff(time) * rate
-    if np.abs(steps - 1.0).max() < _UNEVEN:
+    if np.abs(np.diff(time) * rate - 1.0).max() < _UNEVEN:
         return time, dict(log.columns), np.ones(len(time), dtype=bool)
     number = int((time[-1] - time[0]) * rate) + 1
     if number > 20 * len(time):
-        raise ParameterFileError(
-            log.source,
-            "time",
-            f"has gaps that are {number / len(time):.0f} times as long as what was recorded",
-        )
+        text = f"has gaps that are {number / len(time):.0f} times as long as what was recorded"
+        raise ParameterFileError(log.source, "time", text)
     grid = time[0] + np.arange(number) / rate
     columns = {quantity: np.interp(grid, time, values) for quantity, values in log.columns.items()}
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
-    recorded = (time[before + 1] - time[before]) * rate < _GAP
-    return grid, columns, recorded
+    return grid, columns, (time[before + 1] - time[before]) * rate < _GAP
 
 
 def _current(log: Log, columns: dict[Quantity, np.ndarray], options: ProcessingOptions) -> np.ndarray:
-    wanted = options.current
-    if wanted is None:
-        thesis = options.processing is Processing.THESIS
-        order = (Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT)
-        for quantity in order if thesis else reversed(order):
-            if quantity in columns:
-                return columns[quantity]
-        wanted = CurrentSource.MEASURED
-    quantity = Quantity.MEASURED_CURRENT if wanted is CurrentSource.MEASURED else Quantity.TARGET_CURRENT
-    _needed(log, quantity, f"such as --columns {quantity}=NAME, or friction_torque=NAME if that is known")
-    return columns[quantity]
+    order = [Quantity.MEASURED_CURRENT, Quantity.TARGET_CURRENT]
+    if options.current is CurrentSource.TARGET or (
+        options.current is None and options.processing is Processing.THESIS
+    ):
+        order.reverse()
+    found = order[0]
+    if options.current is None:
+        found = next((quantity for quantity in order if quantity in columns), Quantity.MEASURED_CURRENT)
+    _needed(log, found, f"such as --columns {found}=NAME, or friction_torque=NAME if that is known")
+    return columns[found]
 
 
-def _prepare(
-    log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
-) -> tuple[float, float, np.ndarray, dict[Quantity, np.ndarray], np.ndarray, np.ndarray]:
-    """Rate, cutoff, even time, columns with the angle of the bench, motor torque, recorded samples."""
+def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions) -> _Motion:
+    """Signals of a test of the bench at 100 Hz.
+
+    Zero phase: angle, current and load through the same filter; velocity and acceleration from the angle.
+    The thesis: decimated signals, the velocity alone averaged, and so late against current and load.
+    """
     _needed(log, Quantity.ANGLE, "such as --columns angle=NAME")
     rate, cutoff = _rate(log, options)
     if rate < _SLOWEST:
@@ -223,71 +205,46 @@ def _prepare(
             "it in another unit (--units time=ms)?",
         )
     time, columns, recorded = _even(log, rate)
-    columns[Quantity.ANGLE] = bench.joint_angle(columns[Quantity.ANGLE])
-    if np.ptp(columns[Quantity.ANGLE]) == 0.0:
+    raw = bench.joint_angle(columns[Quantity.ANGLE])
+    if np.ptp(raw) == 0.0:
         raise ParameterFileError(log.source, "angle", "is the same in every row; the joint never moved")
-    return rate, cutoff, time, columns, bench.motor_torque(_current(log, columns, options)), recorded
-
-
-def _zero_phase_motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions) -> _Motion:
-    """Angle, current and load through the same filter; velocity and acceleration from the angle."""
-    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, bench, mass, options)
-    guard = int(np.ceil(rate / cutoff))
-    if len(time) < 4 * guard + FEWEST:
-        raise ParameterFileError(
-            log.source,
-            "time",
-            f"lasts {len(time) / rate:.3g} s; expected at least {(4 * guard + FEWEST) / rate:.2g}",
-        )
+    motor_torque, temperature = bench.motor_torque(_current(log, columns, options)), columns.get(_WARM)
+    thesis, step = options.processing is Processing.THESIS, max(1, round(rate / RATE))
+    guard = options.window if thesis else int(np.ceil(rate / cutoff))
+    shortest = (options.window + FEWEST) * step if thesis else 4 * guard + FEWEST
+    if len(time) < shortest:
+        text = f"lasts {len(time) / rate:.3g} s; expected at least {shortest / rate:.2g}"
+        raise ParameterFileError(log.source, "time", text)
+    smoothed = not thesis and options.processing is not Processing.NONE
 
     def smooth(values: np.ndarray) -> np.ndarray:
-        return values if options.processing is Processing.NONE else zero_phase(values, cutoff, rate)
+        return zero_phase(values, cutoff, rate) if smoothed else values
 
-    angle = smooth(columns[Quantity.ANGLE])
-    velocity = np.gradient(angle, 1.0 / rate)
-    acceleration = np.gradient(velocity, 1.0 / rate)
-    settled = ~widened(~recorded, guard)
-    settled[:guard] = settled[-guard:] = False
-    step = max(1, round(rate / RATE))
-    temperature = columns.get(Quantity.TEMPERATURE)
-    return _Motion(
-        time=time[::step],
-        angle=angle[::step],
-        velocity=velocity[::step],
-        acceleration=acceleration[::step],
-        impact=_impact(columns[Quantity.ANGLE], cutoff, rate, step),
-        motor_torque=smooth(motor_torque)[::step],
-        load=smooth(bench.load_torque(columns[Quantity.ANGLE], mass))[::step],
-        temperature=None if temperature is None else smooth(temperature)[::step],
-        settled=settled[::step],
-    )
-
-
-def _thesis_motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions) -> _Motion:
-    """Decimated signals, the velocity alone averaged: late against current and load."""
-    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, bench, mass, options)
-    step = max(1, round(rate / RATE))
-    raw = columns.get(Quantity.VELOCITY)
-    if raw is None:
-        raw = np.gradient(columns[Quantity.ANGLE], 1.0 / rate)
-    velocity = moving_average(decimate(raw, step), options.window)
-    if len(velocity) < options.window + FEWEST:
-        raise ParameterFileError(
-            log.source, "time", f"lasts {len(time) / rate:.3g} s, too short for the filter"
-        )
-    angle = decimate(columns[Quantity.ANGLE], step)
-    settled = ~widened(~decimate(recorded, step), options.window)
-    settled[: options.window - 1] = settled[-1:] = False
-    temperature = columns.get(Quantity.TEMPERATURE)
+    angle = smooth(raw)
+    if thesis:
+        speed = columns.get(Quantity.VELOCITY)
+        speed = np.gradient(raw, 1.0 / rate) if speed is None else speed
+        velocity = moving_average(decimate(speed, step), options.window)
+        acceleration = forward_difference(velocity, step / rate)
+        load = bench.load_torque(decimate(angle, step), mass)
+        settled = ~widened(~decimate(recorded, step), guard)
+        settled[: guard - 1] = settled[-1:] = False
+    else:
+        velocity = np.gradient(angle, 1.0 / rate)
+        acceleration = decimate(np.gradient(velocity, 1.0 / rate), step)
+        velocity, load = decimate(velocity, step), decimate(smooth(bench.load_torque(raw, mass)), step)
+        settled = ~widened(~recorded, guard)
+        settled[:guard] = settled[-guard:] = False
+        settled = decimate(settled, step)
     return _Motion(
         time=decimate(time, step),
-        angle=angle,
+        angle=decimate(angle, step),
         velocity=velocity,
-        acceleration=forward_difference(velocity, step / rate),
-        impact=_impact(columns[Quantity.ANGLE], cutoff, rate, step),
-        motor_torque=decimate(motor_torque, step),
-        load=bench.load_torque(angle, mass),
-        temperature=None if temperature is None else decimate(temperature, step),
+        acceleration=acceleration,
+        impact=_impact(raw, cutoff, rate, step),
+        motor_torque=decimate(smooth(motor_torque), step),
+        load=load,
+        temperature=None if temperature is None else decimate(smooth(temperature), step),
         settled=settled,
     )
 
@@ -326,13 +283,7 @@ def _stopped(
         margin=options.stop_margin,
     )
     kept = motion.settled & ~hard
-    soft = np.zeros(len(kept), dtype=bool)
     if kept.any():
-        soft[kept] = soft_stop(
-            motion.angle[kept],
-            motion.velocity[kept],
-            torque[kept],
-            inertial[kept],
-            margin=options.stop_margin,
-        )
-    return hard | soft
+        signals = (motion.angle, motion.velocity, torque, inertial)
+        hard[kept] |= soft_stop(*(values[kept] for values in signals), margin=options.stop_margin)
+    return hard

@@ -28,6 +28,7 @@ _SEPARATORS = ",;\t"
 _HEAD = 65_536  # [bytes] that are looked at for comments, header and separator
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 _CHECKED_ROWS = 100
+_EMPTY = "is empty; expected column names and rows of numbers"
 _LONGEST_UNIT = 8
 _REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines before the column names
 _MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
@@ -36,22 +37,16 @@ _COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*([-+.\deE]
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log in SI units, as it was recorded.
+    """A log in SI units, as it was recorded."""
 
-    Attributes:
-        source: The file.
-        columns: Of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty.
-        mass: Weight on the link in [kg], if comments or the file's name say so.
-        asked: Columns that the user named; the others were found by their known names.
-    """
-
-    source: str
+    source: str  # the file
+    # of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty
     columns: Mapping[Quantity, np.ndarray]
-    mass: float | None = None
+    mass: float | None = None  # weight on the link in [kg], if comments or the file's name say so
+    # columns that the user named; the others were found by their known names
     asked: frozenset[Quantity] = frozenset()
 
     def __len__(self) -> int:
-        """Rows."""
         return len(next(iter(self.columns.values()), ()))
 
 
@@ -59,14 +54,8 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     """Read a log.
 
     The separator may be a comma, a semicolon, a tab or blanks; lines that begin with # are comments, of which
-    ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on.
-
-    Args:
-        path: The file.
-        columns: Which column holds what; those with a known name are found without.
-
-    Returns:
-        The log.
+    ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on. Columns
+    with a known name are found without being named in ``columns``.
 
     Raises:
         ParameterFileError: If the file cannot be read as numbers; one line with file, column and row.
@@ -79,7 +68,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     for quantity, (place, sign, unit) in places.items():
         found[quantity] = values[place] * (sign * UNITS[quantity][unit] if unit else sign)
     if not found or len(values[next(iter(values))]) == 0:
-        raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
+        raise ParameterFileError(path, "", _EMPTY)
     mass = layout.mass if layout.mass is not None else _mass_in(path.name)
     return Log(str(path), found, mass, frozenset(columns.names))
 
@@ -96,46 +85,49 @@ class _Layout:
 
 
 def _layout(path: Path, asked: set[str]) -> _Layout:
+    lines, whole = _first_lines(path)
+    skipped = 0
+    while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].lstrip()[0] in _REMARKS):
+        skipped += 1
+    skipped = _header_line(lines, skipped, {name.lstrip("-") for name in asked})
+    if skipped == len(lines) - 1 and not whole:
+        raise ParameterFileError(path, f"line {skipped + 1}", "is too long for the column names of a log")
+    if skipped == len(lines):
+        raise ParameterFileError(path, "", _EMPTY)
+    first, following = lines[skipped], lines[skipped + 1] if skipped + 1 < len(lines) else ""
+    separator = max(_SEPARATORS, key=first.count)
+    separator = separator if separator in first else " "
+    decimal = "," if separator != "," and "," in following and "." not in following else "."
+    cells, units = _cells(first, separator), [cell.strip("[]() ") for cell in _cells(following, separator)]
+    numeric = all(_is_number(cell, decimal) for cell in cells)
+    names = tuple(str(number) for number in range(1, len(cells) + 1)) if numeric else tuple(cells)
+    header = skipped + (0 if numeric else 1)
+    if not numeric and len(units) == len(names) and _are_units(units, decimal):
+        names = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True))
+        header += 1
+    for number, line in enumerate(lines[header : header + _CHECKED_ROWS], start=1):
+        found = len(_cells(line.split("#")[0].rstrip().removesuffix(separator), separator))
+        if found > len(names):  # longer than the header: columns would be mistaken for one another
+            text = f"row {number} has {found} cells, but there are {len(names)} column names"
+            raise ParameterFileError(path, "", text)
+    return _Layout(separator, decimal, names, header, _mass_in_comments(lines[:skipped]))
+
+
+def _first_lines(path: Path) -> tuple[list[str], bool]:
+    """Lines of the beginning of a text file, and whether they are all."""
     if not path.is_file():
         raise ParameterFileError(path, "", "no such file")
+    whole = path.stat().st_size <= _HEAD
     try:
         with path.open("rb") as file:
-            head = file.read(_HEAD).decode(
-                "utf-8-sig", errors="strict" if path.stat().st_size < _HEAD else "ignore"
-            )
+            head = file.read(_HEAD).decode("utf-8-sig", errors="strict" if whole else "ignore")
     except OSError as error:
         raise ParameterFileError(path, "", f"cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise ParameterFileError(path, "", "is not UTF-8 text") from error
     if "\0" in head:
         raise ParameterFileError(path, "", "is not a text file")
-    lines = head.splitlines()
-    skipped = 0
-    while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].lstrip()[0] in _REMARKS):
-        skipped += 1
-    skipped = _header_line(lines, skipped, {name.lstrip("-") for name in asked})
-    if skipped == len(lines) - 1 and path.stat().st_size > _HEAD:
-        raise ParameterFileError(path, f"line {skipped + 1}", "is too long for the column names of a log")
-    if skipped == len(lines):
-        raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
-    first, following = lines[skipped], lines[skipped + 1] if skipped + 1 < len(lines) else ""
-    separator = max(_SEPARATORS, key=first.count)
-    separator = separator if separator in first else " "
-    decimal = "," if separator != "," and "," in following and "." not in following else "."
-    cells = _cells(first, separator)
-    numeric = all(_is_number(cell, decimal) for cell in cells)
-    names = tuple(str(number) for number in range(1, len(cells) + 1)) if numeric else tuple(cells)
-    header = skipped + (0 if numeric else 1)
-    if not numeric and _is_unit_row(_cells(following, separator), names, decimal):
-        names = tuple(
-            f"{name} [{unit}]" if unit else name
-            for name, unit in zip(
-                names, (cell.strip("[]() ") for cell in _cells(following, separator)), strict=True
-            )
-        )
-        header += 1
-    _check_width(path, lines[header:], separator, len(names))
-    return _Layout(separator, decimal, names, header, _mass_in_comments(lines[:skipped]))
+    return head.splitlines(), whole
 
 
 def _header_line(lines: list[str], first: int, asked: set[str]) -> int:
@@ -147,25 +139,11 @@ def _header_line(lines: list[str], first: int, asked: set[str]) -> int:
     return first
 
 
-def _is_unit_row(cells: list[str], names: tuple[str, ...], decimal: str) -> bool:
-    """Whether the line under the names holds their units: as many short words, none of them a number."""
+def _are_units(cells: list[str], decimal: str) -> bool:
+    """Whether the line under the names holds their units: short words, none of them a number."""
     words = [cell for cell in cells if cell and cell.lower() not in _MISSING]
-    return (
-        len(cells) == len(names)
-        and len(words) > 0
-        and not any(_is_number(cell, decimal) or len(cell) > _LONGEST_UNIT for cell in words)
-        and any(known_unit(cell.strip("[]() "), quantity) for cell in words for quantity in Quantity)
-    )
-
-
-def _check_width(path: Path, lines: list[str], separator: str, names: int) -> None:
-    """Refuse rows that are longer than the header, whose columns would be mistaken for one another."""
-    for number, line in enumerate(lines[:_CHECKED_ROWS], start=1):
-        cells = len(_cells(line.split("#")[0].rstrip().removesuffix(separator), separator))
-        if cells > names:
-            raise ParameterFileError(
-                path, "", f"row {number} has {cells} cells, but there are {names} column names"
-            )
+    short = not any(_is_number(cell, decimal) or len(cell) > _LONGEST_UNIT for cell in words)
+    return short and any(known_unit(cell, quantity) for cell in words for quantity in Quantity)
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -189,10 +167,7 @@ def _mass_in_comments(lines: list[str]) -> float | None:
     for line in lines:
         match = _COMMENT.match(line.strip())
         if match and match[1].lower().split("_")[0].strip() in KNOWN_NAMES[Quantity.MASS]:
-            try:
-                return float(match[2])
-            except ValueError:
-                return None
+            return float(match[2]) if _is_number(match[2], ".") else None
     return None
 
 
@@ -217,7 +192,7 @@ def _numbers(path: Path, layout: _Layout, places: list[int]) -> dict[int, np.nda
     values = {place: frame[place].to_numpy(dtype=float) for place in places}
     for place, column in values.items():
         if np.isinf(column).any():
-            row = int(np.flatnonzero(np.isinf(column))[0])
+            row = int(np.argmax(np.isinf(column)))
             raise ParameterFileError(path, layout.names[place], f"is infinite in row {row + 1}")
     return values
 
@@ -252,27 +227,21 @@ def _frame(path: Path, layout: _Layout, places: list[int], dtype: type) -> pd.Da
 
 
 def _frame_of_texts(path: Path, layout: _Layout, places: list[int]) -> pd.DataFrame:
-    """Read cell by cell, to say which one is no number."""
+    """Read cell by cell, to say which one is no number; dates are seconds since the first."""
     texts = _frame(path, layout, places, str)
     columns = {}
     for place in places:
         cells = texts[place].fillna("").astype(str).str.strip()
         numbers = pd.to_numeric(cells.str.replace(layout.decimal, ".", regex=False), errors="coerce")
         if numbers.isna().all():
-            numbers = _seconds_of_dates(cells)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
+            numbers = (dates - dates.min()).dt.total_seconds()
         wrong = np.flatnonzero(numbers.isna() & ~cells.str.lower().isin(_MISSING))
         if len(wrong):
             shown = " ".join(str(cells.iloc[wrong[0]]).split())[:40]
-            raise ParameterFileError(
-                path, layout.names[place], f"expected a number in row {wrong[0] + 1}, got {shown!r}"
-            )
+            text = f"expected a number in row {wrong[0] + 1}, got {shown!r}"
+            raise ParameterFileError(path, layout.names[place], text)
         columns[place] = numbers.astype(float)
     return pd.DataFrame(columns)
-
-
-def _seconds_of_dates(cells: pd.Series) -> pd.Series:
-    """Dates with a time of day as seconds since the first; NaN where a cell is none."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
-    return (dates - dates.min()).dt.total_seconds()

@@ -20,11 +20,7 @@ _DAMPING, _LARGEST_DAMPING = 1e-4, 1e12
 
 
 def residuals(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
-    """Measured less predicted torque of the samples that are used.
-
-    Returns:
-        In [N m], shape ``(n_used,)``.
-    """
+    """Measured less predicted torque of the samples that are used, in [N m], shape ``(n_used,)``."""
     return np.asarray((samples.torque - model.predict(x, samples))[samples.used])
 
 
@@ -44,12 +40,7 @@ def jacobian(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarra
 
 
 def huber_cost(values: np.ndarray, threshold: float) -> float:
-    """Huber's loss: half the square up to a threshold, linear beyond.
-
-    Args:
-        values: Residuals, shape ``(n,)``.
-        threshold: Infinite for least squares.
-    """
+    """Huber's loss: half the square up to a threshold (infinite for least squares), linear beyond."""
     size = np.abs(values)
     if math.isinf(threshold):
         return 0.5 * float(size @ size)

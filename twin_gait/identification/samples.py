@@ -14,36 +14,23 @@ LONGEST_GAP = 10.0  # samples; a longer gap in a test restarts the state of a dy
 
 @dataclass(frozen=True, eq=False)
 class FrictionTest:
-    """One test after its processing.
+    """One test after its processing."""
 
-    Attributes:
-        name: Of the file it came from.
-        velocity: Joint velocity in [rad] / [s], shape ``(n,)``.
-        torque: Friction torque in [N m] with the sign of the velocity, shape ``(n,)``.
-        used: Which samples a fit may use, shape ``(n,)``; the others only carry the state of dynamic models.
-        time: In [s], ascending, shape ``(n,)``; None if the file has none.
-        angle: Joint angle in [rad], or None.
-        load: Load torque in [N m], or None.
-        temperature: In [°C], or None.
-        mass: Weight on the link in [kg], or None.
-        counts: How many samples were read, used, and rejected by cause.
-        notes: What a reader should know about how the file was read.
-    """
-
-    name: str
-    velocity: np.ndarray
-    torque: np.ndarray
+    name: str  # of the file it came from
+    velocity: np.ndarray  # joint velocity in [rad] / [s], shape ``(n,)``
+    torque: np.ndarray  # friction torque in [N m] with the sign of the velocity, shape ``(n,)``
+    # which samples a fit may use, shape ``(n,)``; the others only carry the state of dynamic models
     used: np.ndarray
-    time: np.ndarray | None = None
-    angle: np.ndarray | None = None
-    load: np.ndarray | None = None
-    temperature: np.ndarray | None = None
-    mass: float | None = None
+    time: np.ndarray | None = None  # in [s], ascending, shape ``(n,)``; None if the file has none
+    angle: np.ndarray | None = None  # joint angle in [rad], or None
+    load: np.ndarray | None = None  # load torque in [N m], or None
+    temperature: np.ndarray | None = None  # in [°C], or None
+    mass: float | None = None  # weight on the link in [kg], or None
+    # how many samples were read, used, and rejected by cause
     counts: Mapping[str, int] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what a reader should know about how the file was read
 
     def __len__(self) -> int:
-        """Samples, used or not."""
         return len(self.velocity)
 
     @property
@@ -54,45 +41,24 @@ class FrictionTest:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of one or more tests in one row of arrays, each of shape ``(n,)``.
+    """Samples of one or more tests in one row of arrays, each of shape ``(n,)``."""
 
-    Attributes:
-        velocity: In [rad] / [s].
-        torque: Friction torque in [N m].
-        used: Which samples count.
-        test: Index of the test.
-        fresh: Where the state of a dynamic model starts anew.
-        period: Since the sample before in [s]; None if a test has no time.
-        time: In [s] from the start of each test, or None.
-        angle: In [rad]; None unless all tests have it, like the next two.
-        load: In [N m].
-        temperature: In [°C].
-    """
-
-    velocity: np.ndarray
-    torque: np.ndarray
-    used: np.ndarray
-    test: np.ndarray
-    fresh: np.ndarray
-    period: np.ndarray | None = None
-    time: np.ndarray | None = None
-    angle: np.ndarray | None = None
-    load: np.ndarray | None = None
-    temperature: np.ndarray | None = None
+    velocity: np.ndarray  # in [rad] / [s]
+    torque: np.ndarray  # friction torque in [N m]
+    used: np.ndarray  # which samples count
+    test: np.ndarray  # index of the test
+    fresh: np.ndarray  # where the state of a dynamic model starts anew
+    period: np.ndarray | None = None  # since the sample before in [s]; None if a test has no time
+    time: np.ndarray | None = None  # in [s] from the start of each test, or None
+    angle: np.ndarray | None = None  # in [rad]; None unless all tests have it, like the next two
+    load: np.ndarray | None = None  # in [N m]
+    temperature: np.ndarray | None = None  # in [°C]
 
     def __len__(self) -> int:
-        """Samples, used or not."""
         return len(self.velocity)
 
     def rows(self, chosen: np.ndarray) -> Samples:
-        """Some of the samples.
-
-        Args:
-            chosen: Mask or indices; a dynamic model needs whole tests.
-
-        Returns:
-            The samples.
-        """
+        """Some of the samples, by a mask or indices; a dynamic model needs whole tests."""
         columns = {name: None if values is None else values[chosen] for name, values in vars(self).items()}
         return Samples(**cast("dict[str, Any]", columns))
 
@@ -102,17 +68,12 @@ class Samples:
 
 
 def join_tests(tests: Sequence[FrictionTest]) -> Samples:
-    """Lay tests end to end.
-
-    Args:
-        tests: At least one.
-
-    Returns:
-        Their samples; a quantity that one of the tests lacks is left out.
-    """
+    """Lay tests end to end; a quantity that one of them lacks is left out."""
     lengths = [len(test) for test in tests]
     fresh = np.concatenate([_fresh(test) for test in tests])
-    period = _joined([None if test.time is None else _periods(test.time) for test in tests])
+    period = _joined(
+        [None if test.time is None else np.diff(test.time, prepend=test.time[:1]) for test in tests]
+    )
     time = _joined([None if test.time is None else test.time - test.time[:1] for test in tests])
     return Samples(
         velocity=np.concatenate([test.velocity for test in tests]),
@@ -159,10 +120,6 @@ def thinned(samples: Samples, limit: int) -> Samples:
 def _joined(columns: Sequence[np.ndarray | None]) -> np.ndarray | None:
     present = [column for column in columns if column is not None]
     return np.concatenate(present) if len(present) == len(columns) else None
-
-
-def _periods(time: np.ndarray) -> np.ndarray:
-    return np.diff(time, prepend=time[:1])
 
 
 def _fresh(test: FrictionTest) -> np.ndarray:

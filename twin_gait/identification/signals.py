@@ -15,15 +15,12 @@ ORDER = 2  # of the Butterworth filter; run forwards and backwards it acts twice
 
 
 def zero_phase(values: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
-    """Low-pass filter without delay: Butterworth, forwards and backwards.
+    """Low-pass filter without delay: Butterworth, forwards and backwards, of evenly sampled values.
 
     Args:
-        values: Evenly sampled, shape ``(n,)``.
+        values: Shape ``(n,)``.
         cutoff: Of one pass in [Hz]; half the amplitude is left there.
         rate: Samples per second in [Hz], above twice the cutoff.
-
-    Returns:
-        Shape ``(n,)``.
     """
     sections = butter(ORDER, cutoff, fs=rate, output="sos")
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
@@ -36,14 +33,9 @@ def decimate(values: np.ndarray, factor: int) -> np.ndarray:
 
 
 def moving_average(values: np.ndarray, window: int) -> np.ndarray:
-    """Mean of the last samples, equation (2.9); of those there are at the beginning.
+    """Mean of the last ``window`` samples, equation (2.9); of those there are at the beginning.
 
-    Args:
-        values: Shape ``(n,)``.
-        window: How many.
-
-    Returns:
-        Shape ``(n,)``; late by (window - 1)/2 samples.
+    It is late by (window - 1)/2 samples.
     """
     total = np.concatenate([[0.0], np.cumsum(values)])
     last = np.arange(1, len(values) + 1)
@@ -52,12 +44,7 @@ def moving_average(values: np.ndarray, window: int) -> np.ndarray:
 
 
 def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
-    """Derivative by the sample after, equation (2.10); the last one is repeated.
-
-    Args:
-        values: Evenly sampled, shape ``(n,)``, at least two.
-        period: Between the samples in [s].
-    """
+    """Derivative by the sample after, equation (2.10), for a period in [s]; the last one is repeated."""
     steps = np.diff(values) / period
     return np.append(steps, steps[-1])
 
@@ -74,7 +61,7 @@ _OF_INERTIA = 0.5  # and the share of the torque of inertia, of which parameters
 def hard_stop(
     angle: np.ndarray, acceleration: np.ndarray, *, limit: float, reach: int, window: int, margin: float
 ) -> np.ndarray:
-    """Samples around an impact, and wherever the joint is as far as it was then.
+    """Mask of samples around an impact, and wherever the joint is as far as it was then, shape ``(n,)``.
 
     Args:
         angle: In [rad], shape ``(n,)``.
@@ -82,9 +69,6 @@ def hard_stop(
         limit: Beyond it the link has hit something.
         window: Samples over which the direction of motion is taken.
         margin: Samples so near to where the stop was hit count too, in [rad].
-
-    Returns:
-        Mask, shape ``(n,)``.
     """
     hit = acceleration > limit
     around = widened(hit, max(reach, window))
@@ -98,17 +82,14 @@ def hard_stop(
 def soft_stop(
     angle: np.ndarray, velocity: np.ndarray, torque: np.ndarray, inertial: np.ndarray, *, margin: float
 ) -> np.ndarray:
-    """Samples at which a spring brakes the joint at an end of its range.
+    """Mask of samples at which a spring brakes the joint at an end of its range, shape ``(n,)``.
 
     Args:
         angle: In [rad], shape ``(n,)``.
-        velocity: In [rad] / [s], shape ``(n,)``.
-        torque: Balance of torques without the stop in [N m], shape ``(n,)``.
-        inertial: What inertia takes of it in [N m], shape ``(n,)``.
+        velocity: In [rad] / [s].
+        torque: Balance of torques without the stop in [N m].
+        inertial: What inertia takes of it in [N m].
         margin: As far before the contact count too, in [rad].
-
-    Returns:
-        Mask, shape ``(n,)``; empty if nothing at either end looks like a spring.
     """
     stopped = np.zeros(len(angle), dtype=bool)
     for direction in (1.0, -1.0):

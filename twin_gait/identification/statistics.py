@@ -14,43 +14,26 @@ from twin_gait.identification.samples import FrictionTest, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Goodness:
-    """Goodness of fit.
+    """Goodness of fit."""
 
-    Attributes:
-        samples: n.
-        parameter_count: p.
-        sse: Sum of squared residuals in [N² m²].
-        r_squared: 1 - SSE/SST about the mean; negative if the mean alone is better.
-        adjusted_r_squared: The same per degree of freedom.
-        rmse: sqrt(SSE/n) in [N m].
-        residual_standard_error: sqrt(SSE/(n - p)) in [N m]: what MATLAB's fits call RMSE.
-        mean_absolute_error: In [N m].
-        aic: Akaike's criterion of normal residuals, up to a constant of the samples.
-        bic: The Bayesian one. Both count every sample as independent, which samples of a filter are not.
-    """
-
-    samples: int
-    parameter_count: int
-    sse: float
-    r_squared: float
-    adjusted_r_squared: float
-    rmse: float
-    residual_standard_error: float
-    mean_absolute_error: float
-    aic: float
-    bic: float
+    samples: int  # n
+    parameter_count: int  # p
+    sse: float  # sum of squared residuals in [N² m²]
+    r_squared: float  # 1 - SSE/SST about the mean; negative if the mean alone is better
+    adjusted_r_squared: float  # the same per degree of freedom
+    rmse: float  # sqrt(SSE/n) in [N m]
+    residual_standard_error: float  # sqrt(SSE/(n - p)) in [N m]: what MATLAB's fits call RMSE
+    mean_absolute_error: float  # in [N m]
+    aic: float  # Akaike's criterion of normal residuals, up to a constant of the samples
+    bic: float  # the Bayesian one. Both count every sample as independent, which samples of a filter are not
 
 
 def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Goodness:
-    """Compute the goodness of a fit.
+    """Goodness of a fit with so many parameters.
 
     Args:
         measured: Torques in [N m], shape ``(n,)``, more than parameters.
         residuals: Measured less predicted torque in [N m], shape ``(n,)``.
-        parameters: How many were fitted.
-
-    Returns:
-        The goodness.
     """
     n, freedom = len(measured), max(len(measured) - parameters, 1)
     sse = float(residuals @ residuals)
@@ -77,30 +60,19 @@ _PIECES = 5  # that a single test is cut into
 
 @dataclass(frozen=True, kw_only=True)
 class CrossValidation:
-    """Error on what was left out.
+    """Error on what was left out."""
 
-    Attributes:
-        by: What was left out: ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file.
-        folds: How often.
-        rmse: Over all samples, each predicted by the fit that did not see it, in [N m].
-    """
-
-    by: str
-    folds: int
-    rmse: float
+    by: str  # what was left out: ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file
+    folds: int  # how often
+    rmse: float  # over all samples, each predicted by the fit that did not see it, in [N m]
 
 
 @dataclass(frozen=True, eq=False)
 class Folds:
-    """What is left out together.
+    """What is left out together."""
 
-    Attributes:
-        by: See :class:`CrossValidation`.
-        labels: Fold of each sample, shape ``(n,)``.
-    """
-
-    by: str
-    labels: np.ndarray
+    by: str  # see CrossValidation
+    labels: np.ndarray  # fold of each sample, shape ``(n,)``
 
 
 def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> list[Folds]:

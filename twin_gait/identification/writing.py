@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
@@ -100,7 +101,8 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
     """The result as plain numbers, SI units in the keys."""
-    options = result.options
+    options, validations = result.options, result.models[0].validations
+    left_out = validations[0].by if validations and math.isfinite(validations[0].rmse) else None
     return {
         "schema_version": SCHEMA_VERSION,
         "joint": None if joint is None else str(joint),
@@ -108,7 +110,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
         "skipped": {name: list(columns) for name, columns in result.skipped.items()},
         "warnings": list(result.warnings),
         "method": {
-            "order": _order(result),
+            "order": "BIC" if left_out is None else f"rmse with {left_out} left out",
             "loss": str(options.fit.loss),
             "huber_sigmas": None if options.fit.loss is Loss.LINEAR else HUBER_SIGMAS,
             "physical": options.fit.physical,
@@ -122,13 +124,6 @@ def _identification_document(result: Identification, joint: JointName | None) ->
             {"name": test.name, "mass_kg": test.mass, "samples": dict(test.counts)} for test in result.tests
         ],
     }
-
-
-def _order(result: Identification) -> str:
-    validations = result.models[0].validations
-    if validations and math.isfinite(validations[0].rmse):
-        return f"rmse with {validations[0].by} left out"
-    return "BIC"
 
 
 def _processing(result: Identification) -> dict[str, Any]:
@@ -195,12 +190,8 @@ def _samples_csv(result: Identification) -> str:
     rows = {name: values[chosen] for name, values in columns.items() if values is not None}
     rows["model_torque_Nm"] = rows["friction_torque_Nm"] - best.residuals[::step]
     names = [test.name.replace(",", "_").replace('"', "_") for test in result.tests]
-    lines = [",".join(["test", *rows])]
-    for test, *values in zip(
-        samples.test[chosen].tolist(), *(v.tolist() for v in rows.values()), strict=True
-    ):
-        lines.append(",".join([names[test], *(f"{value:.7g}" for value in values)]))
-    return "\n".join(lines) + "\n"
+    table = pd.DataFrame({"test": [names[test] for test in samples.test[chosen]], **rows})
+    return table.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 
 def _parameter_laws(result: Identification) -> dict[str, tuple[str, FrictionLaw]]:

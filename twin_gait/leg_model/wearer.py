@@ -22,7 +22,7 @@ ANKLE_IN_FOOT = 0.25
 METATARSAL_IN_FOOT = 0.72
 # Greater trochanter to shoulder: (0.818 - 0.530) H; centre of mass and radius of gyration of head,
 # arms and trunk as shares of it: Winter (2009), table 4.1.
-TRUNK_LENGTH = 0.288
+SHOULDER_HEIGHT = TRUNK_LENGTH = 0.288
 TRUNK_CENTRE_OF_MASS = 0.626
 TRUNK_RADIUS_OF_GYRATION = 0.496
 

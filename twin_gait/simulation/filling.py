@@ -20,9 +20,10 @@ from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
-from twin_gait.core.estimation import new_delay_line
+from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
+from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
@@ -47,7 +48,7 @@ from twin_gait.simulation.episode import (
     Supply,
     Wire,
 )
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
 from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
@@ -82,6 +83,8 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "POINTS_PER_FOOT": n_points // legs,
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
         "FORWARD": -1 if model.forward_index is None else model.forward_index,
+        "PITCH": -1 if model.pitch_index is None else model.pitch_index,
+        "CRUTCHES": len(problem.world.arms),
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
         "POWERED_ANKLES": JointName.ANKLE in experiment.joints,
@@ -99,6 +102,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "DELAYED": control.delay_ticks > 0,
         "SLOPED": problem.world.slope != 0.0,
         "NETWORKED": experiment.network is not None,
+        "INERTIAL": has_inertial_unit(experiment),
         "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
     }
 
@@ -160,6 +164,14 @@ def new_episode(
         efforts=Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
+        trunk=ABSENT if world.trunk is None else copied(world.trunk),
+        trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
+        arms=[copied(arm) for arm in world.arms],
+        habit=ABSENT if world.habit is None else copied(world.habit),
+        sense=ABSENT if world.sense is None else copied(world.sense),
+        swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
+        if world.arms
+        else [],
         recording=Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
@@ -395,7 +407,12 @@ def _limits(problem: Problem) -> Limits:
 
 def _ends(problem: Problem) -> Ends:
     height = problem.world.fall_height
-    return Ends(-math.inf if height is None else float(height), DIVERGED_VELOCITY)
+    return Ends(
+        -math.inf if height is None else float(height),
+        DIVERGED_VELOCITY,
+        problem.world.fall_pitch,
+        problem.world.longest_reach,
+    )
 
 
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
@@ -409,6 +426,13 @@ def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
         inertia,
         inertia_gain=problem.experiment.control.inertia_compensation,
     )
+
+
+def _trunk_unit(problem: Problem) -> TrunkUnit:
+    """The unit, whose estimate is right at the start."""
+    sensor, place = problem.experiment.sensors.trunk, problem.world.model.pitch_index
+    gain, pitch = first_order_gain(TICK, sensor.time_constant), float(problem.world.start_q[place])
+    return taken_from(TrunkUnit, sensor, gain=gain, pitch=pitch)
 
 
 def _imposed_motion(problem: Problem) -> ImposedMotion:

@@ -20,15 +20,11 @@ def step_error(
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> dict[str, Any]:
-    """Compare a run with the same experiment at a tenth of the step.
+    """Steps of both runs, largest difference of the angle of any driven joint, and whether the phases agree.
 
     A gait switches phase by whole ticks, so a tiny difference now and then moves a switch by one tick,
     and from there the two walks differ by what a leg moves in that time. The error before the first
     switch at different ticks is the integrator's own.
-
-    Returns:
-        Steps, largest difference of the angle of any driven joint in the common time, the same up to the
-        first switch at different ticks, and whether the phases came in the same order.
     """
     integration = run.experiment.stepping
     fine = Integration(method=integration.method, step=integration.step / REFINEMENT)

@@ -14,7 +14,7 @@ import numpy as np
 
 from twin_gait import __version__
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import write_atomically
+from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.parameters.quantities import (
     COUNT,
     NOT_NEGATIVE,
@@ -70,25 +70,17 @@ class TwoWayProtocol(Parameters):
 
     The path starts level at 90°, so that logs of both protocols are read alike, goes up by at most 92° and
     comes back. Its period is the shortest that leaves 2.5 rad/s within the joint's range.
-
-    Attributes:
-        lowest_speed: Peak speed of the first test in [rad] / [s].
-        highest_speed: Of the last one.
-        period: Of the path in [s].
-        cycles: Number of times there and back.
-        stiffness: Of the controller in [N m] / [rad]; an assumption, 13 rad/s on the bare armature.
-        damping_ratio: Of the controller on the bare armature.
     """
 
-    lowest_speed: Annotated[AngularVelocity, POSITIVE] = 0.15
-    highest_speed: AngularVelocity = 2.5
-    period: Annotated[Time, POSITIVE] = 2.0
-    cycles: Annotated[int, COUNT] = 4
+    lowest_speed: Annotated[AngularVelocity, POSITIVE] = 0.15  # peak speed of the first test in [rad] / [s]
+    highest_speed: AngularVelocity = 2.5  # of the last one
+    period: Annotated[Time, POSITIVE] = 2.0  # of the path in [s]
+    cycles: Annotated[int, COUNT] = 4  # number of times there and back
+    # of the controller in [N m] / [rad]; an assumption, 13 rad/s on the bare armature
     stiffness: Annotated[RotaryStiffness, POSITIVE] = 600.0
-    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
+    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7  # of the controller on the bare armature
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         ordered = self.highest_speed >= self.lowest_speed
         require(ordered, "highest_speed", "at least the lowest", self.highest_speed)
@@ -96,41 +88,27 @@ class TwoWayProtocol(Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Spread(Parameters):
-    """What differs between tests though nothing was changed; all assumptions.
+    """What differs between tests though nothing was changed; all assumptions."""
 
-    Attributes:
-        friction: Standard deviation of the friction, relative.
-        current_offset: Standard deviation of the offset of the current measurement in [A].
-    """
-
-    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.02
+    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.02  # standard deviation of the friction, relative
+    # standard deviation of the offset of the current measurement in [A]
     current_offset: Annotated[Current, NOT_NEGATIVE] = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign(Parameters):
-    """A campaign on one joint.
+    """A campaign on one joint."""
 
-    Attributes:
-        joint: Knee or hip.
-        protocol: How the joint is moved.
-        seed: Of everything that chance decides.
-        bench: The bench without weight and controller; None for that of the joint.
-        spread: Between tests.
-        two_way: Motor-driven tests.
-        longest: Of a drop in [s]; a joint that sticks is switched off then.
-    """
-
-    joint: JointName
-    protocol: Protocol = Protocol.DROP
-    seed: Annotated[int, WHOLE] = 0
-    bench: BenchJoint | None = None
-    spread: Spread = field(default_factory=Spread)
-    two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
+    joint: JointName  # knee or hip
+    protocol: Protocol = Protocol.DROP  # how the joint is moved
+    seed: Annotated[int, WHOLE] = 0  # of everything that chance decides
+    bench: BenchJoint | None = None  # the bench without weight and controller; None for that of the joint
+    spread: Spread = field(default_factory=Spread)  # between tests
+    two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)  # motor-driven tests
+    # of a drop in [s]; a joint that sticks is switched off then
     longest: Annotated[Time, Range(1.0, 600.0, words="1 to 600 s")] = 20.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         require(self.joint in BENCH_FRICTION, "joint", "knee or hip", str(self.joint))
 
@@ -143,53 +121,28 @@ class Campaign(Parameters):
 
 @dataclass(frozen=True, eq=False)
 class PlannedTest:
-    """One test of a campaign.
+    """One test of a campaign."""
 
-    Attributes:
-        name: Of its file.
-        mass: On the link in [kg].
-        number: 1 to 9.
-        settings: What was set, as it goes into the header.
-        test: The test.
-        variation: What chance adds.
-        noise_seed: Of its noise.
-    """
-
-    name: str
-    mass: float
-    number: int
-    settings: Mapping[str, float]
-    test: BenchJoint
-    variation: BenchVariation
-    noise_seed: int
+    name: str  # of its file
+    mass: float  # on the link in [kg]
+    number: int  # 1 to 9
+    settings: Mapping[str, float]  # what was set, as it goes into the header
+    test: BenchJoint  # the test
+    variation: BenchVariation  # what chance adds
+    noise_seed: int  # of its noise
 
 
 def planned_tests(campaign: Campaign) -> list[PlannedTest]:
-    """The tests of a campaign, weight by weight; each has its own seed.
-
-    Args:
-        campaign: The campaign.
-
-    Returns:
-        Five weights of nine tests.
-    """
+    """The tests of a campaign, weight by weight, five of nine tests; each has its own seed."""
     plans = []
     seeds = np.random.SeedSequence(campaign.seed).spawn(len(WEIGHTS) * TESTS_PER_WEIGHT)
     for place, seed in enumerate(seeds):
         mass, number = WEIGHTS[place // TESTS_PER_WEIGHT], place % TESTS_PER_WEIGHT + 1
-        drop = campaign.protocol is Protocol.DROP
-        settings, test = (_drop if drop else _two_way)(campaign, mass, number)
-        plans.append(
-            PlannedTest(
-                name=f"{campaign.joint}_{mass:g}kg_{number}.log",
-                mass=mass,
-                number=number,
-                settings=settings,
-                test=test,
-                variation=_variation(campaign, np.random.default_rng(seed)),
-                noise_seed=int(seed.generate_state(1)[0]),
-            )
-        )
+        settings, test = (_drop if campaign.protocol is Protocol.DROP else _two_way)(campaign, mass, number)
+        name = f"{campaign.joint}_{mass:g}kg_{number}.log"
+        variation = _variation(campaign, np.random.default_rng(seed))
+        noise = int(seed.generate_state(1)[0])
+        plans.append(PlannedTest(name, mass, number, settings, test, variation, noise))
     return plans
 
 
@@ -212,20 +165,13 @@ def drop_amplitude(mass: float, step: int) -> float:
 def _drop(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float], BenchJoint]:
     gain = TRANSPARENCY_GAINS[(number - 1) // 3]
     amplitude = drop_amplitude(mass, (number - 1) % 3)
-    bench = campaign.plain_bench()
-    test = replace(
-        bench,
-        link=replace(bench.link, mass=mass),
-        control=DutyControl(
-            amplitude=amplitude,
-            frequency=FREQUENCY,
-            transparency_gain=gain,
-            lowest_velocity=LOWEST_VELOCITIES[campaign.joint],
-        ),
-        start_angle=HORIZONTAL,
-        duration=campaign.longest,
-        rest_at_stop=REST_AT_STOP,
+    control = DutyControl(
+        amplitude=amplitude,
+        frequency=FREQUENCY,
+        transparency_gain=gain,
+        lowest_velocity=LOWEST_VELOCITIES[campaign.joint],
     )
+    test = replace(_loaded(campaign, mass, control), duration=campaign.longest, rest_at_stop=REST_AT_STOP)
     return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, test
 
 
@@ -233,40 +179,33 @@ def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, fl
     way = campaign.two_way
     share = (number - 1) / (TESTS_PER_WEIGHT - 1)
     speed = way.lowest_speed + share * (way.highest_speed - way.lowest_speed)
-    bench = campaign.plain_bench()
-    test = replace(
-        bench,
-        link=replace(bench.link, mass=mass),
-        control=TorqueControl(
-            friction_model=BENCH_FRICTION[campaign.joint],
-            friction_compensation_gain=0.0,
-            stiffness=way.stiffness,
-            damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * bench.actuator.armature),
-            path=CosinePath(
-                start_angle=HORIZONTAL,
-                amplitude=-speed * way.period / math.pi,
-                frequency=1.0 / way.period,
-            ),
-        ),
-        start_angle=HORIZONTAL,
-        duration=way.cycles * way.period,
+    amplitude, frequency = -speed * way.period / math.pi, 1.0 / way.period
+    armature = campaign.plain_bench().actuator.armature
+    control = TorqueControl(
+        friction_model=BENCH_FRICTION[campaign.joint],
+        friction_compensation_gain=0.0,
+        stiffness=way.stiffness,
+        damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * armature),
+        path=CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
     )
+    test = replace(_loaded(campaign, mass, control), duration=way.cycles * way.period)
     return {"peak_speed_rad_per_s": speed, "period_s": way.period, "cycles": float(way.cycles)}, test
+
+
+def _loaded(campaign: Campaign, mass: float, control: DutyControl | TorqueControl) -> BenchJoint:
+    """The bench with a weight and a controller, level at the start."""
+    bench = campaign.plain_bench()
+    link = replace(bench.link, mass=mass)
+    return replace(bench, link=link, control=control, start_angle=HORIZONTAL)
 
 
 @dataclass(frozen=True, eq=False)
 class CampaignResult:
-    """What a campaign left behind.
+    """What a campaign left behind."""
 
-    Attributes:
-        directory: Its folder.
-        status: Completed or interrupted.
-        tests: A line on each test, as in ``campaign.json``.
-    """
-
-    directory: Path
-    status: RunStatus
-    tests: tuple[Mapping[str, Any], ...]
+    directory: Path  # its folder
+    status: RunStatus  # completed or interrupted
+    tests: tuple[Mapping[str, Any], ...]  # a line on each test, as in ``campaign.json``
 
 
 def run_campaign(
@@ -278,9 +217,6 @@ def run_campaign(
     on_compile: Callable[[], None] | None = None,
 ) -> CampaignResult:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
-
-    Returns:
-        The folder and what happened in each test.
 
     Raises:
         RunDirectoryError: If the folder exists or cannot be written.
@@ -317,13 +253,12 @@ def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False
 
 
 def _header(campaign: Campaign, plan: PlannedTest) -> dict[str, object]:
-    values = {name: f"{value:g}" for name, value in plan.settings.items()}
     return {
         "joint": str(campaign.joint),
         "protocol": str(campaign.protocol),
         "mass_kg": f"{plan.mass:g}",
         "test": plan.number,
-        **values,
+        **{name: f"{value:g}" for name, value in plan.settings.items()},
         "campaign_seed": campaign.seed,
     }
 
@@ -348,9 +283,8 @@ def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
 def summarise(run: BenchRun) -> dict[str, float | None]:
     """What one looks at first in a test.
 
-    Returns:
-        Times in [s] at which the joint had moved by 1° and reached the stop, None if it did not; RMSE of
-        target and measured current in [A].
+    Times in [s] at which the joint had moved by 1° and reached the stop, None if it did not; RMSE of target
+    and measured current in [A].
     """
     angle = run.column("link_angle_rad")
     error = run.column("target_current_A") - run.column("measured_current_A")
@@ -383,10 +317,8 @@ def _settings(campaign: Campaign, status: RunStatus, lines: list[dict[str, Any]]
 
 def _finite(value: Any) -> Any:
     """Infinite numbers have no JSON; they become null."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
     if isinstance(value, Mapping):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_finite(item) for item in value]
-    return value
+    return finite_or_none(value) if isinstance(value, float) else value

@@ -51,19 +51,7 @@ class ClusterWorkers:
 
 @contextlib.contextmanager
 def connected(address: str) -> Iterator[ClusterWorkers]:
-    """Connect to a Dask cluster.
-
-    Args:
-        address: Of its scheduler, for example ``tcp://127.0.0.1:8786``.
-
-    Yields:
-        Its workers.
-
-    Raises:
-        MissingOptionalDependency: If dask.distributed is not installed.
-        ParameterError: If there is no scheduler at the address.
-        WorkersLost: If it has no workers.
-    """
+    """Connect to the workers of a scheduler, for example of ``tcp://127.0.0.1:8786``."""
     client = _client(address)
     try:
         with contextlib.suppress(TimeoutError):
@@ -110,14 +98,11 @@ def _finished(under_way: dict[Any, Item]) -> Iterator[Any]:
     for future in wait(list(under_way), return_when="FIRST_COMPLETED").done:
         error = future.exception()
         if error is not None:
+            reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
             raise WorkersLost(
-                f"{under_way[future]}: the cluster gave up ({_one_line(error)}); has every worker the same "
-                "twin_gait installed, and memory enough?"
+                f"{under_way[future]}: the cluster gave up ({reason}); has every worker the same twin_gait "
+                "installed, and memory enough?"
             )
         result = future.result()
         del under_way[future]
         yield result
-
-
-def _one_line(error: BaseException) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"

@@ -9,7 +9,7 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, block_size, compile_ahead, simulate_together
-from twin_gait.studies.jobs import JobFailed, Progress, Workers, run_blocks
+from twin_gait.studies.jobs import JobFailed, Progress, Stop, Workers, run_blocks
 from twin_gait.studies.processes import Item, Result
 
 
@@ -22,42 +22,26 @@ def run_episodes(
     block: int | None = None,
     workers: int | Workers = 1,
     progress: Progress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; a log lives no longer than that.
 
+    Results and errors are those of :func:`twin_gait.studies.run_jobs`, as are the arguments not named here.
+
     Args:
-        experiment_of: Makes the experiment; like ``measure`` and the items it goes to the workers, see
-            :func:`twin_gait.studies.run_jobs`.
+        experiment_of: Makes the experiment; like ``measure`` and the items it goes to the workers.
         measure: What is kept of a run.
         items: What the experiments are made of.
         columns: What ``measure`` reads of a log, as
             :func:`~twin_gait.simulation.together.simulate_together` takes it; everything by default.
         block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
-        workers: Processes, or :class:`~twin_gait.studies.Workers`.
-        progress: Called with episodes done and in all.
-        should_stop: Asked before each block; True lets those that run finish and ends the work.
         on_compile: Called if the engine has to be compiled first, which the workers then need not do.
-
-    Returns:
-        Measures in the order of the items; of the first items only if it was stopped.
-
-    Raises:
-        JobFailed: If an episode cannot be run, telling which.
-        ParameterError: If the workers are below 1.
-        WorkersLost: As :func:`twin_gait.studies.run_jobs`.
     """
     if block is None:
         block = block_ahead(lambda: experiment_of(items[0]), len(items), on_compile) if items else 1
-    return run_blocks(
-        partial(measured, experiment_of, measure, columns),
-        items,
-        block=block,
-        workers=workers,
-        progress=progress,
-        should_stop=should_stop,
-    )
+    walk = partial(measured, experiment_of, measure, columns)
+    return run_blocks(walk, items, block=block, workers=workers, progress=progress, should_stop=should_stop)
 
 
 def measured(
@@ -77,12 +61,9 @@ def measured(
 def block_ahead(
     first: Callable[[], Experiment], total: int, on_compile: Callable[[], None] | None = None
 ) -> int:
-    """Compile for some episodes before others need it, and tell how many of them to hand over at a time.
+    """Compile for ``total`` episodes before others need it, and tell how many of them to hand over at a time.
 
-    Args:
-        first: Makes the experiment of one; a mistake in it is told when its turn comes.
-        total: All that there are.
-        on_compile: Called if there is anything to compile.
+    ``first`` makes the experiment of one; a mistake in it is told when its turn comes.
     """
     try:
         experiment = first()

@@ -16,7 +16,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.episodes import run_episodes
-from twin_gait.studies.jobs import JobFailed, Workers
+from twin_gait.studies.jobs import JobFailed, Progress, Stop, Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -44,14 +44,10 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class FaultCampaign:
-    """A campaign.
+    """A campaign."""
 
-    Attributes:
-        table: One row per fault, see :func:`fault_row`.
-        status: ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; then the table holds the first faults.
-    """
-
-    table: pd.DataFrame
+    table: pd.DataFrame  # one row per fault, see fault_row
+    # ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; then the table holds the first faults
     status: RunStatus
 
     @property
@@ -68,14 +64,6 @@ def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
     Kinds take turns, so that each is drawn equally often; side, joint and time are uniform, magnitudes
     log-uniform between the bounds of ``MAGNITUDES`` with either sign. A fault depends on the seed and its
     position only: a longer campaign begins with the faults of a shorter one.
-
-    Args:
-        experiment: The legs that there are, and the duration.
-        count: How many.
-        seed: Of the draws.
-
-    Returns:
-        The faults.
 
     Raises:
         ParameterError: If the run is too short for a fault and its end.
@@ -124,27 +112,21 @@ def simulate_faults(
     *,
     row: Callable[[Run], dict[str, Any]] | None = None,
     workers: int | Workers = 1,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: Progress | None = None,
+    should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> FaultCampaign:
     """Simulate an experiment once for each fault.
+
+    Arguments not named here and errors are those of :func:`twin_gait.studies.run_episodes`.
 
     Args:
         experiment: The experiment; faults of its own are replaced.
         faults: One for each run, for example from :func:`draw_faults`.
         row: What is told of each run; :func:`fault_row` by default.
-        workers: Processes; 1 runs in this one.
-        progress: Called with faults done and in all.
-        should_stop: Asked now and then; True lets those that run finish and ends the campaign.
-        on_compile: Called if the engine has to be compiled first.
-
-    Returns:
-        The campaign.
 
     Raises:
-        ParameterError: If workers or faults make no sense, or a run cannot be made.
-        WorkersLost: If worker processes die again and again with the same fault.
+        ParameterError: If a run cannot be made.
     """
     try:
         rows = run_episodes(
@@ -168,9 +150,6 @@ def _with_fault(experiment: Experiment, fault: Fault) -> Experiment:
 
 def fault_row(run: Run) -> dict[str, Any]:
     """Sum up a run with one fault.
-
-    Args:
-        run: The run.
 
     Returns:
         The fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time of
@@ -209,15 +188,10 @@ def _peak(run: Run, column: str) -> float:
 
 
 def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Outcomes and times of detection by kind of fault.
+    """Outcomes and times of detection by kind of fault, and for all: texts and counts.
 
-    Args:
-        table: Of a campaign.
-
-    Returns:
-        A row for each kind and one for all, texts and counts. Detection is the time from the fault to the
-        trip: a frozen encoder on a joint that stands still is no danger yet, and is noticed when the joint
-        moves.
+    Detection is the time from the fault to the trip: a frozen encoder on a joint that stands still is no
+    danger yet, and is noticed when the joint moves.
     """
     kinds = [str(kind) for kind in FaultKind if (table["kind"] == kind).any()]
     rows = [_outcome_row(kind, table[table["kind"] == kind]) for kind in kinds]

@@ -22,7 +22,6 @@ from twin_gait.parameters import require
 from twin_gait.studies.cluster import ClusterWorkers, connected
 from twin_gait.studies.processes import Item, Processes, Result, WorkersLost
 
-MOST_IN_CHUNK = 1000
 # Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
 # script that makes the meshes, in urdf; a checkout keeps it outside of the package.
 SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export", "urdf"})
@@ -33,16 +32,12 @@ SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export"
 _ONE_AT_A_TIME = threading.RLock()
 
 Progress = Callable[[int, int], None]
+Stop = Callable[[], bool]
 BlockFunction = Callable[[Sequence[Item]], Iterable[tuple[int, Result]]]
 
 
 class JobFailed(TwinGaitError):
-    """A job raised an error of this package.
-
-    Attributes:
-        index: Of its item.
-        problem: The error's message.
-    """
+    """A job raised an error of this package: ``index`` of its item, and ``problem``, the error's message."""
 
     def __init__(self, index: int, problem: str) -> None:
         """Compose the message."""
@@ -51,19 +46,12 @@ class JobFailed(TwinGaitError):
 
 
 class Portion(NamedTuple, Generic[Result]):
-    """Results of a chunk of items.
+    """Results of a block of items."""
 
-    Attributes:
-        results: By index of the item.
-        problem: Index and message of the job that failed, after which the chunk ended.
-        wall_s: How long it took in [s].
-        processor: Name of the processor's type as the compiler has it: the same name, the same last bits.
-    """
-
-    results: dict[int, Result]
-    problem: tuple[int, str] | None
-    wall_s: float
-    processor: str
+    results: dict[int, Result]  # by index of the item
+    problem: tuple[int, str] | None  # index and message of the job that failed, after which the block ended
+    wall_s: float  # how long it took in [s]
+    processor: str  # its type as the compiler has it: the same name, the same last bits
 
 
 class Workers:
@@ -71,38 +59,31 @@ class Workers:
 
     A context manager; processes start with the first job and end with the context. Workers do not outlive a
     parent that is killed. One process is the calling one.
+
+    Args:
+        workers: Processes of this machine.
+        cluster: Address of a Dask scheduler such as ``tcp://127.0.0.1:8786``, in place of processes.
+
+    Raises:
+        ParameterError: If the workers are below 1, or on entry if there is no scheduler at the address.
+        MissingOptionalDependency: On entry, if dask.distributed is not installed.
+        WorkersLost: On entry, if the cluster has no workers.
     """
 
     def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
-        """Choose who works; nothing is started.
-
-        Args:
-            workers: Processes of this machine.
-            cluster: Address of a Dask scheduler such as ``tcp://127.0.0.1:8786``, in place of processes.
-
-        Raises:
-            ParameterError: If the workers are below 1.
-        """
+        """Choose who works; nothing is started."""
         require(workers >= 1, "workers", "1 or more", workers)
         self._cluster = cluster
         self._runner: Processes | ClusterWorkers = Processes(workers)
         self._connection: AbstractContextManager[Any] = nullcontext()
 
     def __enter__(self) -> Workers:
-        """Connect to the cluster, if there is one.
-
-        Raises:
-            MissingOptionalDependency: If dask.distributed is not installed.
-            ParameterError: If there is no scheduler at the address.
-            WorkersLost: If the cluster has no workers.
-        """
         if self._cluster is not None:
             self._connection = connected(self._cluster)
             self._runner = self._connection.__enter__()
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        """End the processes, or leave the cluster."""
         if isinstance(self._runner, Processes):
             self._runner.end()
         self._connection.__exit__(*exception)
@@ -129,7 +110,7 @@ def run_jobs(
     *,
     workers: int | Workers = 1,
     progress: Progress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    should_stop: Stop | None = None,
 ) -> list[Result]:
     """Call a function with each of many items, on several processes or a cluster.
 
@@ -154,13 +135,9 @@ def run_jobs(
         ParameterError: If the workers are below 1.
         WorkersLost: If workers die again and again with the same item, or the cluster is lost.
     """
+    function_of_many = partial(one_by_one, function)
     return run_blocks(
-        partial(one_by_one, function),
-        items,
-        block=1,
-        workers=workers,
-        progress=progress,
-        should_stop=should_stop,
+        function_of_many, items, block=1, workers=workers, progress=progress, should_stop=should_stop
     )
 
 
@@ -171,30 +148,24 @@ def run_blocks(
     block: int,
     workers: int | Workers = 1,
     progress: Progress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    should_stop: Stop | None = None,
 ) -> list[Result]:
-    """:func:`run_jobs` with a function of several items at once.
+    """:func:`run_jobs` with a function of up to ``block`` items at once.
 
-    Args:
-        function: From some items to position among them and result of each, in any order. Raises
-            :class:`JobFailed` with the position of an item that failed.
-        block: Items that it gets at most.
-        should_stop: Asked before each block.
+    It gives position among them and result of each, in any order, and raises :class:`JobFailed` with the
+    position of an item that failed.
     """
-    if isinstance(workers, int):
-        with Workers(workers) as own:
-            return run_blocks(
-                function, items, block=block, workers=own, progress=progress, should_stop=should_stop
-            )
-    done: dict[int, Result] = {}
-    coming = portions(function, items, len(items), workers, block=block, should_stop=should_stop)
-    with closing(coming):
-        for portion in coming:
-            done |= portion.results
-            if portion.problem:
-                raise JobFailed(*portion.problem)
-            if progress is not None:
-                progress(len(done), len(items))
+    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
+        done: dict[int, Result] = {}
+        with closing(
+            portions(function, items, len(items), own, block=block, should_stop=should_stop)
+        ) as coming:
+            for portion in coming:
+                done |= portion.results
+                if portion.problem:
+                    raise JobFailed(*portion.problem)
+                if progress is not None:
+                    progress(len(done), len(items))
     return [done[index] for index in range(len(done))]
 
 
@@ -214,28 +185,18 @@ def portions(
     workers: Workers,
     *,
     block: int = 1,
-    chunk_seconds: float = 0.0,
-    should_stop: Callable[[], bool] | None = None,
+    should_stop: Stop | None = None,
 ) -> Generator[Portion[Result], None, None]:
-    """Results chunk by chunk, in the order in which they come, for a caller that keeps them as they come.
+    """Results block by block, in the order in which they come, for a caller that keeps them as they come.
 
-    Args:
-        function: As in :func:`run_blocks`.
-        items: Its arguments, taken one by one when there is room.
-        block: Items handed over at a time.
-        chunk_seconds: More of them, where they take less than this in [s], as far as it can be foretold.
-
-    Yields:
-        The portions; one with a problem is not the last unless the caller leaves.
+    Items are taken when there is room, up to ``block`` at a time. A portion with a problem is not the last
+    unless the caller leaves.
 
     Raises:
         WorkersLost: As in :func:`run_jobs`, or if a worker has other sources.
     """
-    pace = _Pace(chunk_seconds, even_size(total, block, workers.slots()), workers)
-    chunks = _chunks(items, total, pace, should_stop)
-    with closing(workers.as_they_come(partial(_do, function, sources_hash()), chunks)) as coming:
-        for portion in coming:
-            yield pace.noted(portion)
+    chunks = _chunks(items, total, even_size(total, block, workers.slots()), should_stop)
+    return workers.as_they_come(partial(_do, function, sources_hash()), chunks)
 
 
 def even_size(total: int, block: int, slots: int) -> int:
@@ -260,33 +221,12 @@ class _Chunk(NamedTuple):
         return " to ".join(ends)
 
 
-class _Pace:
-    """Size of chunks, from the measured time of an item."""
-
-    def __init__(self, seconds: float, block: int, workers: Workers) -> None:
-        self._seconds, self._block, self._slots = seconds, block, workers.slots()
-        self._items, self._wall_s = 0, 0.0
-
-    def noted(self, portion: Portion[Result]) -> Portion[Result]:
-        self._items += len(portion.results)
-        self._wall_s += portion.wall_s
-        return portion
-
-    def size(self, left: int) -> int:
-        """Items of the next chunk, with enough of them at the end for every worker."""
-        by_time = round(self._seconds * self._items / max(self._wall_s, 1e-9))
-        return max(self._block, min(by_time, MOST_IN_CHUNK, left // (2 * self._slots)))
-
-
-def _chunks(
-    items: Iterable[Any], total: int, pace: _Pace, should_stop: Callable[[], bool] | None
-) -> Iterator[_Chunk]:
-    """A chunk is cut when it is asked for, with what is known by then of the time of an item."""
-    waiting, place = iter(items), 0
-    while place < total and not (should_stop is not None and should_stop()):
-        chunk = _Chunk(place, tuple(itertools.islice(waiting, pace.size(total - place))))
-        yield chunk
-        place += len(chunk.items)
+def _chunks(items: Iterable[Any], total: int, size: int, should_stop: Stop | None) -> Iterator[_Chunk]:
+    waiting = iter(items)
+    for first in range(0, total, size):
+        if should_stop is not None and should_stop():
+            return
+        yield _Chunk(first, tuple(itertools.islice(waiting, size)))
 
 
 def _do(function: BlockFunction[Any, Result], sources: str, chunk: _Chunk) -> Portion[Result]:

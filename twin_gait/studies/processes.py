@@ -74,7 +74,8 @@ class Processes:
         while True:
             under_way: dict[Future[Result], _Attempt] = {}
             try:
-                for attempt in _lost_first(lost, fresh):
+                # Those that were lost come first.
+                while attempt := lost.popleft() if lost else next(fresh, None):
                     self._submit(function, attempt, under_way, lost)
                     # One more than there are processes keeps all of them busy.
                     if len(under_way) > self._workers:
@@ -98,11 +99,7 @@ class Processes:
             self._pool = None
 
     def _submit(
-        self,
-        function: Callable[[Item], Result],
-        attempt: _Attempt,
-        under_way: dict[Future[Result], _Attempt],
-        lost: deque[_Attempt],
+        self, function: Any, attempt: _Attempt, under_way: dict[Future[Any], _Attempt], lost: deque[_Attempt]
     ) -> None:
         self._pool = self._pool or _new_pool(self._workers)
         # A process inherits what is blocked while it is started: Ctrl-C reaches every process of a terminal,
@@ -125,18 +122,9 @@ def _new_pool(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
 
 
-def _lost_first(lost: deque[_Attempt], fresh: Iterator[_Attempt]) -> Iterator[_Attempt]:
-    while lost:
-        yield lost.popleft()
-    # Not "yield from": leaving this generator would close the other one.
-    for attempt in fresh:  # noqa: UP028
-        yield attempt
-
-
 def _finished(under_way: dict[Future[Result], _Attempt]) -> Iterator[Result]:
     """Results that are there, as soon as there is one."""
-    done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-    for future in done:
+    for future in wait(under_way, return_when=FIRST_COMPLETED).done:
         result = future.result()
         del under_way[future]
         yield result

@@ -23,24 +23,15 @@ _REACH = NormalDist().inv_cdf(HIGHEST_SHARE)
 
 @dataclass(frozen=True, kw_only=True)
 class BodySizes(Parameters):
-    """Stature and body mass of the people of one sex.
+    """Stature and body mass of the people of one sex."""
 
-    Attributes:
-        stature_mean: In [m].
-        stature_deviation: Standard deviation in [m].
-        mass_mean: In [kg].
-        mass_deviation: Standard deviation in [kg].
-        correlation: Of stature and mass.
-    """
-
-    stature_mean: Annotated[Length, POSITIVE]
-    stature_deviation: Annotated[Length, POSITIVE]
-    mass_mean: Annotated[Mass, POSITIVE]
-    mass_deviation: Annotated[Mass, POSITIVE]
-    correlation: Ratio
+    stature_mean: Annotated[Length, POSITIVE]  # in [m]
+    stature_deviation: Annotated[Length, POSITIVE]  # standard deviation in [m]
+    mass_mean: Annotated[Mass, POSITIVE]  # in [kg]
+    mass_deviation: Annotated[Mass, POSITIVE]  # standard deviation in [kg]
+    correlation: Ratio  # of stature and mass
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         super().__post_init__()
         require(-1.0 < self.correlation < 1.0, "correlation", "a number between -1 and 1", self.correlation)
 
@@ -74,9 +65,6 @@ def cohort(
         like: Whose efforts and conditions all of them share; the default wearer is mass alone.
         sizes: Of the population.
 
-    Returns:
-        The people, ``count`` of them.
-
     Raises:
         ParameterError: If count, seed or sizes make no sense.
     """
@@ -85,12 +73,8 @@ def cohort(
     require(set(sizes) == set(Sex), "sizes", "those of both sexes", sorted(sizes))
     for sex, size in sizes.items():
         lightest = _lognormal(size.mass_mean, size.mass_deviation, -_REACH)
-        require(
-            lightest < HEAVIEST_WEARER,
-            f"{sex} mass_mean",
-            f"a 5th percentile below {HEAVIEST_WEARER:g} kg",
-            lightest,
-        )
+        wanted = f"a 5th percentile below {HEAVIEST_WEARER:g} kg"
+        require(lightest < HEAVIEST_WEARER, f"{sex} mass_mean", wanted, lightest)
     pattern = Patient() if like is None else like
     return tuple(_person(pattern, sizes, np.random.SeedSequence(seed, spawn_key=(i,))) for i in range(count))
 
@@ -111,19 +95,11 @@ def _person(pattern: Patient, sizes: Mapping[Sex, BodySizes], seed: np.random.Se
 
 def _lognormal(mean: float, deviation: float, standard: float) -> float:
     """Lognormal variable where its logarithm lies so many standard deviations above its mean."""
-    spread = _spread(mean, deviation)
+    spread = math.sqrt(math.log1p((deviation / mean) ** 2))
     return mean * math.exp(spread * standard - 0.5 * spread * spread)
-
-
-def _spread(mean: float, deviation: float) -> float:
-    """Standard deviation of the logarithm of a lognormal variable."""
-    return math.sqrt(math.log1p((deviation / mean) ** 2))
 
 
 def _correlation_of_logarithms(size: BodySizes) -> float:
     shares = size.stature_deviation / size.stature_mean, size.mass_deviation / size.mass_mean
-    spreads = [
-        _spread(size.stature_mean, size.stature_deviation),
-        _spread(size.mass_mean, size.mass_deviation),
-    ]
+    spreads = [math.sqrt(math.log1p(share**2)) for share in shares]
     return math.log1p(size.correlation * shares[0] * shares[1]) / (spreads[0] * spreads[1])

@@ -7,8 +7,9 @@ import math
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
 from twin_gait.control.supervisor import NO_REQUEST, hear_request
 from twin_gait.core.belt import treadmill_speed, walk_command
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import PELVIS, SHIFT
+from twin_gait.simulation.interface import PELVIS, PITCH, SHIFT
 
 
 def command(e: Episode, tick: int) -> None:
@@ -28,7 +29,15 @@ def command(e: Episode, tick: int) -> None:
 
 def catch(e: Episode, tick: int) -> None:
     """In the tick of a trip the harness locks at the height of the wearer's pelvis, a stop from below."""
-    if PELVIS >= 0:
+    if PITCH >= 0:
+        if e.controller.trip.tick == tick:
+            harness = e.trunk.harness
+            _, cosine = sine_cosine(e.q[PITCH])
+            harness.stop.lower = e.q[PELVIS] + harness.height * cosine
+            harness.stop.upper = math.inf
+            harness.stop.stiffness = e.catch_stiffness
+            harness.stop.dissipation = e.catch_dissipation
+    elif PELVIS >= 0:
         if e.controller.trip.tick == tick:
             stop = e.plant[PELVIS + SHIFT].stop
             stop.lower = e.q[PELVIS + SHIFT]

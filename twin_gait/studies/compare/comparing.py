@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import ControlMode, Experiment
-from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
+from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, simulate_together
 from twin_gait.studies.compare.measures import Measures, run_measures
@@ -31,27 +32,18 @@ TWINCARE_SHARE = 0.8
 
 @dataclass(frozen=True)
 class Controller:
-    """One way to drive the legs.
+    """One way to drive the legs."""
 
-    Attributes:
-        name: On the command line and in tables.
-        title: In a report.
-        explanation: What it does, in plain words.
-        mode: Law between angle and torque.
-        adaptive: Whether the assistance adapts from stride to stride.
-        partial: Whether a fixed share of the table acts.
-    """
-
-    name: str
-    title: str
-    explanation: str
-    mode: ControlMode
-    adaptive: bool = False
-    partial: bool = False
+    name: str  # on the command line and in tables
+    title: str  # in a report
+    explanation: str  # what it does, in plain words
+    law: str  # mode of control between angle and torque
+    adaptive: bool = False  # whether the assistance adapts from stride to stride
+    partial: bool = False  # whether a fixed share of the table acts
 
     def suits(self, experiment: Experiment) -> bool:
         """Whether it can drive the joints of an experiment."""
-        control = replace(experiment.control, mode=self.mode)
+        control = replace(experiment.control, mode=ControlMode(self.law))
         return not control.controller().refusal(experiment.joints)
 
     def change(self, experiment: Experiment) -> Experiment:
@@ -62,59 +54,44 @@ class Controller:
         if self.partial and assistance.is_full:
             shares = dict.fromkeys(experiment.joints, TWINCARE_SHARE)
             assistance = replace(assistance, share=shares)
-        return replace(experiment, control=replace(experiment.control, mode=self.mode, assistance=assistance))
+        control = replace(experiment.control, mode=ControlMode(self.law), assistance=assistance)
+        return replace(experiment, control=control)
 
 
-_IMPEDANCE = ControlMode("impedance")
+_AS_NEEDED = "the table; from stride to stride as much of it as the tracking error asks for"
+_CARRIED = "no spring; the gear's friction and the leg's weight in swing are carried"
 _CONTROLLERS = (
-    Controller("table", "five-phase table", "spring and damper of the gait table", _IMPEDANCE),
+    Controller("table", "five-phase table", "spring and damper of the gait table", "impedance"),
     Controller(
-        "position",
-        "position tracking",
-        "a stiff spring that follows a predetermined path",
-        ControlMode("position"),
+        "position", "position tracking", "a stiff spring that follows a predetermined path", "position"
     ),
-    Controller(
-        "assist_as_needed",
-        "assist as needed",
-        "the table; from stride to stride as much of it as the tracking error asks for",
-        _IMPEDANCE,
-        adaptive=True,
-    ),
+    Controller("assist_as_needed", "assist as needed", _AS_NEEDED, "impedance", adaptive=True),
     Controller(
         "twincare",
         "partial assistance",
         "the table, a fixed share of it per joint",
-        _IMPEDANCE,
+        "impedance",
         partial=True,
     ),
-    Controller(
-        "transparent",
-        "friction compensation only",
-        "no spring; the gear's friction and the leg's weight in swing are carried",
-        ControlMode("transparent"),
-    ),
+    Controller("transparent", "friction compensation only", _CARRIED, "transparent"),
     Controller(
         "gravity",
         "gravity compensation",
         "no spring; friction and the leg's whole weight are carried",
-        ControlMode("gravity"),
+        "gravity",
     ),
     Controller(
         "constant",
         "constant impedance",
         "one spring for the whole stride, the mean of the table's",
-        ControlMode("constant"),
+        "constant",
     ),
 )
 CONTROLLERS = {item.name: item for item in _CONTROLLERS}
 
 
 def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
-    """Look controllers up.
-
-    Args:
-        names: For example ``table`` and ``position``.
+    """Look controllers up, for example ``table`` and ``position``.
 
     Raises:
         ParameterError: If there is none of a name, or one is named twice.
@@ -134,35 +111,21 @@ class ComparisonInterrupted(TwinGaitError):
 
 
 class Interval(NamedTuple):
-    """A mean over seeds.
+    """A mean over seeds."""
 
-    Attributes:
-        mean: NaN where no run has the number.
-        half_width: Of its 95 % confidence interval; NaN for fewer than two runs.
-    """
-
-    mean: float
-    half_width: float
+    mean: float  # NaN where no run has the number
+    half_width: float  # of its 95 % confidence interval; NaN for fewer than two runs
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Controllers beside each other.
+    """Controllers beside each other."""
 
-    Attributes:
-        experiment: What they have in common.
-        controllers: In order.
-        seeds: Days that each was run on; the first is the nominal one.
-        table: One row per run: ``controller``, ``seed`` and the numbers of
-            :func:`~twin_gait.studies.compare.measures.run_measures`.
-        runs: Of the nominal day, by the name of the controller.
-    """
-
-    experiment: Experiment
-    controllers: tuple[Controller, ...]
-    seeds: int
-    table: pd.DataFrame
-    runs: dict[str, Run]
+    experiment: Experiment  # what they have in common
+    controllers: tuple[Controller, ...]  # in order
+    seeds: int  # days that each was run on; the first is the nominal one
+    table: pd.DataFrame  # one row per run: ``controller``, ``seed`` and the numbers of run_measures
+    runs: dict[str, Run]  # of the nominal day, by the name of the controller
 
     def interval(self, controller: str, number: str) -> Interval:
         """Mean of a measure over the runs of a controller that have it."""
@@ -189,14 +152,11 @@ class Comparison:
 def interval_of(values: np.ndarray) -> Interval:
     """Mean with the confidence interval of Student's t distribution; NaN does not count."""
     known = values[~np.isnan(values)]
-    if len(known) == 0:
-        return Interval(math.nan, math.nan)
-    mean = float(known.mean())
+    mean = float(known.mean()) if len(known) else math.nan
     if len(known) < 2:
         return Interval(mean, math.nan)
-    spread = float(np.std(known, ddof=1)) / math.sqrt(len(known))
     quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(known) - 1))
-    return Interval(mean, quantile * spread)
+    return Interval(mean, quantile * float(sem(known)))
 
 
 def compare(
@@ -225,7 +185,13 @@ def compare(
             name, seed = asked[place][0].name, asked[place][1]
             if seed == 0:
                 nominal[name] = run
-            rows[place] = {"controller": name, "seed": seed, **_ending(run), **run_measures(run)}
+            trip = (
+                ""
+                if run.trip is None
+                else f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
+            )
+            ending = {"status": str(run.status), "trip": trip}
+            rows[place] = {"controller": name, "seed": seed, **ending, **run_measures(run)}
             if progress is not None:
                 progress(len(rows), len(asked))
     except EpisodeFailed as error:
@@ -247,11 +213,6 @@ def _check(experiment: Experiment, seeds: int) -> None:
         raise ParameterError(f"seeds: expected 1 or more, got {seeds}")
 
 
-def _ending(run: Run) -> dict[str, str]:
-    trip = "" if run.trip is None else f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
-    return {"status": str(run.status), "trip": trip}
-
-
 def varied(experiment: Experiment, seed: int) -> Experiment:
     """The experiment on another day."""
     walking, patient, plant = experiment.scenario.walking, experiment.patient, experiment.plant
@@ -263,21 +224,16 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
         joint: (1.0 + FRICTION_SPREAD * draw[1]) * plant.friction_ratio.get(joint, 1.0)
         for joint in plant.friction
     }
+    form = 1.0 + EFFORT_SPREAD * draw[3]
+    conditions = {
+        place: replace(item, effort=min(1.0, form * item.effort))
+        for place, item in patient.conditions.items()
+    }
+    mass = min(HEAVIEST_WEARER, (1.0 + MASS_SPREAD * draw[0]) * patient.mass)
     return replace(
         experiment,
         seed=experiment.seed + seed,
-        patient=_on_another_day(patient, draw[0], draw[3]),
+        patient=replace(patient, mass=mass, conditions=conditions),
         plant=replace(plant, friction_ratio=friction),
         scenario=experiment.scenario.adjusted(BELT_SPEED, (1.0 + SPEED_SPREAD * draw[2]) * walking.speed),
-    )
-
-
-def _on_another_day(patient: Patient, weight: float, form: float) -> Patient:
-    def condition(item: JointCondition) -> JointCondition:
-        return replace(item, effort=min(1.0, (1.0 + EFFORT_SPREAD * form) * item.effort))
-
-    return replace(
-        patient,
-        mass=min(HEAVIEST_WEARER, (1.0 + MASS_SPREAD * weight) * patient.mass),
-        conditions={place: condition(item) for place, item in patient.conditions.items()},
     )

@@ -58,12 +58,9 @@ class _Leg(NamedTuple):
 
 
 def run_measures(run: Run) -> Measures:
-    """All numbers of a run, by names with their units.
+    """All numbers of a run, by names with their units; NaN where one is not defined.
 
     ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
-
-    Returns:
-        Measures by name; NaN where one is not defined.
     """
     end = len(run.log) if run.trip is None else run.trip.tick
     walked = run.verdict.outcome is Outcome.WALKED
@@ -138,11 +135,7 @@ def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
 
 
 def winter_cycle(joint: JointName) -> np.ndarray:
-    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``.
-
-    Args:
-        joint: One of ``WINTER_JOINTS``.
-    """
+    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``."""
     walk = normative_walk(WINTER, strides=2)
     angles = walk.recording.angles[Side.LEFT][str(joint)]
     return np.asarray(np.interp(PERCENT / 100.0 * walk.cycle_time, np.arange(len(angles)) * TICK, angles))
@@ -172,63 +165,48 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
 
 
 def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
-    """Torque of the wearer's effort at a joint: the whole torque less tissue and spastic muscles.
-
-    Returns:
-        Torque in [N m], one value a tick, shape ``(n_ticks,)``.
-    """
+    """Torque of the wearer's effort at a joint, in [N m] at every tick: less tissue and spastic muscles."""
     log, patient = run.log, run.experiment.patient or Patient()
     condition = patient.conditions.get((side, joint), JointCondition())
     whole = log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
     speeds = log[wearer_column(log, side, joint, "velocity_rad_per_s")]
-    catch = [
-        spastic_torque(speed, condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
-        for speed in speeds
-    ]
+    reflex = condition.stretch_reflex_threshold, condition.stretch_reflex_gain
+    catch = [spastic_torque(speed, *reflex) for speed in speeds]
     return np.asarray(whole - condition.passive * _passive(run, side, joint) - np.array(catch))
 
 
 def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
     """Passive torque of the tissue; a contracture acts as if the joint were further extended."""
     patient, log = run.experiment.patient or Patient(), run.log
-    if patient.conditions.get((side, joint), JointCondition()).passive == 0.0:
+    conditions = {item: patient.conditions.get((side, item), JointCondition()) for item in JointName}
+    if conditions[joint].passive == 0.0:
         return np.zeros(len(log))
-    names = [wearer_column(log, side, item, "angle_rad") for item in (JointName.HIP, JointName.KNEE)]
-    shifts = [
-        patient.conditions.get((side, item), JointCondition()).contracture
-        for item in (JointName.HIP, JointName.KNEE)
+    hip, knee, ankle = (wearer_column(log, side, item, "angle_rad") for item in JointName)
+    angles = [
+        log[name] - conditions[item].contracture
+        for name, item in ((hip, JointName.HIP), (knee, JointName.KNEE))
     ]
-    angles = [(log[name] - shift).tolist() for name, shift in zip(names, shifts, strict=True)]
     if joint is JointName.HIP:
         return np.array([passive_hip_torque(*pair) for pair in zip(*angles, strict=True)])
-    name = wearer_column(log, side, JointName.ANKLE, "angle_rad")
-    ankle = log[name].tolist() if name in log else [0.0] * len(log)
-    return np.array([passive_knee_torque(*three) for three in zip(*angles, ankle, strict=True)])
+    angles.append(log[ankle] if ankle in log else pd.Series(np.zeros(len(log))))
+    return np.array([passive_knee_torque(*three) for three in zip(*angles, strict=True)])
 
 
 def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
     """What the device does on the wearer: the torque of the brace, or without one that behind the gear."""
     if f"{name}_brace_torque_Nm" in log:
         return log[f"{name}_brace_torque_Nm"].to_numpy()
-    return interaction_torque(
-        log[f"{name}_motor_torque_Nm"].to_numpy(),
-        log[f"{name}_friction_torque_Nm"].to_numpy(),
-        log[f"{name}_velocity_rad_per_s"].to_numpy(),
-        rotor_inertia,
-        TICK,
-    )
+    columns = ("motor_torque_Nm", "friction_torque_Nm", "velocity_rad_per_s")
+    motor, friction, velocity = (log[f"{name}_{column}"].to_numpy() for column in columns)
+    return interaction_torque(motor, friction, velocity, rotor_inertia, TICK)
 
 
 def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> float:
-    """Share of the stiffness of its phases that a joint was given: in full 1, without springs 0.
+    """Share of the stiffness of its phases that a driven joint was given: in full 1, without springs 0.
 
-    Args:
-        joint: A driven one.
-        since: Stays in a phase that begin before this tick do not count.
-
-    Returns:
-        Mean over the ends of the stays in a phase, where no blend is under way; NaN if there is none.
-        Where it adapts, the first strides say how it began and not where it settles.
+    Mean over the ends of the stays in a phase, where no blend is under way; NaN if there is none. Where it
+    adapts, the first strides say how it began and not where it settles: stays before tick ``since`` do not
+    count.
     """
     control = run.experiment.control
     if control.mode in ("transparent", "gravity"):
@@ -257,33 +235,34 @@ def _together(run: Run, found: Measures) -> Measures:
     def both(name: str) -> list[float]:
         return [found[f"{side}_{name}"] for side in run.sides]
 
-    def mean(name: str, joints: Sequence[str] = joints) -> float:
-        return float(np.mean(every(name, joints)))
-
     power = float(run.log["battery_power_W"].mean())
     work = {who: sum(every(f"{who}_work_J")) for who in ("wearer", "device")}
     torques = [sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in joints) for side in run.sides]
+    known = [joint for joint in joints if joint in WINTER_JOINTS]
     rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
+    ranges = {
+        f"{joint}_range_symmetry": symmetry_index(*every("range_of_motion_deg", (joint,)))
+        for joint in reversed(joints)
+    }
     return {
         **{name: float(np.mean(both(name))) for name in _PER_LEG},
         "toe_clearance_m": min(both("toe_clearance_m")),
         "scuffs": sum(both("scuffs")),
-        **{f"{joint}_{name}": mean(name, (joint,)) for joint in joints for name in _PER_JOINT},
+        **{
+            f"{joint}_{name}": float(np.mean(every(name, (joint,))))
+            for joint in joints
+            for name in _PER_JOINT
+        },
         "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
-        "gps_winter_deg": gait_profile_score(
-            every("gvs_winter_deg", [joint for joint in joints if joint in WINTER_JOINTS])
-        ),
+        "gps_winter_deg": gait_profile_score(every("gvs_winter_deg", known)),
         "step_time_symmetry": symmetry_index(*both("step_time_s")),
         "swing_symmetry": symmetry_index(*both("swing_share")),
-        **{
-            f"{joint}_range_symmetry": symmetry_index(*every("range_of_motion_deg", (joint,)))
-            for joint in reversed(joints)
-        },
+        **ranges,
         "interaction_symmetry": symmetry_index(*torques),
         **{name: root_mean_square(np.array(every(name))) for name in rms},
         "wearer_work_share": share_of_work(work["wearer"], work["device"]),
-        "assistance_level": mean("assistance_level"),
-        "smoothness": mean("smoothness"),
+        "assistance_level": float(np.mean(every("assistance_level"))),
+        "smoothness": float(np.mean(every("smoothness"))),
         "current_rms_share": max(every("current_rms_share")),
         "battery_power_W": power,
         "battery_life_h": battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
@@ -293,9 +272,6 @@ def _together(run: Run, found: Measures) -> Measures:
 
 _PER_LEG = ("stride_time_s", "cadence_per_min", "stride_length_m", "swing_share", "double_support_share")
 _PER_JOINT = (
-    "range_of_motion_deg",
-    "interaction_rms_Nm",
-    "opposing_rms_Nm",
-    "assistance_level",
-    "gvs_koopman_deg",
+    *("range_of_motion_deg", "interaction_rms_Nm", "opposing_rms_Nm"),
+    *("assistance_level", "gvs_koopman_deg"),
 )

@@ -46,19 +46,12 @@ _BARS = {"device torque, RMS [N m]": "interaction_rms_Nm", "battery [W]": "batte
 
 
 class Shown(NamedTuple):
-    """A measure as a report shows it.
+    """A measure as a report shows it."""
 
-    Attributes:
-        label: What it is, with its unit.
-        digits: After the point.
-        meaning: In plain words.
-        factor: From the number to what is shown.
-    """
-
-    label: str
-    digits: int
-    meaning: str
-    factor: float = 1.0
+    label: str  # what it is, with its unit
+    digits: int  # after the point
+    meaning: str  # in plain words
+    factor: float = 1.0  # from the number to what is shown
 
 
 @cache

@@ -27,29 +27,18 @@ def episodes_of(sweep: Sweep, indices: Iterable[int]) -> Iterator[Episode]:
 
 
 class Episode(NamedTuple):
-    """An episode: plain values only.
+    """An episode: plain values only."""
 
-    Attributes:
-        number: Its position in the design.
-        override: What it changes.
-        seed: Of the sweep.
-        document: The experiment that all have in common, as JSON with the hash of its URDF.
-    """
-
-    number: int
-    override: Override
-    seed: int
-    document: str
+    number: int  # its position in the design
+    override: Override  # what it changes
+    seed: int  # of the sweep
+    document: str  # the experiment that all have in common, as JSON with the hash of its URDF
 
     def __str__(self) -> str:
         return f"episode {self.number}"
 
     def experiment(self) -> Experiment:
-        """What is to be run, with draws of its own.
-
-        Raises:
-            ParameterFileError: If a change is wrong, naming episode and key.
-        """
+        """What is to be run, with draws of its own; an error names episode and key."""
         base = _base(self.document)
         draws = np.random.SeedSequence(self.seed, spawn_key=(self.number,))
         seeded = {**base.document, "seed": int(draws.generate_state(1, np.uint64)[0])}
@@ -62,11 +51,7 @@ def _base(document: str) -> Base:
 
 
 def check_episode(episode: Episode) -> None:
-    """Check the overrides of an episode.
-
-    Raises:
-        TwinGaitError: If one is wrong.
-    """
+    """Check the overrides of an episode."""
     experiment = episode.experiment()
     # A text may name a joint or phase that is not there; numbers are checked by their ranges.
     plain = all(isinstance(value, int | float) for value in episode.override.values())
@@ -77,6 +62,5 @@ def check_episode(episode: Episode) -> None:
 def _lay_out(experiment: Experiment) -> None:
     """Do what goes before the first tick, to find what does not fit together."""
     problem = build_problem(experiment)
-    for phase in problem.world.initial_phases.values():
-        if phase is not None:
-            problem.table.phase_index(phase)
+    for phase in filter(None, problem.world.initial_phases.values()):
+        problem.table.phase_index(phase)

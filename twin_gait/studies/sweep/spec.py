@@ -1,4 +1,4 @@
-"""Sweep specifications as YAML: the schema, and its conversion to a base experiment and a design."""
+"""Sweep specifications as YAML, and their conversion to a base experiment and a design."""
 
 from __future__ import annotations
 
@@ -14,28 +14,16 @@ from twin_gait.configuration.documents import content_hash
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import load_experiment, resolved_document
 from twin_gait.configuration.overrides import assign, parse_assignments
-from twin_gait.configuration.validation import Count, Number, Strict, converting, read_yaml, validate
+from twin_gait.configuration.validation import Count, Strict, converting, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import versions
 from twin_gait.studies.batch import SUMMARY_COLUMNS
 from twin_gait.studies.jobs import sources_hash
-from twin_gait.studies.sweep.design import Design, Levels, Range, Scale, grid, latin_hypercube, listed
+from twin_gait.studies.sweep.design import Design, Levels, Range, grid, latin_hypercube, listed
 
-SPEC_SCHEMA_VERSION = 1
-
-
-class RangeEntry(Strict):
-    """A range of numbers."""
-
-    start: Number = Field(alias="from")
-    stop: Number = Field(alias="to")
-    count: Count | None = None
-    scale: Scale = Scale.LINEAR
-
-    def convert(self) -> Range:
-        """Convert."""
-        return Range(start=self.start, stop=self.stop, count=self.count, scale=self.scale)
+# Keys that a method needs, and those that it does not use: a key without use is a misunderstanding.
+_NEEDED = {"grid": {"parameters"}, "latin_hypercube": {"parameters", "samples"}, "list": {"episodes"}}
 
 
 class SweepFile(Strict):
@@ -57,25 +45,16 @@ class SweepFile(Strict):
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep with everything resolved.
+    """A sweep with everything resolved."""
 
-    Attributes:
-        source: File that it was read from, for messages.
-        name: For titles.
-        experiment: What all episodes have in common.
-        design: What each changes.
-        seed: That each episode's own seed is drawn from, with its number.
-        measures: Columns that are drawn.
-        document: The specification with the whole experiment in it and the hashes and versions of what
-            made it; reading it gives the same sweep.
-    """
-
-    source: str
-    name: str
-    experiment: Experiment
-    design: Design
-    seed: int
-    measures: tuple[str, ...]
+    source: str  # file that it was read from, for messages
+    name: str  # for titles
+    experiment: Experiment  # what all episodes have in common
+    design: Design  # what each changes
+    seed: int  # that each episode's own seed is drawn from, with its number
+    measures: tuple[str, ...]  # columns that are drawn
+    # The specification with the whole experiment in it and the hashes and versions of what made it; reading
+    # it gives the same sweep.
     document: Mapping[str, Any]
 
     @property
@@ -91,9 +70,6 @@ def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
         path: The YAML file.
         settings: Assignments such as ``duration_s=5``, laid over the settings of the file.
 
-    Returns:
-        The sweep.
-
     Raises:
         ParameterFileError: If the file has a mistake.
         ParameterError: If an assignment or the experiment that it names does.
@@ -107,19 +83,21 @@ def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
 def sweep_from_mapping(
     data: Mapping[str, Any], source: str, folder: Path, name: str = "sweep", settings: Sequence[str] = ()
 ) -> Sweep:
-    """Turn a mapping into a sweep.
-
-    Raises:
-        ParameterFileError: If the mapping has a mistake.
-        ParameterError: If an assignment or the experiment that it names does.
-    """
-    entry = validate(SweepFile, _plain(data, source), source)
+    """Turn a mapping into a sweep; errors as of :func:`load_sweep`."""
+    try:  # YAML also knows dates and sets, which no parameter is
+        plain = json.loads(json.dumps(data))
+    except (TypeError, ValueError, RecursionError) as error:
+        wanted = f"expected numbers, texts, lists and mappings ({error})"
+        raise ParameterFileError(source, "", wanted) from error
+    entry = validate(SweepFile, plain, source)
+    for measure in entry.measures:
+        if measure not in SUMMARY_COLUMNS or measure == "status":
+            problem = f"no measure {measure!r}; see the columns of the table of any sweep"
+            raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
     experiment, typed = _experiment(entry.experiment, assignments, source, folder)
-    design = _design(entry, source)
-    _check_measures(entry.measures, source)
     document = {
-        "schema_version": SPEC_SCHEMA_VERSION,
+        "schema_version": entry.schema_version,
         "name": entry.name or name,
         "experiment": _experiment_document(experiment, typed),
         **{key: data[key] for key in ("method", "parameters", "episodes", "samples") if key in data},
@@ -128,6 +106,7 @@ def sweep_from_mapping(
         "measures": entry.measures,
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
+    design = _design(entry, source)
     return Sweep(source, entry.name or name, experiment, design, entry.seed, tuple(entry.measures), document)
 
 
@@ -156,61 +135,27 @@ def _experiment_document(experiment: Experiment, typed: dict[str, Any]) -> dict[
     return {**document, "provenance": hashes}
 
 
-def _plain(data: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """The mapping as JSON has it; YAML also knows dates and sets, which no parameter is."""
-    try:
-        plain: dict[str, Any] = json.loads(json.dumps(data))
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ParameterFileError(
-            source, "", f"expected numbers, texts, lists and mappings ({error})"
-        ) from error
-    return plain
-
-
 def _design(entry: SweepFile, source: str) -> Design:
-    _check_fields(entry, source)
+    for key in ("episodes", "samples", "parameters"):
+        needed = key in _NEEDED[entry.method]
+        if needed != bool(getattr(entry, key)):
+            problem = "is missing or empty; method {} needs it" if needed else "method {} does not use it"
+            raise ParameterFileError(source, key, problem.format(entry.method))
+    repetitions = entry.repetitions
     if entry.method == "list":
-        return converting(source, "episodes", lambda: listed(entry.episodes, entry.repetitions))
-    parameters = {key: _levels(key, value, source) for key, value in entry.parameters.items()}
+        return converting(source, "episodes", lambda: listed(entry.episodes, repetitions))
+    levels = {key: _levels(key, value, source) for key, value in entry.parameters.items()}
     if entry.method == "grid":
-        return converting(source, "parameters", lambda: grid(parameters, entry.repetitions))
-    samples = entry.samples
-    if samples is None:
-        raise ParameterFileError(source, "samples", "is missing; a latin_hypercube needs their number")
-    return converting(
-        source, "samples", lambda: latin_hypercube(parameters, samples, entry.seed, entry.repetitions)
-    )
-
-
-def _check_fields(entry: SweepFile, source: str) -> None:
-    """A key that the method does not use is a misunderstanding."""
-    needed = "episodes" if entry.method == "list" else "parameters"
-    if not getattr(entry, needed):
-        raise ParameterFileError(source, needed, f"is missing or empty; method {entry.method} needs it")
-    unused = "parameters" if entry.method == "list" else "episodes"
-    if getattr(entry, unused):
-        raise ParameterFileError(source, unused, f"method {entry.method} does not use it; see {needed}")
-    if entry.method != "latin_hypercube" and entry.samples is not None:
-        raise ParameterFileError(source, "samples", f"method {entry.method} does not use it; remove it")
+        return converting(source, "parameters", lambda: grid(levels, repetitions))
+    samples = entry.samples or 0
+    return converting(source, "parameters", lambda: latin_hypercube(levels, samples, entry.seed, repetitions))
 
 
 def _levels(key: str, value: Any, source: str) -> Levels:
     place = f"parameters.{key}"
     if isinstance(value, dict):
-        entry = validate(RangeEntry, value, f"{source}: {place}")
-        return converting(source, place, entry.convert)
+        return validate(Range, value, f"{source}: {place}")
     if isinstance(value, list) and value:
         return value
-    raise ParameterFileError(
-        source,
-        place,
-        f"expected a list of values or {{from: …, to: …}}, got {json.dumps(value, default=str)}",
-    )
-
-
-def _check_measures(names: Sequence[str], source: str) -> None:
-    for name in names:
-        if name not in SUMMARY_COLUMNS or name == "status":
-            raise ParameterFileError(
-                source, "measures", f"no measure {name!r}; see the columns of the table of any sweep"
-            )
+    wanted = f"expected a list of values or {{from: …, to: …}}, got {json.dumps(value)}"
+    raise ParameterFileError(source, place, wanted)

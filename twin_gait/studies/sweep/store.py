@@ -1,6 +1,6 @@
 """The folder of a sweep: finished episodes are kept at once, so that a kill loses none of them.
 
-Each chunk becomes a small parquet file in ``parts``, written atomically. Now and then, and at the end, parts
+Each block becomes a small parquet file in ``parts``, written atomically. Now and then, and at the end, parts
 are merged into ``table.parquet``. A kill between the two leaves rows in both, of which one counts: they are
 equal.
 """
@@ -29,9 +29,7 @@ from twin_gait.studies.batch import SUMMARY_COLUMNS, Flat, setting_columns, summ
 from twin_gait.studies.sweep.spec import Sweep
 
 TABLE_SCHEMA_VERSION = 1
-SPEC_FILE = "spec.yaml"
-TABLE_FILE = "table.parquet"
-SUMMARY_FILE = "summary.json"
+SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.json"
 FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
 PARTS_FOLDER = "parts"
 _LOCK_FILE = ".lock"
@@ -43,35 +41,23 @@ SHARE_IN_PARTS = 0.1
 
 
 class SweepStore:
-    """An open folder of a sweep.
-
-    Attributes:
-        directory: The folder.
-        done: Which episodes are kept, shape ``(n,)``.
-    """
+    """An open folder of a sweep; ``done`` says which episodes are kept, shape ``(n,)``."""
 
     def __init__(self, directory: Path, sweep: Sweep) -> None:
         """Look at what is there; see :func:`open_store`, which also locks it."""
-        self.directory = directory
         self.done = np.zeros(len(sweep.design), dtype=bool)
-        self._sweep = sweep
-        self._sha256 = sweep.sha256.encode()
-        self._rows_in_table = 0
-        if (directory / TABLE_FILE).is_file():
-            self._rows_in_table = self._note(directory / TABLE_FILE)
-        self._parts = self._part_files()
+        self._table, self._parts_folder = directory / TABLE_FILE, directory / PARTS_FOLDER
+        self._sweep, self._sha256 = sweep, sweep.sha256.encode()
+        self._rows_in_table = self._note(self._table) if self._table.is_file() else 0
+        self._parts = sorted(self._parts_folder.glob("*.parquet"))
         self._rows_in_parts = sum(self._note(path) for path in self._parts)
 
     def append(self, rows: Mapping[int, Flat]) -> None:
-        """Keep the summaries of some episodes.
-
-        Raises:
-            RunDirectoryError: If they cannot be written.
-        """
+        """Keep the summaries of some episodes, at least in a part of their own."""
         if not rows:
             return
         episodes = sorted(rows)
-        path = self.directory / PARTS_FOLDER / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet"
+        path = self._parts_folder / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet"
         table = summary_table([rows[index] for index in episodes])
         table.insert(0, "episode", episodes)
         self._write(table, path)
@@ -83,46 +69,34 @@ class SweepStore:
 
     def merge(self) -> None:
         """Bring everything that is kept into the table: sorted by episode, settings first."""
-        tables = [self._read(path) for path in self._everything()]
-        rows = pd.concat(tables, ignore_index=True) if tables else summary_table([])
-        if tables:
-            rows = rows.drop_duplicates("episode").sort_values("episode", ignore_index=True)
+        known = [self._table] if self._table.is_file() else []
+        tables = [self._read(path).to_pandas() for path in (*known, *self._parts)]
+        rows = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame({"episode": []}, dtype=int)
+        rows = rows.drop_duplicates("episode").sort_values("episode", ignore_index=True)
         names = setting_columns(self._sweep.design.columns)
-        found = rows["episode"].to_numpy() if tables else np.zeros(0, dtype=int)
-        settings = {names[key]: _settings(self._sweep, key, found) for key in names}
-        results = _in_order(rows)
-        table = pd.concat(
-            [pd.DataFrame({"episode": found, **settings}, index=results.index), results], axis=1
-        )
-        self._write(table, self.directory / TABLE_FILE)
+        settings = {
+            names[key]: _typed(self._sweep.design.column(key)).iloc[rows["episode"]].reset_index(drop=True)
+            for key in names
+        }
+        # Columns in the order of a summary, whatever part came first; settings are those of the design.
+        results = rows[[name for name in SUMMARY_COLUMNS if name in rows.columns]]
+        table = pd.concat([pd.DataFrame({"episode": rows["episode"], **settings}), results], axis=1)
+        self._write(table, self._table)
         for path in self._parts:
             path.unlink(missing_ok=True)
         self._parts, self._rows_in_parts, self._rows_in_table = [], 0, len(table)
 
-    def _everything(self) -> list[Path]:
-        table = self.directory / TABLE_FILE
-        return [*([table] if table.is_file() else []), *self._parts]
-
-    def _part_files(self) -> list[Path]:
-        return sorted((self.directory / PARTS_FOLDER).glob("*.parquet"))
-
     def _note(self, path: Path) -> int:
         """Mark the episodes of a file as done."""
-        episodes = _reading(path, lambda: self._checked(path).read(["episode"])["episode"].to_numpy())
+        episodes = self._read(path, ["episode"])["episode"].to_numpy()
         self.done[episodes] = True
         return len(episodes)
 
-    def _read(self, path: Path) -> pd.DataFrame:
-        """Results of a file, without the settings, which the specification holds."""
-        table: pd.DataFrame = _reading(path, lambda: self._checked(path).read().to_pandas())
-        settings = set(setting_columns(self._sweep.design.columns).values())
-        return table[[name for name in table.columns if name not in settings]]
-
-    def _checked(self, path: Path) -> pq.ParquetFile:
-        file = pq.ParquetFile(path)
-        if (file.schema_arrow.metadata or {}).get(b"twin_gait.sweep_sha256") != self._sha256:
+    def _read(self, path: Path, columns: list[str] | None = None) -> Any:
+        table = _read_parquet(path, columns)
+        if (table.schema.metadata or {}).get(b"twin_gait.sweep_sha256") != self._sha256:
             raise RunDirectoryError(f"{path}: belongs to another sweep; remove it, or choose another --out")
-        return file
+        return table
 
     def _write(self, table: pd.DataFrame, path: Path) -> None:
         """Write a table with units, schema version and specification in the metadata."""
@@ -132,7 +106,7 @@ class SweepStore:
             b"twin_gait.schema_version": str(TABLE_SCHEMA_VERSION).encode(),
             b"twin_gait.sweep_sha256": self._sha256,
         }
-        if path.name == TABLE_FILE:
+        if path == self._table:
             units = {name: unit_of_column(name) for name in table.columns}
             metadata[b"twin_gait.units"] = json.dumps(units).encode()
             metadata[b"twin_gait.sweep"] = json.dumps(self._sweep.document).encode()
@@ -143,25 +117,25 @@ class SweepStore:
 
 @contextlib.contextmanager
 def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
-    """Open the folder of a sweep, or make it.
-
-    Yields:
-        The store; no other process can open it meanwhile.
+    """Open the folder of a sweep, or make it; no other process can open it meanwhile.
 
     Raises:
         RunDirectoryError: If the folder holds something else, is in use or cannot be written.
     """
     check_directory(directory, sweep)
+    parts = directory / PARTS_FOLDER
     try:
-        (directory / PARTS_FOLDER).mkdir(parents=True, exist_ok=True)
+        parts.mkdir(parents=True, exist_ok=True)
         lock = os.open(directory / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise RunDirectoryError(
-            f"{directory}: cannot be written ({error.strerror}); choose another --out"
-        ) from error
+        problem = f"{directory}: cannot be written ({error.strerror}); choose another --out"
+        raise RunDirectoryError(problem) from error
     try:
-        _lock(lock, directory)
-        for left in (directory / PARTS_FOLDER).glob(".*"):
+        try:  # the system releases it however this process ends
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RunDirectoryError(f"{directory}: another process is at work on this sweep") from error
+        for left in parts.glob(".*"):
             left.unlink()  # of a write that was killed
         if not (directory / SPEC_FILE).is_file():
             write_atomically(directory / SPEC_FILE, dump_yaml(dict(sweep.document)))
@@ -169,25 +143,13 @@ def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
         yield store
         if store.done.all():
             with contextlib.suppress(OSError):
-                (directory / PARTS_FOLDER).rmdir()
+                parts.rmdir()
     finally:
         os.close(lock)
 
 
-def _lock(descriptor: int, directory: Path) -> None:
-    try:
-        # The system releases it however this process ends.
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        raise RunDirectoryError(f"{directory}: another process is at work on this sweep") from error
-
-
 def check_directory(directory: Path, sweep: Sweep) -> None:
-    """Refuse a folder that is not this sweep's.
-
-    Raises:
-        RunDirectoryError: If it holds something else.
-    """
+    """Refuse a folder that is not this sweep's."""
     if (directory / SPEC_FILE).is_file():
         ours, found = dump_yaml(dict(sweep.document)), (directory / SPEC_FILE).read_text(encoding="utf-8")
         if found == ours:
@@ -204,49 +166,36 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
 
 def _holds_something(directory: Path) -> bool:
     """Whether there is more than a sweep leaves that was killed while it made its folder."""
-    begun = (PARTS_FOLDER, _LOCK_FILE)
-    return any(
-        path.name not in begun and not path.name.startswith(f".{SPEC_FILE}.") for path in directory.iterdir()
-    )
+    names = {path.name for path in directory.iterdir()} - {PARTS_FOLDER, _LOCK_FILE}
+    return any(not name.startswith(f".{SPEC_FILE}.") for name in names)
 
 
 def read_table(directory: Path) -> pd.DataFrame:
-    """Read the table of a sweep.
-
-    Raises:
-        RunDirectoryError: If there is none.
-    """
-    path = directory / TABLE_FILE
-    table: pd.DataFrame = _reading(path, lambda: pq.ParquetFile(path).read().to_pandas())
+    """Read the table of a sweep."""
+    table: pd.DataFrame = _read_parquet(directory / TABLE_FILE).to_pandas()
     return table
 
 
-def _settings(sweep: Sweep, key: str, episodes: np.ndarray) -> pd.Series:
-    """Values of a setting; what is neither a number, a truth nor a text is written as JSON."""
-    values = sweep.design.column(key)
-    kinds = {type(value) for value in values}
-    if kinds <= {int, float} and max(map(abs, values)) < 2**63:
-        # Chosen over the whole design: the type must not depend on how far the sweep has come.
-        typed = pd.Series(values, dtype="int64" if kinds == {int} else "float64")
-    elif kinds <= {int, float, type(None)}:
-        typed = pd.Series(values, dtype="float64")
-    elif kinds <= {bool, type(None)}:
-        typed = pd.Series(values, dtype="boolean")
-    else:
-        plain = [value if isinstance(value, str | None) else json.dumps(value) for value in values]
-        typed = pd.Series(plain, dtype="object")
-    return typed.iloc[episodes].reset_index(drop=True)
-
-
-def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
-    """Columns in the order of a summary, whatever part came first."""
-    return rows[[name for name in SUMMARY_COLUMNS if name in rows.columns]]
-
-
-def _reading(path: Path, read: Any) -> Any:
+def _read_parquet(path: Path, columns: list[str] | None = None) -> Any:
     try:
-        return read()
+        return pq.ParquetFile(path).read(columns)
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())
         raise RunDirectoryError(
-            f"{path}: cannot be read ({' '.join(str(error).split())}); remove it, and its episodes run again"
+            f"{path}: cannot be read ({reason}); remove it, and its episodes run again"
         ) from error
+
+
+def _typed(values: list[Any]) -> pd.Series:
+    """A setting over the whole design, whose type must not depend on how far the sweep has come.
+
+    What is neither a number, a truth nor a text is written as JSON.
+    """
+    kinds = {type(value) for value in values}
+    if kinds <= {int, float, type(None)}:
+        whole = kinds == {int} and max(map(abs, values)) < 2**63
+        return pd.Series(values, dtype="int64" if whole else "float64")
+    if kinds <= {bool, type(None)}:
+        return pd.Series(values, dtype="boolean")
+    plain = [value if isinstance(value, str | None) else json.dumps(value) for value in values]
+    return pd.Series(plain, dtype="object")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,18 @@ import pandas as pd
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import write_atomically
-from twin_gait.report.sweep import values_of
+from twin_gait.report.pages import Picture, figures_page, picture_of
+from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import Flat, flat_summary
+from twin_gait.studies.batch import Flat, flat_summary, setting_columns
 from twin_gait.studies.episodes import block_ahead, measured
-from twin_gait.studies.jobs import Portion, Workers, one_by_one, portions
+from twin_gait.studies.jobs import Portion, Progress, Stop, Workers, one_by_one, portions, run_jobs
 from twin_gait.studies.sweep.episode import Episode, check_episode, episodes_of
 from twin_gait.studies.sweep.spec import Sweep
 from twin_gait.studies.sweep.store import (
+    FIGURES_FOLDER,
+    REPORT_FILE,
     SPEC_FILE,
     SUMMARY_FILE,
     SweepStore,
@@ -33,46 +36,21 @@ from twin_gait.studies.sweep.store import (
     read_table,
 )
 
-# Work handed over at a time: long against the handing over, short against the loss of a worker.
-CHUNK_SECONDS = 2.0
-# Checking one takes a few milliseconds, starting workers a few seconds: more than these are checked by them.
+# Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
 CHECKED_HERE = 2000
+_CHECKED_AT_ONCE = 200
 
 
 @dataclass(frozen=True)
 class SweepResult:
-    """What a sweep gives back.
+    """What a sweep gives back."""
 
-    Attributes:
-        directory: Where everything is.
-        table: One row per finished episode, sorted by episode.
-        status: ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; the same call goes on with it.
-        resumed: Episodes that were there before.
-        summary: Content of ``summary.json``.
-        not_drawn: Measures that were asked for and that no completed episode has.
-    """
-
-    directory: Path
-    table: pd.DataFrame
-    status: RunStatus
-    resumed: int
-    summary: dict[str, Any]
-    not_drawn: tuple[str, ...] = ()
-
-
-@dataclass
-class _Effort:
-    """What a call has cost."""
-
-    slots: int
-    episodes: int = 0
-    wall_s: float = 0.0
-    processors: set[str] = field(default_factory=set)
-
-    def note(self, portion: Portion[Flat]) -> None:
-        self.episodes += len(portion.results)
-        self.wall_s += portion.wall_s
-        self.processors.add(portion.processor)
+    directory: Path  # where everything is
+    table: pd.DataFrame  # one row per finished episode, sorted by episode
+    status: RunStatus  # COMPLETED, or INTERRUPTED if it was stopped; the same call goes on with it
+    resumed: int  # episodes that were there before
+    summary: dict[str, Any]  # content of ``summary.json``
+    not_drawn: tuple[str, ...] = ()  # measures that were asked for and that no completed episode has
 
 
 def run_sweep(
@@ -80,21 +58,17 @@ def run_sweep(
     directory: Path,
     *,
     workers: Workers | None = None,
-    chunk_seconds: float = CHUNK_SECONDS,
     pictures: bool = True,
-    checking: Callable[[int, int], None] | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    checking: Progress | None = None,
+    progress: Progress | None = None,
+    should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> SweepResult:
     """Run a sweep, or go on with it where it was stopped or killed.
 
-    All episodes are checked before anything runs. Their results are kept in the folder chunk by chunk;
-    neither the table nor the rows depend on the workers, the chunks or the number of resumptions. The engine
+    All episodes are checked before anything runs. Their results are kept in the folder block by block;
+    neither the table nor the rows depend on the workers, the blocks or the number of resumptions. The engine
     is compiled in the calling process, so that no worker has to.
-
-    Returns:
-        The table and what became of the sweep.
 
     Raises:
         ParameterFileError: If an episode is wrong or cannot be run, naming it; what was done is kept.
@@ -106,29 +80,29 @@ def run_sweep(
     check_directory(directory, sweep)
     if not (directory / SPEC_FILE).is_file():
         check_sweep(sweep, workers, checking, should_stop)
-    effort = _Effort(workers.slots())
+    last: dict[str, Any] = {"slots": workers.slots()}
     with open_store(directory, sweep) as store:
-        resumed = int(store.done.sum())
+        last["resumed_with"] = int(store.done.sum())
         try:
-            _run(sweep, store, workers, chunk_seconds, effort, progress, should_stop, on_compile)
+            last["processors"] = _run(sweep, store, workers, progress, should_stop, on_compile)
         finally:
             store.merge()
         table = read_table(directory)
-        summary = _summary(sweep, table, effort, resumed, time.perf_counter() - began)
+        last |= {"episodes": len(table) - last["resumed_with"], "wall_s": time.perf_counter() - began}
+        summary = _summary(sweep, table, last)
         write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
         if pictures and len(table) > 1:
-            from twin_gait.studies.sweep.pictures import write_pictures
-
             write_pictures(sweep, table, directory, workers)
-    without = (name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())
-    return SweepResult(directory, table, RunStatus(summary["status"]), resumed, summary, tuple(without))
+    without = tuple(name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())
+    status = RunStatus(summary["status"])
+    return SweepResult(directory, table, status, last["resumed_with"], summary, without)
 
 
 def check_sweep(
     sweep: Sweep,
     workers: Workers | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: Progress | None = None,
+    should_stop: Stop | None = None,
 ) -> None:
     """Check the overrides of every episode without running any.
 
@@ -139,12 +113,9 @@ def check_sweep(
     total, checked = len(sweep.design), 0
     if workers is None or total <= CHECKED_HERE:
         workers = Workers()
-    episodes = episodes_of(sweep, range(total))
-    checks = portions(
-        partial(one_by_one, check_episode), episodes, total, workers, chunk_seconds=CHUNK_SECONDS
-    )
-    with closing(checks):
-        for portion in checks:
+    episodes, check = episodes_of(sweep, range(total)), partial(one_by_one, check_episode)
+    with closing(portions(check, episodes, total, workers, block=_CHECKED_AT_ONCE)) as coming:
+        for portion in coming:
             checked += len(portion.results)
             if progress is not None:
                 progress(checked, total)
@@ -158,59 +129,76 @@ def _run(
     sweep: Sweep,
     store: SweepStore,
     workers: Workers,
-    chunk_seconds: float,
-    effort: _Effort,
-    progress: Callable[[int, int], None] | None,
-    should_stop: Callable[[], bool] | None,
+    progress: Progress | None,
+    should_stop: Stop | None,
     on_compile: Callable[[], None] | None,
-) -> None:
+) -> list[str]:
+    """Run what is not done yet; types of the processors that did it."""
     pending = np.flatnonzero(~store.done).tolist()
     tell = progress or (lambda done, total: None)
     tell(int(store.done.sum()), len(store.done))
     if not pending:
-        return
-    first = next(episodes_of(sweep, pending))
-    coming = portions(
+        return []
+    first, processors = next(episodes_of(sweep, pending)), set()
+    coming: Any = portions(
         partial(measured, Episode.experiment, flat_summary, READ_IN_BRIEF),
         episodes_of(sweep, pending),
         len(pending),
         workers,
         block=block_ahead(first.experiment, len(pending), on_compile),
-        chunk_seconds=chunk_seconds,
         should_stop=should_stop,
     )
+    portion: Portion[Flat]
     with closing(coming):
         for portion in coming:
             store.append({pending[place]: flat for place, flat in portion.results.items()})
-            effort.note(portion)
+            processors.add(portion.processor)
             if portion.problem:
                 place, text = portion.problem
                 named = f"episode {pending[place]}: "
                 raise ParameterFileError(sweep.source, "", named + text.removeprefix(named))
             tell(int(store.done.sum()), len(store.done))
+    return sorted(processors)
 
 
-def _summary(sweep: Sweep, table: pd.DataFrame, effort: _Effort, resumed: int, wall: float) -> dict[str, Any]:
-    total = len(sweep.design)
-    status = RunStatus.COMPLETED if len(table) == total else RunStatus.INTERRUPTED
-    outcomes = {
-        str(name): int(count)
-        for name, count in table.get("outcome", pd.Series(dtype=str)).value_counts().items()
-    }
+def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> dict[str, Any]:
+    total, outcomes = len(sweep.design), table.get("outcome", pd.Series(dtype=str)).value_counts()
     return {
         "name": sweep.name,
         "sweep_sha256": sweep.sha256,
-        "status": str(status),
+        "status": str(RunStatus.COMPLETED if len(table) == total else RunStatus.INTERRUPTED),
         "episodes": total,
         "finished": len(table),
-        "outcomes": dict(sorted(outcomes.items())),
-        "last_call": {
-            "resumed_with": resumed,
-            "episodes": effort.episodes,
-            "slots": effort.slots,
-            "processors": sorted(effort.processors),
-            "wall_s": wall,
-            "worker_s": effort.wall_s,
-            "worker_s_per_episode": effort.wall_s / effort.episodes if effort.episodes else None,
-        },
+        "outcomes": {str(name): int(count) for name, count in sorted(outcomes.items())},
+        "last_call": last_call,
     }
+
+
+def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path, workers: Workers) -> None:
+    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them.
+
+    Args:
+        workers: Who draws, if they are processes of this machine.
+    """
+    parameters = list(setting_columns(sweep.design.columns).values())
+    title = sweep.name.replace("_", " ")
+    measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
+    shown = table[[name for name in dict.fromkeys((*parameters, "outcome", *measures)) if name in table]]
+    here = workers if workers.local else Workers()
+    drawn = run_jobs(partial(_drawn, shown, parameters, title), measures, workers=here)
+    pictures = {name: picture for part in drawn for name, picture in part.items()}
+    folder = directory / FIGURES_FOLDER
+    folder.mkdir(exist_ok=True)
+    for name, picture in pictures.items():
+        write_atomically(folder / f"{name}.png", picture.light)
+    counts = table["outcome"].value_counts().items()
+    rows = [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
+    named = {name.replace("_", " "): picture for name, picture in pictures.items()}
+    subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
+    page = figures_page(f"Sweep: {title}", subtitle, named, ("outcome", "episodes", "share [%]"), rows)
+    write_atomically(directory / REPORT_FILE, page)
+
+
+def _drawn(table: pd.DataFrame, parameters: Sequence[str], title: str, measure: str) -> dict[str, Picture]:
+    figures = sweep_figures(table, parameters, (measure,), title)
+    return {name: picture_of(figure) for name, figure in figures.items()}

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import reduce
 from typing import NamedTuple
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment import Experiment, PlantParameters
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
 from twin_gait.worlds import Walking
@@ -35,15 +36,10 @@ Change = Callable[[Experiment], Experiment]
 
 
 class Case(NamedTuple):
-    """One way in which the world differs from the person and place that a table is tuned for.
+    """One way in which the world differs from the person and place that a table is tuned for."""
 
-    Attributes:
-        name: In words.
-        change: What it makes of an experiment, whatever its table.
-    """
-
-    name: str
-    change: Change
+    name: str  # in words
+    change: Change  # what it makes of an experiment, whatever its table
 
 
 class Departure(NamedTuple):
@@ -149,12 +145,7 @@ def _nothing(walked: Experiment) -> Experiment:
 
 
 def _all(*changes: Change) -> Change:
-    def change(walked: Experiment) -> Experiment:
-        for item in changes:
-            walked = item(walked)
-        return walked
-
-    return change
+    return lambda walked: reduce(lambda changed, change: change(changed), changes, walked)
 
 
 def _mass(experiment: Experiment, factor: float) -> Change:
@@ -162,7 +153,6 @@ def _mass(experiment: Experiment, factor: float) -> Change:
     _, patient = check_walker(experiment)
     told = patient if experiment.control.patient is None else experiment.control.patient
     mass = min(HEAVIEST_WEARER, factor * patient.mass)
-    heavier = replace(patient, mass=mass)
     # The law divides the carried mass, which the scenario knows, by its reference.
     total = experiment.build_world().model.total_mass
     ratio = (total + mass - patient.mass) / total
@@ -172,59 +162,47 @@ def _mass(experiment: Experiment, factor: float) -> Change:
         reference = table.scaling.carried_mass
         if reference is not None:
             table = replace(table, scaling=replace(table.scaling, carried_mass=reference * ratio))
-        return replace(walked, patient=heavier, control=control, table=table)
+        return replace(walked, patient=replace(patient, mass=mass), control=control, table=table)
 
     return change
 
 
 def _wearer(mass: float, height: float) -> Change:
     """Another wearer; the device knows."""
-
-    def change(walked: Experiment) -> Experiment:
-        patient = replace(check_walker(walked)[1], mass=mass, height=height)
-        return replace(walked, patient=patient, control=replace(walked.control, patient=None))
-
-    return change
+    return lambda walked: replace(
+        walked,
+        patient=replace(check_walker(walked)[1], mass=mass, height=height),
+        control=replace(walked.control, patient=None),
+    )
 
 
 def _height(height: float) -> Change:
-    def change(walked: Experiment) -> Experiment:
-        return replace(walked, patient=replace(check_walker(walked)[1], height=height))
+    return lambda walked: replace(walked, patient=replace(check_walker(walked)[1], height=height))
 
-    return change
+
+def _plant(change: Callable[[PlantParameters], PlantParameters]) -> Change:
+    return lambda walked: replace(walked, plant=change(walked.plant))
 
 
 def _friction(ratio: float) -> Change:
-    def change(walked: Experiment) -> Experiment:
-        ratios = dict.fromkeys(walked.plant.friction, ratio)
-        return replace(walked, plant=replace(walked.plant, friction_ratio=ratios))
-
-    return change
+    return _plant(lambda plant: replace(plant, friction_ratio=dict.fromkeys(plant.friction, ratio)))
 
 
 def _efficiency(efficiency: float) -> Change:
-    def change(walked: Experiment) -> Experiment:
-        actuators = {
-            joint: replace(item, gear_efficiency=efficiency) for joint, item in walked.plant.actuators.items()
-        }
-        return replace(walked, plant=replace(walked.plant, actuators=actuators))
-
-    return change
+    return _plant(
+        lambda plant: replace(
+            plant,
+            actuators={k: replace(v, gear_efficiency=efficiency) for k, v in plant.actuators.items()},
+        )
+    )
 
 
 def _voltage(volts: float) -> Change:
-    def change(walked: Experiment) -> Experiment:
-        battery = replace(walked.plant.battery, voltage=volts)
-        return replace(walked, plant=replace(walked.plant, battery=battery))
-
-    return change
+    return _plant(lambda plant: replace(plant, battery=replace(plant.battery, voltage=volts)))
 
 
 def _support(share: float) -> Change:
-    def change(walked: Experiment) -> Experiment:
-        return replace(walked, scenario=walked.scenario.adjusted(SUPPORT_SHARE, share))
-
-    return change
+    return lambda walked: replace(walked, scenario=walked.scenario.adjusted(SUPPORT_SHARE, share))
 
 
 def _more_support(experiment: Experiment, step: float) -> Change:
@@ -232,10 +210,7 @@ def _more_support(experiment: Experiment, step: float) -> Change:
 
 
 def _speed(speed: float) -> Change:
-    def change(walked: Experiment) -> Experiment:
-        return replace(walked, scenario=walked.scenario.adjusted(BELT_SPEED, speed))
-
-    return change
+    return lambda walked: replace(walked, scenario=walked.scenario.adjusted(BELT_SPEED, speed))
 
 
 def _faster(experiment: Experiment, factor: float) -> Change:

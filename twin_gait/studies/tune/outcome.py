@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
-from twin_gait.studies.jobs import Workers
+from twin_gait.studies.jobs import Progress, Stop, Workers
 from twin_gait.studies.tune.cases import check_walker, departures, search_cases
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, errors_of, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
@@ -31,20 +31,9 @@ from twin_gait.studies.tune.walks import standing, table_of, walk_all, walker
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
+_REFERENCE = "Koopman et al. (2014) at {:.3g} km/h, from foot contact to foot contact"
 # A part that changes by less than this share of its goal counts as unchanged.
 SAME = 0.05
-
-
-class TuningFolder(NamedTuple):
-    """What was written.
-
-    Attributes:
-        directory: Where.
-        outcome: Content of ``tune.json``.
-    """
-
-    directory: Path
-    outcome: dict[str, Any]
 
 
 def write_tuning(
@@ -55,19 +44,17 @@ def write_tuning(
     *,
     wearer: str,
     workers: Workers | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
-) -> TuningFolder | None:
+    progress: Progress | None = None,
+    should_stop: Stop | None = None,
+) -> dict[str, Any] | None:
     """Choose the table, see how it degrades, and write everything beside the state.
 
     Args:
         directory: The folder of :func:`twin_gait.studies.tune.tune.tune`.
         wearer: For whom, in words.
-        workers: Processes or a cluster that execute the walks; the calling process if None.
-        progress: Called with walks done and in all.
 
     Returns:
-        What was written; None if it was stopped before.
+        Content of ``tune.json``; None if it was stopped before.
 
     Raises:
         ParameterError: If no table passes the check.
@@ -76,22 +63,17 @@ def write_tuning(
     directory = directory.expanduser().absolute()
     assert tuning.before is not None  # a completed tuning has it
     chosen = choose(tuning, experiment)
-    table = final_table(chosen, experiment, wearer, tuning.began_with)
+    table = final_table(chosen, experiment, wearer)
     start = tuning.before.table
+    work = workers or Workers()
     departed = walk_departures(
-        start,
-        table,
-        experiment,
-        settings,
-        workers or Workers(),
-        progress=progress,
-        should_stop=should_stop,
+        start, table, experiment, settings, work, progress=progress, should_stop=should_stop
     )
     if departed is None:
         return None
     result = outcome(tuning, chosen, experiment, settings, wearer, departed)
     _write(directory, table, result, gait_curves(start, table, experiment, settings))
-    return TuningFolder(directory, result)
+    return result
 
 
 def _write(
@@ -121,17 +103,17 @@ def outcome(
     """Content of ``tune.json``; ``departed`` is from :func:`walk_departures`."""
     before = tuning.before
     assert before is not None and tuning.state.start_cost is not None  # a completed tuning has both
-    after = chosen.finalist
+    speed = settings.reference_speed or check_walker(experiment)[0].speed
+    after, generations = chosen.finalist, tuning.state.generations
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
         "experiment": experiment.name,
         "wearer": wearer,
         "belt_speed_m_per_s": check_walker(experiment)[0].speed,
-        "reference": _reference_words(settings, experiment),
+        "reference": _REFERENCE.format(speed * KILOMETRES_PER_HOUR),
         "table_before": experiment.table.name,
         "joints": list(experiment.joints),
-        "began_with": tuning.began_with,
         "found_better": after.points is not None,
         "parts": _parts(before.walks[0][1], after.walks[0][1]),
         "walk_s": settings.robust_duration,
@@ -142,16 +124,25 @@ def outcome(
             "search": {"before": tuning.state.start_cost, "after": after.search_cost},
             "robust": {"before": before.cost, "after": after.cost},
         },
-        "robust_set": _robust(before, after),
+        "robust_set": [
+            {"case": name, "before": _walk(first), "after": _walk(second)}
+            for (name, first), (_, second) in zip(before.walks, after.walks, strict=True)
+        ],
         "trade_offs": _trade_offs(tuning, after, experiment),
         "departures": dict(departed),
         "parameters": _parameters(tuning, after),
         "convergence": {
-            "best": [item.cost for item in tuning.state.generations],
-            "median": [item.median for item in tuning.state.generations],
+            "best": [item.cost for item in generations],
+            "median": [item.median for item in generations],
         },
         "check": {**counts(chosen.findings), "refused_before_it": chosen.refused},
-        "effort": _effort(tuning, settings),
+        "effort": {
+            "seed": settings.seed,
+            "generations": len(generations) - 1,  # the first is the start
+            "candidates": sum(len(item.tried) for item in generations),
+            "elapsed_s": tuning.state.elapsed,
+            "versions": tuning.state.identity["versions"],
+        },
     }
 
 
@@ -162,30 +153,22 @@ def walk_departures(
     settings: Settings,
     workers: Workers,
     *,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: Progress | None = None,
+    should_stop: Stop | None = None,
 ) -> dict[str, Any] | None:
     """How two tables degrade as the world departs from what one of them was tuned for.
 
-    Returns:
-        By quantity: its nominal value, the values, and of both tables the errors of the joints in [deg],
-        None where it fell or hardly walked, and the falls. None if it was stopped.
+    By quantity: its nominal value, the values, and of both tables the errors of the joints in [deg], None
+    where it fell or hardly walked, and the falls. None if it was stopped.
     """
     found = departures(experiment)
     tables = table_of(before), table_of(after)
     walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
-    results = walk_all(
-        [
-            case.change(replace(walked, table=table))
-            for item in found
-            for table in tables
-            for case in item.cases
-        ],
-        workers,
-        reference_speed=settings.reference_speed,
-        progress=progress,
-        should_stop=should_stop,
-    )
+    walks = [
+        case.change(replace(walked, table=table)) for item in found for table in tables for case in item.cases
+    ]
+    speed = settings.reference_speed
+    results = walk_all(walks, workers, reference_speed=speed, progress=progress, should_stop=should_stop)
     if results is None:
         return None
     rest = iter(results)
@@ -203,11 +186,9 @@ def walk_departures(
 def gait_curves(
     before: Mapping[str, Any], after: Mapping[str, Any], experiment: Experiment, settings: Settings
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Mean cycles of both legs before and after, and the reference.
+    """By joint the reference and the mean cycles of each side, as ``before left``, in [deg] at ``PERCENT``.
 
-    Returns:
-        By joint: ``reference``, and those of each side such as ``before left``, in [deg] at ``PERCENT``;
-        a walk without a counted stride has no curve.
+    A walk without a counted stride has no curve.
     """
     walking, patient = check_walker(experiment)
     speed = settings.reference_speed or walking.speed
@@ -226,13 +207,6 @@ def gait_curves(
                 if len(cycles):
                     curves[str(joint)][f"{name} {record.side}"] = np.degrees(cycles.mean(axis=0))
     return curves
-
-
-def _reference_words(settings: Settings, experiment: Experiment) -> str:
-    speed = settings.reference_speed or check_walker(experiment)[0].speed
-    return (
-        f"Koopman et al. (2014) at {speed * KILOMETRES_PER_HOUR:.3g} km/h, from foot contact to foot contact"
-    )
 
 
 def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
@@ -258,13 +232,6 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
     if math.isclose(before, after, rel_tol=0.0, abs_tol=SAME * goal):
         return "same"
     return "better" if after < before else "traded"
-
-
-def _robust(before: Finalist, after: Finalist) -> list[dict[str, Any]]:
-    pairs = zip(before.walks, after.walks, strict=True)
-    return [
-        {"case": name, "before": _walk(first), "after": _walk(second)} for (name, first), (_, second) in pairs
-    ]
 
 
 def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict[str, Any]:
@@ -310,14 +277,3 @@ def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
         }
         for item, point in zip(tuning.parameters, points, strict=True)
     ]
-
-
-def _effort(tuning: Tuning, settings: Settings) -> dict[str, Any]:
-    generations = tuning.state.generations
-    return {
-        "seed": settings.seed,
-        "generations": len(generations) - 1,  # the first is the start
-        "candidates": sum(len(item.tried) for item in generations),
-        "elapsed_s": tuning.state.elapsed,
-        "versions": tuning.state.identity["versions"],
-    }

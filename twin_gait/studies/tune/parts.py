@@ -48,23 +48,14 @@ NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
 
 @dataclass(frozen=True)
 class Part:
-    """One part of the objective.
+    """One part of the objective."""
 
-    Attributes:
-        name: Key in files.
-        title: For people.
-        unit: For people.
-        goal: Value that costs just the weight.
-        weight: w, see the module.
-        excess: Weight e of what it lacks to its goal, see :func:`nominal_cost`.
-    """
-
-    name: str
-    title: str
-    unit: str
-    goal: float
-    weight: float
-    excess: float = EXCESS
+    name: str  # key in files
+    title: str  # for people
+    unit: str  # for people
+    goal: float  # value that costs just the weight
+    weight: float  # w, see the module
+    excess: float = EXCESS  # weight e of what it lacks to its goal, see nominal_cost
 
 
 SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
@@ -111,13 +102,10 @@ def parts_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
 
 
 def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
-    """Values of all parts of a walk.
+    """Value of each part of a walk by its name; None where the walk has too few strides for it.
 
     Args:
         reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
-
-    Returns:
-        Value by name of the part; None where the walk has too few strides for it.
     """
     legs = run.leg_records()
     sides = [_leg(run, leg) for leg in legs]
@@ -127,10 +115,12 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
     return {
         **{
-            f"{joint}_error_deg": _error(run, legs, sides, joint, reference_speed) for joint in legs[0].angles
+            f"{joint}_error_deg": _off_reference(run, legs, joint, reference_speed, root_mean_square_error)
+            for joint in (*legs[0].angles, JointName.ANKLE)  # driven or not
         },
-        "offset_deg": _offset(run, legs, reference_speed),
-        "ankle_error_deg": _ankle_error(run, legs, reference_speed),  # driven or not
+        "offset_deg": _largest(
+            _off_reference(run, legs, joint, reference_speed, _offset) for joint in legs[0].angles
+        ),
         **_of_walk(run, walks, reference_speed),
         "stride_variation_pct": _percent(_largest(side["stride_time_variation"] for side in sides)),
         "second_contacts_per_stride": _per_stride(bounces),
@@ -158,7 +148,9 @@ def _of_walk(
     return {
         "knee_at_contact_deg": worst(lambda walk: math.degrees(walk.knee_at_contact)),
         "yield_lack_deg": worst(lambda walk: math.degrees(healthy["knee_yield"] - walk.knee_yield)),
-        "stride_time_error_pct": worst(lambda walk: _off(walk.stride_time, healthy["stride_time"])),
+        "stride_time_error_pct": worst(
+            lambda walk: 100.0 * abs(walk.stride_time / healthy["stride_time"] - 1.0)
+        ),
         "load_peak_pct": worst(lambda walk: 100.0 * (walk.load_peak - 1.0)),
         "trough_pct": worst(lambda walk: 100.0 * (1.0 - walk.trough)),
         "slow_loading_pct": worst(lambda walk: 100.0 * (1.0 - walk.least_load)),
@@ -169,10 +161,6 @@ def _of_walk(
     }
 
 
-def _off(value: float, healthy: float) -> float:
-    return 100.0 * abs(value / healthy - 1.0)
-
-
 def _lack(value: float) -> float | None:
     """A value, 0 if it is negative, None if it is not defined."""
     return None if math.isnan(value) else max(0.0, value)
@@ -181,44 +169,32 @@ def _lack(value: float) -> float | None:
 def _leg(run: Run, leg: LegRecord) -> dict[str, Any]:
     """Those numbers of the summary of a leg that the parts are made of; None for what is not defined."""
 
-    def defined(numbers: Mapping[str, float]) -> dict[str, float | None]:
-        return {name: finite_or_none(value) for name, value in numbers.items()}
+    def defined(*numbers: Mapping[str, float]) -> dict[str, Any]:
+        return {name: finite_or_none(value) for item in numbers for name, value in item.items()}
 
     joints = {
-        joint: {
-            **joint_motion(leg, joint, SKIPPED_STRIDES),
-            **joint_saturation(run, leg, joint),
-            **torque_at_switches(run, leg, joint, SKIPPED_STRIDES),
-        }
+        joint: defined(
+            joint_motion(leg, joint, SKIPPED_STRIDES),
+            joint_saturation(run, leg, joint),
+            torque_at_switches(run, leg, joint, SKIPPED_STRIDES),
+        )
         for joint in leg.angles
     }
-    return {
-        **defined(by_contact(run, leg, SKIPPED_STRIDES)),
-        "joints": {joint: defined(numbers) for joint, numbers in joints.items()},
-    }
+    return {**defined(by_contact(run, leg, SKIPPED_STRIDES)), "joints": joints}
 
 
 class Rating(NamedTuple):
-    """What a walk is worth: plain values only, which any process can send.
+    """What a walk is worth: plain values only, which any process can send."""
 
-    Attributes:
-        cost: See the module.
-        values: Of the parts.
-        fell: Whether it ended in a fall, a trip of the safety monitor or diverged.
-        lasted: Share of the time.
-        deviations: Of the mean strides from the reference, over goals; their squares add up to about those of
-            the errors, halved by the legs. Empty if a leg made no stride.
-        torque: Root mean square over all motors in [N m], whose square heats their windings.
-        joints: That its table drives.
-    """
-
-    cost: float
-    values: dict[str, float | None]
-    fell: bool
-    lasted: float
+    cost: float  # see the module
+    values: dict[str, float | None]  # of the parts
+    fell: bool  # whether it ended in a fall, a trip of the safety monitor or diverged
+    lasted: float  # share of the time
+    # of the mean strides from the reference, over goals; their squares add up to about those of the errors,
+    # halved by the legs. Empty if a leg made no stride
     deviations: tuple[float, ...] = ()
-    torque: float = math.nan
-    joints: tuple[str, ...] = (JointName.HIP, JointName.KNEE)
+    torque: float = math.nan  # root mean square over all motors in [N m], whose square heats their windings
+    joints: tuple[str, ...] = (JointName.HIP, JointName.KNEE)  # that its table drives
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -227,30 +203,19 @@ class Rating(NamedTuple):
 
 
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
-    """Rate a walk as tuning does: its cost, and the parts that it is the sum of.
+    """Rate a walk on the treadmill as tuning does: its cost, the parts that it is the sum of, and more.
 
     Args:
-        run: A walk on the treadmill.
+        run: The walk.
         reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
-
-    Returns:
-        Cost (0 or more, 30 for the worst walk and more for a fall), values of the parts such as
-        ``hip_error_deg``, whether it fell, and the share of the time that it lasted.
     """
     values, joints = part_values(run, reference_speed), tuple(run.table.joints)
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
     torques = run.log.filter(regex="_motor_torque_Nm$").to_numpy().ravel()
-    return Rating(
-        walk_cost(values, lasted, fell, joints),
-        values,
-        fell,
-        lasted,
-        _deviations(run, reference_speed),
-        root_mean_square(torques),
-        joints,
-    )
+    cost, deviations = walk_cost(values, lasted, fell, joints), _deviations(run, reference_speed)
+    return Rating(cost, values, fell, lasted, deviations, root_mean_square(torques), joints)
 
 
 def walk_cost(
@@ -343,29 +308,30 @@ def _reference(run: Run, joint: JointName, reference_speed: float | None) -> np.
     return reference_cycle(_as_referred(run, reference_speed), joint)
 
 
-def _offset(run: Run, legs: Sequence[LegRecord], reference_speed: float | None) -> float | None:
-    """Largest mean distance of a driven joint from the reference in [deg]."""
-    found: list[float | None] = []
-    for joint in legs[0].angles:
-        reference = _reference(run, joint, reference_speed)
-        for leg in legs:
-            cycles = normalise_strides(leg.angles[joint], leg.strides())
-            offset = math.nan if reference is None else error_parts(cycles, reference).offset
-            found.append(finite_or_none(abs(math.degrees(offset))))
-    return _largest(found)
-
-
-def _ankle_error(run: Run, legs: Sequence[LegRecord], reference_speed: float | None) -> float | None:
-    """RMSE of the ankle from foot contact to foot contact in [deg], larger leg; None without an ankle."""
-    reference = _reference(run, JointName.ANKLE, reference_speed)
+def _off_reference(
+    run: Run,
+    legs: Sequence[LegRecord],
+    joint: JointName,
+    reference_speed: float | None,
+    measure: Callable[[np.ndarray, np.ndarray], float],
+) -> float | None:
+    """Measure of the strides, from foot contact to foot contact, and the reference in [deg], larger leg."""
+    reference = _reference(run, joint, reference_speed)
     found: list[float | None] = []
     for leg in legs:
-        column = wearer_column(run.log.columns, leg.side, JointName.ANKLE, "angle_rad")
-        if reference is None or column not in run.log:
+        angles = leg.angles.get(joint)
+        if joint is JointName.ANKLE:  # the wearer's, which a brace may move against the device
+            column = wearer_column(run.log.columns, leg.side, joint, "angle_rad")
+            angles = run.log[column].to_numpy() if column in run.log else None
+        if reference is None or angles is None:
             return None
-        cycles = normalise_strides(run.log[column].to_numpy(), leg.strides())
-        found.append(finite_or_none(math.degrees(root_mean_square_error(cycles, reference))))
+        off = measure(normalise_strides(angles, leg.strides()), reference)
+        found.append(finite_or_none(math.degrees(off)))
     return _largest(found)
+
+
+def _offset(cycles: np.ndarray, reference: np.ndarray) -> float:
+    return abs(error_parts(cycles, reference).offset)
 
 
 def _largest(values: Iterable[float | None]) -> float | None:
@@ -380,22 +346,6 @@ def _percent(share: float | None) -> float | None:
     return None if share is None else 100.0 * share
 
 
-def _error(
-    run: Run,
-    legs: Sequence[LegRecord],
-    sides: Sequence[Mapping[str, Any]],
-    joint: JointName,
-    reference_speed: float | None,
-) -> float | None:
-    """RMSE from foot contact to foot contact in [deg], larger leg; the summary's unless a speed is given."""
-    if reference_speed is None:
-        return _largest(side[f"rmse_{joint}_by_contact_deg"] for side in sides)
-    reference = _reference(run, joint, reference_speed)
-    assert reference is not None  # given with the speed
-    cycles = [normalise_strides(leg.angles[joint], leg.strides()) for leg in legs]
-    return _largest(finite_or_none(math.degrees(root_mean_square_error(item, reference))) for item in cycles)
-
-
 def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:
     return _largest(count / strides if strides else None for count, strides in counted)
 
@@ -403,16 +353,11 @@ def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:
 def _asymmetry(sides: Sequence[Mapping[str, Any]]) -> float | None:
     """Largest symmetry index, without its sign, of the share of swing and the ranges of the joints."""
     pairs = [[side["swing_share"] for side in sides]]
-    pairs += [
-        [side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in sides[0]["joints"]
-    ]
-    if any(value is None for pair in pairs for value in pair):
-        return None
-    return _largest(abs(symmetry_index(*pair)) for pair in pairs)
+    for joint in sides[0]["joints"]:
+        pairs.append([side["joints"][joint]["range_of_motion_deg"] for side in sides])
+    return _largest(None if None in pair else abs(symmetry_index(*pair)) for pair in pairs)
 
 
 def _clearance_lack(sides: Sequence[Mapping[str, Any]]) -> float | None:
     least = [side["toe_clearance_least_m"] for side in sides]
-    if any(value is None for value in least):
-        return None
-    return max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least)))
+    return None if None in least else max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least)))

@@ -37,44 +37,26 @@ PATIENCE = 8  # generations without a gain, after which the search has come to i
 
 
 class Generation(NamedTuple):
-    """One generation.
+    """One generation."""
 
-    Attributes:
-        point: Where the search stands after it, coordinates from 0 to 1.
-        cost: There.
-        median: Of its candidates' nominal walks.
-        tried: Standing of each candidate that walked, see :func:`twin_gait.studies.tune.walks.standing`.
-    """
-
-    point: list[float]
-    cost: float
-    median: float
-    tried: list[list[float | None]]
+    point: list[float]  # where the search stands after it, coordinates from 0 to 1
+    cost: float  # there
+    median: float  # of its candidates' nominal walks
+    tried: list[list[float | None]]  # standing of each candidate that walked, see standing
 
 
 @dataclass
 class Descent:
-    """Where a search stands: plain numbers, which a file keeps.
+    """Where a search stands: plain numbers, which a file keeps."""
 
-    Attributes:
-        point: Coordinates from 0 to 1.
-        cost: There.
-        residuals: There; empty if it does not walk.
-        slopes: J by number of the table; empty before the first generation.
-        reach: By which numbers are moved for the slopes.
-        damping: That did best.
-        generation: Generations that are over.
-        gained: The last of them that gained something.
-    """
-
-    point: list[float]
-    cost: float
-    residuals: list[float]
-    slopes: list[list[float]]
-    reach: float = REACH
-    damping: float = DAMPING
-    generation: int = 0
-    gained: int = 0
+    point: list[float]  # coordinates from 0 to 1
+    cost: float  # there
+    residuals: list[float]  # there; empty if it does not walk
+    slopes: list[list[float]]  # J by number of the table; empty before the first generation
+    reach: float = REACH  # by which numbers are moved for the slopes
+    damping: float = DAMPING  # that did best
+    generation: int = 0  # generations that are over
+    gained: int = 0  # the last of them that gained something
 
     @property
     def has_ended(self) -> bool:

@@ -17,8 +17,7 @@ import numpy as np
 from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.overrides import assign
-from twin_gait.exceptions import ParameterError
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison
 from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable
 from twin_gait.vocabulary import JointName, Side
@@ -39,29 +38,17 @@ _SIGNIFICANT = 12  # digits that survive the way from degrees to radians and bac
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One number of a gait table.
+    """One number of a gait table."""
 
-    Attributes:
-        name: What it is called, by the words of the table's file.
-        path: Its place in the document of the table.
-        unit: For people; empty for a ratio.
-        start: Where the search begins.
-        lower: Least value.
-        upper: Largest value.
-        digits: Decimal places.
-        logarithmic: Whether the search steps by ratios.
-        guard: The inequality that it is the threshold of, or None.
-    """
-
-    name: str
-    path: tuple[str | int, ...]
-    unit: str
-    start: float
-    lower: float
-    upper: float
-    digits: int
-    logarithmic: bool = False
-    guard: Comparison | None = None
+    name: str  # what it is called, by the words of the table's file
+    path: tuple[str | int, ...]  # its place in the document of the table
+    unit: str  # for people; empty for a ratio
+    start: float  # where the search begins
+    lower: float  # least value
+    upper: float  # largest value
+    digits: int  # decimal places
+    logarithmic: bool = False  # whether the search steps by ratios
+    guard: Comparison | None = None  # the inequality that it is the threshold of, or None
 
     def value(self, coordinate: float) -> float:
         """Value at a coordinate from 0 to 1, rounded."""
@@ -129,23 +116,15 @@ def table_with(
     document: Mapping[str, Any], parameters: Sequence[Parameter], coordinates: Sequence[float] | np.ndarray
 ) -> dict[str, Any]:
     """Put other numbers (coordinates from 0 to 1) into a copy of a document of :func:`editable_document`."""
-    if len(parameters) != len(coordinates):
-        raise ParameterError(f"expected {len(parameters)} coordinates, got {len(coordinates)}")
-    changed = copy.deepcopy(dict(document))
+    changed: Any = copy.deepcopy(dict(document))
     for parameter, coordinate in zip(parameters, coordinates, strict=True):
-        changed = _put(changed, parameter, parameter.value(float(coordinate)))
-    return changed
-
-
-def _put(document: dict[str, Any], parameter: Parameter, value: float) -> dict[str, Any]:
-    place: Any = document
-    for step in parameter.path[:-1]:
-        place = place[step]
-    if parameter.guard is not None:
-        place[parameter.path[-1]] = str(replace(parameter.guard, threshold=value))
-    else:
-        place[parameter.path[-1]] = round(value) if parameter.digits == 0 else value
-    return document
+        value, place = parameter.value(float(coordinate)), changed
+        for step in parameter.path[:-1]:
+            place = place[step]
+        whole = round(value) if parameter.digits == 0 else value
+        guard = parameter.guard
+        place[parameter.path[-1]] = whole if guard is None else str(replace(guard, threshold=value))
+    return dict(changed)
 
 
 def _in_degrees(entry: Mapping[str, float]) -> dict[str, float]:
@@ -165,27 +144,23 @@ def _tidy(value: float) -> float:
 def _impedances(
     phases: Mapping[str, Any], joints: Sequence[str], path: tuple[str, ...]
 ) -> Iterator[Parameter]:
-    for phase, entry in phases.items():
+    for phase, entries in phases.items():
         for joint in joints:
-            place = (*path, phase, str(joint))
-            yield from _impedance(entry[joint], JointName(joint), place)
-
-
-def _impedance(entry: Mapping[str, float], joint: JointName, path: tuple[str, ...]) -> Iterator[Parameter]:
-    stiffness = entry["stiffness_Nm_per_deg"]
-    if stiffness > 0.0:  # steps by ratios never leave zero
-        place = (*path, "stiffness_Nm_per_deg")
-        yield _parameter(place, "Nm/deg", stiffness, SOFTEST, STIFFEST[joint], 2, logarithmic=True)
-    angle = entry["equilibrium_deg"]
-    place = (*path, "equilibrium_deg")
-    yield _parameter(place, "deg", angle, angle - ANGLE_REACH, angle + ANGLE_REACH, 1)
-    if "damping_ratio" in entry:
-        yield _parameter((*path, "damping_ratio"), "", entry["damping_ratio"], *DAMPING_RATIOS, 2)
-    else:
-        place, damping = (*path, "damping_Nms_per_rad"), entry["damping_Nms_per_rad"]
-        yield _parameter(place, "Nm s/rad", damping, *DAMPINGS, 1)
-    place, gain = (*path, "friction_compensation_gain"), entry["friction_compensation_gain"]
-    yield _parameter(place, "", gain, GAIN_RANGE.least, GAIN_RANGE.most, 2)
+            entry, place = entries[joint], (*path, phase, str(joint))
+            stiffness, angle = entry["stiffness_Nm_per_deg"], entry["equilibrium_deg"]
+            bounds: dict[str, tuple[str, float, float, int]] = {
+                "equilibrium_deg": ("deg", angle - ANGLE_REACH, angle + ANGLE_REACH, 1),
+                "damping_ratio": ("", *DAMPING_RATIOS, 2),
+                "damping_Nms_per_rad": ("Nm s/rad", *DAMPINGS, 1),
+                "friction_compensation_gain": ("", GAIN_RANGE.least, GAIN_RANGE.most, 2),
+            }
+            if stiffness > 0.0:  # steps by ratios never leave zero
+                soft, stiff = SOFTEST, STIFFEST[JointName(joint)]
+                name = (*place, "stiffness_Nm_per_deg")
+                yield _parameter(name, "Nm/deg", stiffness, soft, stiff, 2, logarithmic=True)
+            for key, (unit, lower, upper, digits) in bounds.items():
+                if key in entry and not (key == "damping_Nms_per_rad" and "damping_ratio" in entry):
+                    yield _parameter((*place, key), unit, entry[key], lower, upper, digits)
 
 
 def _parameter(
@@ -212,28 +187,27 @@ def _parameter(
 
 def _thresholds(table: GaitTable) -> Iterator[Parameter]:
     for index, transition in enumerate(table.transitions):
-        if isinstance(transition.guard, (AllOf, AnyOf)):
-            kind = "all" if isinstance(transition.guard, AllOf) else "any"
-            path = ("transitions", index, kind)
-            yield from _comparisons(transition.guard.guards, path, transition.cause)
-        else:
-            yield from _comparisons((transition.guard,), ("transitions", index, "all"), transition.cause)
+        guard, path = transition.guard, ("transitions", index)
+        if not isinstance(guard, (AllOf, AnyOf)):
+            guard = AllOf(guards=(guard,))
+        yield from _comparisons(guard, path, transition.cause)
 
 
-def _comparisons(guards: Sequence[Guard], path: tuple[str | int, ...], cause: str) -> Iterator[Parameter]:
-    for index, guard in enumerate(guards):
+def _comparisons(whole: AllOf | AnyOf, path: tuple[str | int, ...], cause: str) -> Iterator[Parameter]:
+    path = (*path, "all" if isinstance(whole, AllOf) else "any")
+    for index, guard in enumerate(whole.guards):
         if isinstance(guard, (AllOf, AnyOf)):
-            kind = "all" if isinstance(guard, AllOf) else "any"
-            yield from _comparisons(guard.guards, (*path, index, kind), cause)
+            yield from _comparisons(guard, (*path, index), cause)
         elif isinstance(guard, Comparison) and signal_of(guard.signal) is ANGLE:
             left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
+            start, reach = guard.threshold, THRESHOLD_REACH
             yield Parameter(
                 name=f"{cause}: {left} {guard.operator}",
                 path=(*path, index),
                 unit="deg",
-                start=guard.threshold,
-                lower=guard.threshold - THRESHOLD_REACH,
-                upper=guard.threshold + THRESHOLD_REACH,
+                start=start,
+                lower=start - reach,
+                upper=start + reach,
                 digits=1,
                 guard=guard,
             )

@@ -10,57 +10,29 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.together import compile_ahead
-from twin_gait.studies.jobs import Workers
+from twin_gait.studies.jobs import Stop, Workers
 from twin_gait.studies.tune.cases import Case, corner_cases, robust_cases, search_cases
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
-from twin_gait.studies.tune.space import (
-    editable_document,
-    parameters_of,
-    table_with,
-    with_own_sides,
-)
+from twin_gait.studies.tune.space import editable_document, parameters_of, table_with
 from twin_gait.studies.tune.state import Finalist, Progress, Settings, State, Tuning, write_state
-from twin_gait.studies.tune.walks import (
-    quick_errors,
-    standing,
-    table_of,
-    walk_all,
-    walker,
-    weighted_cost,
-)
+from twin_gait.studies.tune.walks import quick_errors, standing, table_of, walk_all, walker, weighted_cost
 
 # Share of the minutes for the search; the robust set, the departures and the report take the rest.
 SEARCH_SHARE = 0.75
 SEARCH_WALKS = 1000  # or more, for which loops are compiled
 RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
 FINALISTS = 5  # of the search, beside the table that is to be bettered
-# Shipped tables for the same walk; a search does not come from the one to the other.
-START_TABLES = ("treadmill",)
 
 
 class Stopped(Exception):  # not an error: somebody asked for it
     """The tuning was asked to stop."""
-
-
-def start_tables(table: GaitTable) -> tuple[GaitTable, ...]:
-    """Tables that a search can begin with: this one first.
-
-    Where it is one of ``START_TABLES``, the others of those follow, with sides told apart if it does so.
-    """
-    shipped = {name: load_gait_table(name) for name in START_TABLES}
-    plain = replace(table, side_phases={}) if table.side_phases else table
-    if plain != shipped.get(table.name):
-        return (table,)
-    others = [other for name, other in shipped.items() if name != table.name]
-    return (table, *(with_own_sides(other) if table.side_phases else other for other in others))
 
 
 class Stages:
@@ -74,7 +46,7 @@ class Stages:
         state: State,
         directory: Path,
         progress: Callable[[Progress], None] | None,
-        should_stop: Callable[[], bool] | None,
+        should_stop: Stop | None,
     ) -> None:
         """Begin; nothing is walked. The arguments are those of :func:`twin_gait.studies.tune.tune.tune`."""
         self._settings, self._workers, self._state = settings, workers, state
@@ -83,25 +55,13 @@ class Stages:
         self._began, self._before = time.perf_counter(), state.elapsed
         self._experiment = replace(experiment, seed=settings.seed)
         self._table = editable_document(experiment.table)
-        self._begin_with(experiment.table)
+        self._parameters = parameters_of(
+            experiment.table, thresholds=settings.thresholds, blending=settings.blending
+        )
         self._best: tuple[float, Mapping[str, float | None]] = (float("inf"), {})
-
-    def _begin_with(self, table: GaitTable) -> None:
-        settings = self._settings
-        self._origin = editable_document(table)
-        self._parameters = parameters_of(table, thresholds=settings.thresholds, blending=settings.blending)
-
-    @property
-    def _search_cases(self) -> tuple[Case, ...]:
-        return (*search_cases(self._experiment), *self._corners)
-
-    @property
-    def _robust_cases(self) -> tuple[Case, ...]:
-        return (*robust_cases(self._experiment), *self._corners)
-
-    @property
-    def _corners(self) -> tuple[Case, ...]:
-        return corner_cases() if self._settings.everyone else ()
+        corners = corner_cases() if settings.everyone else ()
+        self._search_cases = (*search_cases(self._experiment), *corners)
+        self._robust_cases = (*robust_cases(self._experiment), *corners)
 
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
         """Run all stages.
@@ -113,23 +73,13 @@ class Stages:
         self._compile(on_compile)
         self._search(self._started())
         finalists = self._finalists()
-        before = finalists[0]
         ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
         self.keep()
-        return self._tuning(RunStatus.COMPLETED, before, tuple(ranked))
+        return Tuning(RunStatus.COMPLETED, self._parameters, self._state, finalists[0], tuple(ranked))
 
     def unfinished(self) -> Tuning:
         """A tuning that was stopped, of which only the state counts."""
-        return self._tuning(RunStatus.INTERRUPTED, None, ())
-
-    def _tuning(
-        self,
-        status: RunStatus,
-        before: Finalist | None,
-        ranked: tuple[Finalist, ...],
-    ) -> Tuning:
-        name = str(self._origin["name"])
-        return Tuning(status, self._parameters, self._state, before, ranked, name)
+        return Tuning(RunStatus.INTERRUPTED, self._parameters, self._state, None, ())
 
     def keep(self) -> None:
         """Write the state."""
@@ -140,20 +90,16 @@ class Stages:
         return self._before + time.perf_counter() - self._began
 
     def _tell(self, stage: str, done: int, total: int | None) -> None:
-        start = self._state.start_cost
-        cost, values = self._best
-        known = float("inf") if start is None else start
-        self._progress(Progress(stage, done, total, self._elapsed(), known, cost, values))
+        start = float("inf") if self._state.start_cost is None else self._state.start_cost
+        self._progress(Progress(stage, done, total, self._elapsed(), start, *self._best))
 
     def _compile(self, on_compile: Callable[[], None] | None) -> None:
         """Compile here what no worker has to, before all of them would."""
-        cases = self._robust_cases
+        cases, duration = self._robust_cases, self._settings.search_duration
         for number, case in enumerate(cases):
             self._tell("compiling", number, len(cases))
             for quick in (False, True):
-                walked = case.change(
-                    walker(self._experiment, duration=self._settings.search_duration, quick=quick)
-                )
+                walked = case.change(walker(self._experiment, duration=duration, quick=quick))
                 try:
                     build_problem(walked)
                 except TwinGaitError as error:
@@ -180,31 +126,25 @@ class Stages:
         return results
 
     def _started(self) -> Descent:
-        """Walk the table that is to be bettered and all that the search could begin with, or go on."""
-        tables, cases = start_tables(self._experiment.table), self._search_cases
-        walks = self._walk(tables, cases)
-        rated = [walks[place : place + len(cases)] for place in range(0, len(walks), len(cases))]
-        costs = [weighted_cost(item) for item in rated]
-        chosen = costs.index(min(costs))
-        self._begin_with(tables[chosen])
-        self._state.start_cost = costs[0]
-        self._best = costs[chosen], rated[chosen][0].values
+        """Walk the table that is to be bettered, or go on."""
+        walks = self._walk([self._experiment.table], self._search_cases)
+        cost, nominal = weighted_cost(walks), walks[0]
+        self._state.start_cost = cost
+        self._best = cost, nominal.values
         if self._state.descent is None:
             point = [item.start_coordinate for item in self._parameters]
-            self._state.descent = Descent(point, costs[chosen], _listed(rated[chosen][0]), [])
-            median = nominal_cost(rated[chosen][0])
-            tried = [standing(item) for item in rated]
-            self._state.generations.append(Generation(point, costs[chosen], median, tried))
+            self._state.descent = Descent(point, cost, _listed(nominal), [])
+            first = Generation(point, cost, nominal_cost(nominal), [standing(walks)])
+            self._state.generations.append(first)
         self.keep()
         return self._state.descent
 
     def _search(self, descent: Descent) -> None:
-        state = self._state
         if descent.cost < self._best[0]:
             self._best = (descent.cost, {})  # found before the tuning was stopped; its parts were not kept
         while not self._over(descent):
             self._tell("search", descent.generation, self._settings.generations)
-            state.generations.append(self._generation(descent))
+            self._state.generations.append(self._generation(descent))
             self.keep()
 
     def _generation(self, descent: Descent) -> Generation:
@@ -243,7 +183,7 @@ class Stages:
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
-        return table_of(table_with(self._origin, self._parameters, point))
+        return table_of(table_with(self._table, self._parameters, point))
 
     def _over(self, descent: Descent) -> bool:
         """Whether the search has come to its end, or had its generations or time; one it always gets."""
@@ -255,14 +195,14 @@ class Stages:
         return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self._settings.minutes
 
     def _finalists(self) -> list[Finalist]:
-        """What was to be bettered, the search's first table and its best candidates, over the robust set."""
+        """What was to be bettered, and where the search stood, over the robust set."""
         start_cost = self._state.start_cost
         assert start_cost is not None  # walked before
         chosen: list[tuple[tuple[float, ...] | None, float, dict[str, Any]]] = [
             (None, start_cost, self._table)
         ]
         for item in leaders(self._state.generations, FINALISTS):
-            table = table_with(self._origin, self._parameters, item.point)
+            table = table_with(self._table, self._parameters, item.point)
             if all(table != other for _, _, other in chosen):
                 chosen.append((tuple(item.point), item.cost, table))
         cases = self._robust_cases

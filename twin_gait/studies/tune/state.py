@@ -6,6 +6,7 @@ The state is kept on disk while it runs: one JSON file, replaced after every ste
 from __future__ import annotations
 
 import json
+import reprlib
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -33,36 +34,24 @@ SCHEMA_VERSION = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How a table is tuned.
+    """How a table is tuned."""
 
-    Attributes:
-        reference_speed: Speed of the reference walk in [m] / [s]; None for the belt's.
-        minutes: Time for everything; generations under way are finished.
-        generations: Of the search; None until the time is over. With a number the result does not depend on
-            the machine's speed.
-        seed: Of the sensor noise; the search has no chance in it.
-        thresholds: Whether angle thresholds count.
-        blending: Whether the duration of the blend counts.
-        per_side: Whether each leg gets numbers of its own (hemiparesis).
-        everyone: Whether the table is for other wearers, supports and belts too, as one that ships is: search
-            and robust set then have :func:`twin_gait.studies.tune.cases.corner_cases` in them.
-        search_duration: Length of a walk in the search in [s].
-        robust_duration: Length of a walk of the robust set in [s].
-    """
-
-    reference_speed: float | None = None
-    minutes: float = 3.0
+    reference_speed: float | None = None  # speed of the reference walk in [m] / [s]; None for the belt's
+    minutes: float = 3.0  # time for everything; generations under way are finished
+    # of the search; None until the time is over. With a number the result does not depend on the machine's
+    # speed
     generations: int | None = None
-    seed: int = 0
-    thresholds: bool = True
-    blending: bool = True
-    per_side: bool = False
+    seed: int = 0  # of the sensor noise; the search has no chance in it
+    thresholds: bool = True  # whether angle thresholds count
+    blending: bool = True  # whether the duration of the blend counts
+    per_side: bool = False  # whether each leg gets numbers of its own (hemiparesis)
+    # whether the table is for other wearers, supports and belts too, as one that ships is: search and robust
+    # set then have corner_cases in them
     everyone: bool = False
-    search_duration: float = 14.0
-    robust_duration: float = 20.0
+    search_duration: float = 14.0  # length of a walk in the search in [s]
+    robust_duration: float = 20.0  # length of a walk of the robust set in [s]
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
         if not 0.0 < self.minutes < float("inf"):
             raise ParameterError(f"minutes: expected a number above 0, got {self.minutes}")
         if self.generations is not None and self.generations < 1:
@@ -92,60 +81,37 @@ def identity(experiment: Experiment, settings: Settings) -> dict[str, Any]:
 
 @dataclass
 class State:
-    """How far a tuning has come.
+    """How far a tuning has come."""
 
-    Attributes:
-        identity: What makes it this one: experiment, seed, settings, versions.
-        elapsed: Time that it has taken over all calls in [s].
-        start_cost: Cost of the table that is to be bettered, or None.
-        generations: Of the search.
-        descent: Where it stands, or None before it.
-    """
-
-    identity: dict[str, Any]
-    elapsed: float = 0.0
-    start_cost: float | None = None
-    generations: list[Generation] = field(default_factory=list)
-    descent: Descent | None = None
+    identity: dict[str, Any]  # what makes it this one: experiment, seed, settings, versions
+    elapsed: float = 0.0  # time that it has taken over all calls in [s]
+    start_cost: float | None = None  # cost of the table that is to be bettered, or None
+    generations: list[Generation] = field(default_factory=list)  # of the search
+    descent: Descent | None = None  # where it stands, or None before it
 
 
 class Progress(NamedTuple):
-    """Where a tuning stands.
+    """Where a tuning stands."""
 
-    Attributes:
-        stage: ``compiling``, ``search``, ``robust set`` or ``departures``.
-        done: Of this stage: walks, or generations.
-        total: In all, or None while only the time ends it.
-        elapsed: In [s].
-        start_cost: Of the table that it began with.
-        best_cost: Of the best candidate so far.
-        best_values: Parts of its nominal walk; empty if it was found before the tuning was resumed.
-    """
-
-    stage: str
-    done: int
-    total: int | None
-    elapsed: float
-    start_cost: float
-    best_cost: float
+    stage: str  # ``compiling``, ``search``, ``robust set`` or ``departures``
+    done: int  # of this stage: walks, or generations
+    total: int | None  # in all, or None while only the time ends it
+    elapsed: float  # in [s]
+    start_cost: float  # of the table that it began with
+    best_cost: float  # of the best candidate so far
+    # parts of its nominal walk; empty if it was found before the tuning was resumed
     best_values: Mapping[str, float | None]
 
 
 @dataclass(frozen=True, eq=False)
 class Finalist:
-    """A table that walked the robust set.
+    """A table that walked the robust set."""
 
-    Attributes:
-        table: Its document.
-        points: Coordinates of what was searched for; None for the table that it began with.
-        search_cost: In the search.
-        walks: Name of the case and result, nominal first.
-    """
-
-    table: dict[str, Any]
+    table: dict[str, Any]  # its document
+    # coordinates of what was searched for; None for the table that it began with
     points: tuple[float, ...] | None
-    search_cost: float
-    walks: tuple[tuple[str, Rating], ...]
+    search_cost: float  # in the search
+    walks: tuple[tuple[str, Rating], ...]  # name of the case and result, nominal first
 
     @property
     def falls(self) -> int:
@@ -160,36 +126,27 @@ class Finalist:
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Result of a tuning.
+    """Result of a tuning."""
 
-    Attributes:
-        status: ``COMPLETED``, or ``INTERRUPTED``: then only the state is kept.
-        parameters: All numbers that were searched for.
-        state: With all generations.
-        before: The table that was to be bettered.
-        ranked: All finalists, the best first; ``before`` is one of them.
-        began_with: Name of the table that the search began with, see :func:`start_tables`.
-    """
-
-    status: RunStatus
-    parameters: tuple[Parameter, ...]
-    state: State
-    before: Finalist | None
-    ranked: tuple[Finalist, ...]
-    began_with: str
+    status: RunStatus  # ``COMPLETED``, or ``INTERRUPTED``: then only the state is kept
+    parameters: tuple[Parameter, ...]  # all numbers that were searched for
+    state: State  # with all generations
+    before: Finalist | None  # the table that was to be bettered
+    ranked: tuple[Finalist, ...]  # all finalists, the best first; ``before`` is one of them
 
 
 def open_state(directory: Path, identity: Mapping[str, Any], *, resume: bool, force: bool) -> State:
-    """Begin a tuning's folder, or read how far it has come.
-
-    Raises:
-        RunDirectoryError: If the folder may not be used, or holds another tuning.
-    """
+    """Begin a tuning's folder, or read how far it has come; refuse one that holds something else."""
     plain = json.loads(json.dumps(identity))
     file = directory / STATE_FILE
     if resume and not force:
         return _read(file, plain)
-    _check_place(directory, force=force)
+    if directory.is_file() or (directory.exists() and any(directory.iterdir())):
+        if not force:
+            raise RunDirectoryError(
+                f"{directory}: exists; go on with --resume, replace it with --force, or choose another --out"
+            )
+        check_target(directory, TUNING, force=True)
     try:
         if directory.exists():
             shutil.rmtree(directory)
@@ -199,17 +156,6 @@ def open_state(directory: Path, identity: Mapping[str, Any], *, resume: bool, fo
             f"{directory}: cannot be written ({error.strerror}); choose another --out"
         ) from error
     return State(plain)
-
-
-def _check_place(directory: Path, *, force: bool) -> None:
-    """Refuse a folder that holds something, unless it is a tuning that may be replaced."""
-    if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
-        return
-    if not force:
-        raise RunDirectoryError(
-            f"{directory}: exists; go on with --resume, replace it with --force, or choose another --out"
-        )
-    check_target(directory, TUNING, force=True)
 
 
 def write_state(state: State, directory: Path) -> None:
@@ -245,13 +191,9 @@ def _read(file: Path, identity: dict[str, Any]) -> State:
     for key in sorted({*identity, *state.identity}):
         kept, asked = state.identity.get(key), identity.get(key)
         if kept != asked:
+            texts = [reprlib.repr(value) for value in (kept, asked)]
             raise RunDirectoryError(
-                f"{file}: {key}: kept {_short(kept)}, asked for {_short(asked)}; ask for the same, "
-                "or begin anew with --force"
+                f"{file}: {key}: kept {texts[0]}, asked for {texts[1]}; ask for the same, or begin anew with "
+                "--force"
             )
     return state
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -13,7 +13,7 @@ from twin_gait.checking.finding import Finding, Severity
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
-from twin_gait.studies.jobs import Workers
+from twin_gait.studies.jobs import Stop, Workers
 from twin_gait.studies.tune.cases import check_walker
 from twin_gait.studies.tune.space import with_own_sides
 from twin_gait.studies.tune.stages import Stages, Stopped
@@ -38,7 +38,7 @@ def tune(
     resume: bool = False,
     force: bool = False,
     progress: Callable[[Progress], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Tuning:
     """Search and rank, keeping the state in a folder after every step.
@@ -47,20 +47,15 @@ def tune(
     nor on how often it was stopped and resumed.
 
     Args:
-        experiment: A treadmill with a wearer, and the table that is to be bettered. Where it is a shipped
-            one, the search begins with that shipped one that suits the person best.
-        directory: The folder; see :func:`twin_gait.studies.tune.state.open_state`.
-        workers: Processes or a cluster that execute the walks; the calling process if None.
+        experiment: A treadmill with a wearer, and the table that is to be bettered.
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
-        on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
 
     Raises:
         ParameterError: If there is nothing to tune, or the settings make no sense.
         ParameterFileError: If a walk could not be run.
         RunDirectoryError: If the folder may not be used.
-        WorkersLost: If workers die again and again; what was done is kept.
     """
     check_walker(experiment)
     if settings.per_side:
@@ -84,12 +79,9 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     Args:
         experiment: A treadmill with a wearer, and the table that is to be bettered.
         workers: Processes or a cluster that execute the walks; the calling process if None.
-        **settings: Those of :class:`twin_gait.studies.tune.settings.Settings`: ``minutes`` for everything
+        **settings: Those of :class:`twin_gait.studies.tune.state.Settings`: ``minutes`` for everything
             (3), or ``generations`` of the search, with which the result does not depend on the machine's
             speed; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
-
-    Returns:
-        The best table that passes ``twin-gait check``.
 
     Raises:
         ParameterError: If there is nothing to tune, or no table passes the check.
@@ -101,17 +93,11 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
 
 
 class Chosen(NamedTuple):
-    """The table that is written.
+    """The table that is written."""
 
-    Attributes:
-        finalist: It.
-        findings: Of the whole check.
-        refused: Finalists before it that the check found errors in.
-    """
-
-    finalist: Finalist
-    findings: tuple[Finding, ...]
-    refused: int
+    finalist: Finalist  # it
+    findings: tuple[Finding, ...]  # of the whole check
+    refused: int  # finalists before it that the check found errors in
 
 
 def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
@@ -130,13 +116,13 @@ def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
     )
 
 
-def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with: str) -> dict[str, Any]:
+def final_table(chosen: Chosen, experiment: Experiment, wearer: str) -> dict[str, Any]:
     """Document of the table, with a name and a description of its own."""
     start = experiment.table.name
     origin = (
         f"The table {start} as it was: the search found nothing better for {wearer}."
         if chosen.finalist.points is None
-        else f"Tuned by twin-gait tune from the table {began_with} for {wearer}. Found in simulation; "
+        else f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; "
         "nothing here was measured on a person."
     )
     document = {**chosen.finalist.table, "name": f"{start}_tuned", "description": origin}

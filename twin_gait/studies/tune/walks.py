@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,25 +19,16 @@ from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.episodes import run_episodes
-from twin_gait.studies.jobs import JobFailed, Workers
+from twin_gait.studies.jobs import JobFailed, Progress, Stop, Workers
 from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
+_QUICK = (
+    *("unreachable_phase", "trap", "ambiguity", "never_opens"),
+    *("both_in_swing", "deadlock", "cannot_leave", "unstable"),
+)
 QUICK_RULES: tuple[Rule, ...] = tuple(
-    rule
-    for module in (graph, exits, leaving, stability)
-    for rule in module.RULES
-    if rule.__name__
-    in {
-        "unreachable_phase",
-        "trap",
-        "ambiguity",
-        "never_opens",
-        "both_in_swing",
-        "deadlock",
-        "cannot_leave",
-        "unstable",
-    }
+    rule for module in (graph, exits, leaving, stability) for rule in module.RULES if rule.__name__ in _QUICK
 )
 # Ends of the names of the columns of a log that the parts are made of, beside time and phases.
 READ = (*WALK_COLUMNS, "_motor_command_torque_Nm", "_target_current_A", "_measured_current_A")
@@ -54,11 +45,7 @@ def table_of(document: Mapping[str, Any]) -> GaitTable:
 
 
 def walker(experiment: Experiment, *, duration: float, quick: bool = False) -> Experiment:
-    """An experiment as it is walked: by the compiled engine, for so long in [s], at the default step or not.
-
-    Args:
-        quick: Whether ``QUICK_INTEGRATION`` will do.
-    """
+    """An experiment as the compiled engine walks it for so long in [s], by ``QUICK_INTEGRATION`` if quick."""
     integration = QUICK_INTEGRATION if quick else None
     return replace(experiment, engine=Engine.COMPILED, integration=integration, duration=duration)
 
@@ -75,19 +62,10 @@ def walk_all(
     workers: Workers,
     *,
     reference_speed: float | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: Progress | None = None,
+    should_stop: Stop | None = None,
 ) -> list[Rating] | None:
-    """Walk many tables in many cases; the results do not depend on the workers.
-
-    Args:
-        walks: From :func:`walker`, each with its table and case.
-        workers: Processes or a cluster that execute the walks.
-        reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
-        progress: Called with walks done and in all.
-
-    Returns:
-        One result for each, in their order; None if it was stopped.
+    """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped.
 
     Raises:
         ParameterFileError: If a walk could not be run.
@@ -115,14 +93,10 @@ def itself(walk: Experiment) -> Experiment:
 
 
 def standing(walks: Sequence[Rating]) -> list[float | None]:
-    """What a table is good for, less being better: error, effort and sensitivity.
+    """What a table is good for over its cases, the nominal one first, less being better.
 
-    Args:
-        walks: Of the table over its cases, the nominal one first.
-
-    Returns:
-        Root mean square of the nominal walk's errors of all joints in [deg] and of its motors' torques in
-        [N m], None if it fell or has no error; and the mean cost of the other walks, None without.
+    Root mean square of the nominal walk's errors of all joints in [deg] and of its motors' torques in [N m],
+    None if it fell or has no error; and the mean cost of the other walks, None without.
     """
     nominal, *others = walks
     errors = [nominal.values[part.name] for part in errors_of(nominal.joints)]
