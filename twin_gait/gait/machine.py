@@ -16,7 +16,7 @@ from transitions import Machine
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import OTHER, TIME, LegSignals, values_of_device, values_of_leg
+from twin_gait.gait.signals import OTHER, TIME, LegSignals, signal_scale, values_of_device, values_of_leg
 from twin_gait.gait.table import TICK, StateTable
 from twin_gait.vocabulary import Side
 
@@ -83,6 +83,7 @@ class GaitStateMachine:
         self.entry_tick = 0
         self._debounce = [0] * len(table.transitions)
         self._names = table.signals
+        self._scales = [(name, signal_scale(name)) for name in self._names]
         self._own_places = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
         initial = table.phase_names[0] if initial_phase is None else initial_phase
         table.phase_index(initial)
@@ -154,7 +155,8 @@ class GaitStateMachine:
         Raises:
             MeasurementError: If a signal is not finite.
         """
-        values = self.table.in_si({**signals, TIME: self.time_in_phase(tick)})
+        given = {**signals, TIME: self.time_in_phase(tick)}
+        values = [scale * given.get(name, 0.0) for name, scale in self._scales]
         return self.advance(tick, values, self.table.member_index(member))
 
     def advance(self, tick: int, signals: Sequence[float], other_phase: int) -> PhaseSwitch | None:
