@@ -212,21 +212,16 @@ def summary_lines(document: dict[str, Any]) -> Iterator[str]:
     order = document["method"]["order"]
     yield f"{len(document['tests'])} file{plural}, {used} samples; best first by {order}"
     for item in document["models"][:PRINTED_MODELS]:
-        yield f"  {item['name']:<26} RMSE {item['rmse']:.4g} N m{_left_out(item)}, R² {item['r_squared']:.3f}"
+        runs = [run for run in item["cross_validation"] if run["rmse"] is not None]
+        left_out = "".join(f", {run['rmse']:.4g} with {run['left_out']} left out" for run in runs)
+        yield f"  {item['name']:<26} RMSE {item['rmse']:.4g} N m{left_out}, R² {item['r_squared']:.3f}"
     if len(document["models"]) > PRINTED_MODELS:
         yield f"  and {len(document['models']) - PRINTED_MODELS} more"
     best = document["models"][0]
     yield f"{best['name']}: {best['formula']}"
     for name, value in best["parameters"].items():
-        yield f"  {name:<34} {value:.5g}{_interval(*best['intervals_95'][name])}"
+        low, high = best["intervals_95"][name]
+        interval = "" if low is None or high is None else f"  [{low:.5g}, {high:.5g}]"
+        yield f"  {name:<34} {value:.5g}{interval}"
     for warning in [*document["warnings"], *best["warnings"]]:
         yield f"warning: {warning}"
-
-
-def _left_out(item: dict[str, Any]) -> str:
-    runs = [run for run in item["cross_validation"] if run["rmse"] is not None]
-    return "".join(f", {run['rmse']:.4g} with {run['left_out']} left out" for run in runs)
-
-
-def _interval(low: float | None, high: float | None) -> str:
-    return "" if low is None or high is None else f"  [{low:.5g}, {high:.5g}]"

@@ -170,14 +170,7 @@ def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
 
 
 def export_can(frames: Iterable[BusFrame], path: Path, kind: str) -> int:
-    """Write frames as other tools read them; how many there are.
-
-    Args:
-        kind: ``candump``, the log format of can-utils, or ``asc``, that of Vector.
-
-    Raises:
-        MissingOptionalDependency: If python-can is not installed.
-    """
+    """Write frames as ``candump``, the log of can-utils, or ``asc``, that of Vector; how many there are."""
     try:
         import can
     except ImportError as error:

@@ -104,10 +104,9 @@ def _draws(
 
 
 def _telling(steps: np.ndarray) -> np.ndarray:
-    """Which draws say something, shape ``(n_draws,)``.
+    """Which draws say something: a few may miss all samples that determine a parameter, and step anywhere.
 
-    A few draws may miss all samples that determine a parameter, the slow ones for example; their steps are
-    arbitrary and as large as one likes. If many do, the parameter is not determined, and they all count.
+    If many do, the parameter is not determined, and they all count.
     """
     size = np.abs(steps - np.median(steps, axis=0))
     far = (size > _FAR * MAD_TO_SIGMA * np.median(size, axis=0)).any(axis=1)
@@ -115,10 +114,9 @@ def _telling(steps: np.ndarray) -> np.ndarray:
 
 
 def _without_leverage(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Gradient that each block would have about the fit of the others.
+    """Gradient that each block would have about the fit of the others (the jackknife's correction).
 
-    A block that moves the fit has made its own residuals small; without this correction, the jackknife's, the
-    intervals of parameters that few tests decide come out too short.
+    A block that moves the fit has made its own residuals small: without it intervals come out too short.
     """
     total = normal.sum(axis=0)
     others = np.linalg.pinv(total - normal, rcond=1e-9, hermitian=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -47,18 +48,12 @@ def draw_fits(result: Identification) -> Figure:
 def _draw_laws(axes: Axes, samples: Samples, models: Sequence[IdentifiedModel], reach: float) -> None:
     chosen = np.flatnonzero(np.abs(samples.velocity) <= reach)
     chosen = chosen[:: max(1, -(-len(chosen) // _SHOWN_SAMPLES))]
-    axes.plot(
-        samples.velocity[chosen],
-        samples.torque[chosen],
-        ".",
-        color="0.72",
-        markersize=2.0,
-        label="measured",
-        rasterized=True,
-    )
+    measured: dict[str, Any] = {"color": "0.72", "markersize": 2.0, "label": "measured", "rasterized": True}
+    axes.plot(samples.velocity[chosen], samples.torque[chosen], ".", **measured)
     grid = _grid(samples.velocity, reach)
     for item, colour, style in zip(models[:SHOWN_MODELS], _COLOURS, _STYLES, strict=False):
-        axes.plot(grid, _steady_curve(item, samples, grid), color=colour, linestyle=style, label=_label(item))
+        label = f"{readable(item.name)}{' (steady sliding)' if item.fit.model.dynamic else ''}"
+        axes.plot(grid, _steady_curve(item, samples, grid), color=colour, linestyle=style, label=label)
     if len(chosen):
         low, high = np.quantile(samples.torque[chosen], [0.001, 0.999])
         margin = 0.15 * max(high - low, 1e-9)
@@ -77,10 +72,6 @@ def _grid(velocity: np.ndarray, reach: float) -> np.ndarray:
     if (velocity > 0.0).mean() > 0.005:
         parts.append(half[1:])
     return np.concatenate(parts)
-
-
-def _label(item: IdentifiedModel) -> str:
-    return f"{readable(item.name)}{' (steady sliding)' if item.fit.model.dynamic else ''}"
 
 
 def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
@@ -151,15 +142,8 @@ def _draw_against(axes: Axes, values: np.ndarray, residuals: np.ndarray, test: n
     step = max(1, -(-len(values) // _SHOWN_SAMPLES))
     for number, colour in enumerate(_TEST_COLOURS):
         mine = np.flatnonzero(test[::step] % len(_TEST_COLOURS) == number)
-        axes.plot(
-            values[::step][mine],
-            residuals[::step][mine],
-            ".",
-            color=colour,
-            markersize=1.8,
-            alpha=0.5,
-            rasterized=True,
-        )
+        style: dict[str, Any] = {"color": colour, "markersize": 1.8, "alpha": 0.5, "rasterized": True}
+        axes.plot(values[::step][mine], residuals[::step][mine], ".", **style)
     axes.axhline(0.0, color=GREY, linewidth=0.8)
     centres, quarters = _binned(values, residuals)
     if len(centres):

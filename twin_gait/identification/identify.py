@@ -84,10 +84,7 @@ class Identification:
 def identify_logs(
     paths: Sequence[Path], options: IdentificationOptions, progress: Progress = lambda done, total: None
 ) -> Identification:
-    """Read, process and identify logs, one file a test.
-
-    Args:
-        progress: Called with the steps done and their number.
+    """Read, process and identify logs, one file a test; ``progress`` hears the steps done and their number.
 
     Raises:
         ParameterFileError: If a file cannot be used.
@@ -108,11 +105,7 @@ def identify_tests(
     options: IdentificationOptions,
     progress: Progress = lambda done, total: None,
 ) -> Identification:
-    """Fit models to tests, after their processing.
-
-    Raises:
-        ParameterError: If too few samples are left, or no model fits the columns.
-    """
+    """Fit models to tests, after their processing; errors as of :func:`identify_logs`."""
     tests, flipped = _along_the_velocity(tests)
     if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
         # The filter spreads an outlier, such as a touch of the stop, over samples.

@@ -186,11 +186,7 @@ MODELS = {model.name: model for model in _ALL}
 
 
 def find_models(names: tuple[str, ...]) -> tuple[FrictionModel, ...]:
-    """Look models up by their names, in their order; all without a name.
-
-    Raises:
-        ParameterError: If there is no model of a name.
-    """
+    """Look models up by their names, in their order; all without a name, a ParameterError for one of none."""
     for name in names:
         if name not in MODELS:
             raise ParameterError(f"model: no {name!r}; there are {', '.join(MODELS)}")
@@ -206,14 +202,14 @@ def rarer_direction(samples: Samples) -> float:
 
 def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     """What a model needs and the samples lack: columns that vary, or motion in both directions."""
-    missing = tuple(name for name in sorted(model.needs) if not _varies(getattr(samples, name)))
+
+    def varies(values: np.ndarray | None) -> bool:
+        return values is not None and len(values) > 0 and float(np.ptp(values)) > 1e-9
+
+    missing = tuple(name for name in sorted(model.needs) if not varies(getattr(samples, name)))
     if model.two_way and rarer_direction(samples) < ONE_WAY:
         return (*missing, "motion in both directions")
     return missing
-
-
-def _varies(values: np.ndarray | None) -> bool:
-    return values is not None and len(values) > 0 and float(np.ptp(values)) > 1e-9
 
 
 _STIFF = 1e6  # σ0/F_c at which a bristle slides at once: the static law

@@ -45,10 +45,7 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     """Take out rows that hold a NaN or repeat the one before, and refuse a log that cannot be used.
 
     A column that was found by its name alone and that a series can do without is left out if it is mostly
-    empty or cannot be what its name says.
-
-    Returns:
-        The log, how many rows there were of each, and what a reader should know.
+    empty or cannot be what its name says. Also: how many rows there were of each, and what one should know.
     """
     series = Quantity.FRICTION_TORQUE in log.columns
     notes: list[str] = []

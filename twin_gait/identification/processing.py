@@ -49,10 +49,7 @@ class _Motion:
 
 
 def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) -> FrictionTest:
-    """Turn a log into samples of friction torque.
-
-    Args:
-        bench: The bench, for logs with a current; None if only friction torques are expected.
+    """Turn a log into samples of friction torque; without a bench only friction torques are expected.
 
     Raises:
         ParameterFileError: If the log lacks what is needed, or cannot be what it is read as.

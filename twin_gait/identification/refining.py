@@ -65,12 +65,9 @@ def refine(
     *,
     tolerance: float = 1e-12,
 ) -> np.ndarray:
-    """Descend to the minimum near a start.
+    """Descend to the minimum near a start within the bounds, for a threshold of Huber's loss in [N m].
 
-    Args:
-        start: Parameter vector within the bounds.
-        threshold: Of Huber's loss in [N m]; infinite for least squares.
-        tolerance: A step that lowers the loss by less than this share of it is the last.
+    A step that lowers the loss by less than the share ``tolerance`` of it is the last.
     """
     x: np.ndarray = start
     damping = _DAMPING

@@ -29,12 +29,7 @@ class Goodness:
 
 
 def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Goodness:
-    """Goodness of a fit with so many parameters.
-
-    Args:
-        measured: Torques in [N m], shape ``(n,)``, more than parameters.
-        residuals: Measured less predicted torque in [N m], shape ``(n,)``.
-    """
+    """Goodness of a fit with so many parameters, of torques and residuals in [N m], shape ``(n,)``."""
     n, freedom = len(measured), max(len(measured) - parameters, 1)
     sse = float(residuals @ residuals)
     sst = float(np.sum((measured - measured.mean()) ** 2))

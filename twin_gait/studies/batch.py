@@ -163,9 +163,6 @@ def overridden(experiment: Experiment, override: Override, source: str = "overri
             be given in any unit that its file may. A mapping is laid over what is there. A ``patient`` may be
             exchanged by name; the gait table is changed below ``table.``, not exchanged by name.
         source: What messages begin with.
-
-    Raises:
-        ParameterFileError: If there is no such key, or the value is wrong.
     """
     return Base.of(experiment).changed(override, source)
 

@@ -243,9 +243,8 @@ def run_campaign(
 def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False) -> str:
     """A log as text: comments, column names with units, one row per millisecond.
 
-    Args:
-        header: Lines ``# name: value`` under the one that says that the data are synthetic.
-        truth: Also the columns that no bench can see.
+    The header's lines ``# name: value`` stand under the one that says that the data are synthetic; ``truth``
+    also gives the columns that no bench can see.
     """
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
@@ -281,11 +280,7 @@ def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
 
 
 def summarise(run: BenchRun) -> dict[str, float | None]:
-    """What one looks at first in a test.
-
-    Times in [s] at which the joint had moved by 1° and reached the stop, None if it did not; RMSE of target
-    and measured current in [A].
-    """
+    """Times in [s] when the joint had moved by 1° and reached the stop, or None; RMSE of current in [A]."""
     angle = run.column("link_angle_rad")
     error = run.column("target_current_A") - run.column("measured_current_A")
     return {

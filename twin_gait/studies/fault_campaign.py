@@ -59,14 +59,11 @@ class FaultCampaign:
 
 
 def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
-    """Draw faults over kind, joint, time and magnitude.
+    """Draw faults over kind, joint, time and magnitude, where the run is long enough for a fault and its end.
 
     Kinds take turns, so that each is drawn equally often; side, joint and time are uniform, magnitudes
     log-uniform between the bounds of ``MAGNITUDES`` with either sign. A fault depends on the seed and its
     position only: a longer campaign begins with the faults of a shorter one.
-
-    Raises:
-        ParameterError: If the run is too short for a fault and its end.
     """
     if count < 1 or seed < 0:
         raise ParameterError(
@@ -116,17 +113,10 @@ def simulate_faults(
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> FaultCampaign:
-    """Simulate an experiment once for each fault.
+    """Simulate an experiment once for each fault, in place of faults of its own.
 
-    Arguments not named here and errors are those of :func:`twin_gait.studies.run_episodes`.
-
-    Args:
-        experiment: The experiment; faults of its own are replaced.
-        faults: One for each run, for example from :func:`draw_faults`.
-        row: What is told of each run; :func:`fault_row` by default.
-
-    Raises:
-        ParameterError: If a run cannot be made.
+    What is told of each run is :func:`fault_row` by default. Other arguments and errors are those of
+    :func:`twin_gait.studies.run_episodes`; a run that cannot be made is a ParameterError.
     """
     try:
         rows = run_episodes(
@@ -151,15 +141,18 @@ def _with_fault(experiment: Experiment, fault: Fault) -> Experiment:
 def fault_row(run: Run) -> dict[str, Any]:
     """Sum up a run with one fault.
 
-    Returns:
-        The fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time of
-        the trip (empty without one) and the time from fault to trip; largest motor torque and current and
-        whether both are inside their limits in every tick; empty values among commands and plant; whether
-        the hold, once there, lasts to the end.
+    The fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time of the
+    trip (empty without one) and the time from fault to trip; largest motor torque and current and whether
+    both are inside their limits in every tick; empty values among commands and plant; whether the hold, once
+    there, lasts to the end.
     """
     (fault,) = run.experiment.faults
     trip, limits = run.trip, run.experiment.control.limits
-    torque, current = (_peak(run, name) for name in ("motor_torque_Nm", "measured_current_A"))
+    places = [f"{side}_{joint}" for side in run.sides for joint in run.table.joints]
+    torque, current = (  # the largest magnitudes; NaN if a value is empty
+        float(np.abs(run.log[[f"{place}_{name}" for place in places]].to_numpy()).max())
+        for name in ("motor_torque_Nm", "measured_current_A")
+    )
     plant = [name for name in run.log if not str(name).endswith(_MEASURED)]
     return {
         "fault": str(fault),
@@ -179,12 +172,6 @@ def fault_row(run: Run) -> dict[str, Any]:
         "null_values": int((~np.isfinite(run.log[plant].to_numpy())).sum()),
         "hold_kept": trip is None or bool((run.log["safety_state"].iloc[trip.tick + 2 :] == 1.0).all()),
     }
-
-
-def _peak(run: Run, column: str) -> float:
-    """Largest magnitude over the joints; NaN if a value is empty."""
-    names = [f"{side}_{joint}_{column}" for side in run.sides for joint in run.table.joints]
-    return float(np.abs(run.log[names].to_numpy()).max())
 
 
 def outcome_table(table: pd.DataFrame) -> pd.DataFrame:

@@ -200,13 +200,7 @@ def portions(
 
 
 def even_size(total: int, block: int, slots: int) -> int:
-    """Items of a block such that all workers have as many blocks, as long as these stay half full.
-
-    Args:
-        total: Items in all.
-        block: The most that a block may have.
-        slots: Workers.
-    """
+    """Items of a block, up to ``block``, such that all workers have as many as long as it stays half full."""
     least = max(1, -(-total // block))
     in_turns = max(1, -(-total // (-(-least // slots) * slots)))
     return in_turns if 2 * in_turns >= block else max(1, -(-total // least))

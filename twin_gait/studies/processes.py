@@ -61,11 +61,7 @@ class Processes:
         return self._workers
 
     def run(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
-        """Results of a function of a module in the order in which they come; items are taken one by one.
-
-        Raises:
-            WorkersLost: If an item was lost with its process too often.
-        """
+        """Results of a function of a module in the order in which they come; items are taken one by one."""
         if self._workers == 1:
             yield from map(function, items)
             return

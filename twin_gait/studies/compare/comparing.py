@@ -91,11 +91,7 @@ CONTROLLERS = {item.name: item for item in _CONTROLLERS}
 
 
 def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
-    """Look controllers up, for example ``table`` and ``position``.
-
-    Raises:
-        ParameterError: If there is none of a name, or one is named twice.
-    """
+    """Look controllers up, such as ``table`` and ``position``; none, or one twice, is a ParameterError."""
     if not names:
         raise ParameterError(f"controllers: expected some of {', '.join(CONTROLLERS)}")
     for place, name in enumerate(names):
@@ -170,9 +166,7 @@ def compare(
 ) -> Comparison:
     """Run every controller on every day; all controllers meet the same days.
 
-    Raises:
-        ParameterError: If there is no treadmill, no wearer, or not one seed, or a controller cannot be run.
-        ComparisonInterrupted: If it was stopped.
+    What cannot be compared is a ParameterError; one that was stopped, a ComparisonInterrupted.
     """
     _check(experiment, seeds)
     days = [varied(experiment, seed) for seed in range(seeds)]

@@ -79,11 +79,7 @@ def text_of(found: Interval, shown: Shown) -> str:
 
 
 def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
-    """Write the folder of a comparison; it appears when all is written.
-
-    Raises:
-        RunDirectoryError: If it exists, or cannot be written.
-    """
+    """Write the folder of a comparison; it appears when all is written."""
     with staged_directory(target, COMPARISON, force=force) as staging:
         picture = picture_of(figure_of(comparison))
         write_atomically(staging / PICTURE_FILE, picture.light)

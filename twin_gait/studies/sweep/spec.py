@@ -64,11 +64,7 @@ class Sweep:
 
 
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
-    """Read a sweep specification.
-
-    Args:
-        path: The YAML file.
-        settings: Assignments such as ``duration_s=5``, laid over the settings of the file.
+    """Read a sweep specification; settings such as ``duration_s=5`` are laid over those of the file.
 
     Raises:
         ParameterFileError: If the file has a mistake.

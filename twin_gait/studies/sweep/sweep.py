@@ -104,12 +104,7 @@ def check_sweep(
     progress: Progress | None = None,
     should_stop: Stop | None = None,
 ) -> None:
-    """Check the overrides of every episode without running any.
-
-    Raises:
-        KeyboardInterrupt: If it was stopped.
-        ParameterFileError: If one is wrong, naming episode, key and value.
-    """
+    """Check the overrides of every episode without running any; a wrong one is named with its key."""
     total, checked = len(sweep.design), 0
     if workers is None or total <= CHECKED_HERE:
         workers = Workers()
@@ -175,11 +170,7 @@ def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> di
 
 
 def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path, workers: Workers) -> None:
-    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them.
-
-    Args:
-        workers: Who draws, if they are processes of this machine.
-    """
+    """Draw the table, by workers of this machine: ``figures/*.png``, and ``report.html`` with all of them."""
     parameters = list(setting_columns(sweep.design.columns).values())
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))

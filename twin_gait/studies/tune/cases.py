@@ -52,11 +52,7 @@ class Departure(NamedTuple):
 
 
 def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
-    """How an experiment walks, and its wearer.
-
-    Raises:
-        ParameterError: If it has no treadmill with a wearer.
-    """
+    """How an experiment walks, and its wearer; without both on a treadmill it is a ParameterError."""
     scenario, walking, patient = experiment.scenario, experiment.scenario.walking, experiment.patient
     if walking is None or patient is None or not scenario.adjusts(BELT_SPEED, SUPPORT_SHARE):
         raise ParameterError(

@@ -47,18 +47,13 @@ def write_tuning(
     progress: Progress | None = None,
     should_stop: Stop | None = None,
 ) -> dict[str, Any] | None:
-    """Choose the table, see how it degrades, and write everything beside the state.
-
-    Args:
-        directory: The folder of :func:`twin_gait.studies.tune.tune.tune`.
-        wearer: For whom, in words.
+    """Choose the table, see how it degrades, and write everything beside the state, for a wearer in words.
 
     Returns:
         Content of ``tune.json``; None if it was stopped before.
 
     Raises:
         ParameterError: If no table passes the check.
-        RunDirectoryError: If something cannot be written.
     """
     directory = directory.expanduser().absolute()
     assert tuning.before is not None  # a completed tuning has it

@@ -102,11 +102,7 @@ def parts_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
 
 
 def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
-    """Value of each part of a walk by its name; None where the walk has too few strides for it.
-
-    Args:
-        reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
-    """
+    """Value of each part of a walk against a reference in [m] / [s]; None where it has too few strides."""
     legs = run.leg_records()
     sides = [_leg(run, leg) for leg in legs]
     joints = [joint for side in sides for joint in side["joints"].values()]
@@ -119,7 +115,8 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
             for joint in (*legs[0].angles, JointName.ANKLE)  # driven or not
         },
         "offset_deg": _largest(
-            _off_reference(run, legs, joint, reference_speed, _offset) for joint in legs[0].angles
+            _off_reference(run, legs, joint, reference_speed, lambda *item: abs(error_parts(*item).offset))
+            for joint in legs[0].angles
         ),
         **_of_walk(run, walks, reference_speed),
         "stride_variation_pct": _percent(_largest(side["stride_time_variation"] for side in sides)),
@@ -205,9 +202,7 @@ class Rating(NamedTuple):
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
     """Rate a walk on the treadmill as tuning does: its cost, the parts that it is the sum of, and more.
 
-    Args:
-        run: The walk.
-        reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
+    The reference walks at ``reference_speed`` in [m] / [s], or at that of the belt.
     """
     values, joints = part_values(run, reference_speed), tuple(run.table.joints)
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
@@ -328,10 +323,6 @@ def _off_reference(
         off = measure(normalise_strides(angles, leg.strides()), reference)
         found.append(finite_or_none(math.degrees(off)))
     return _largest(found)
-
-
-def _offset(cycles: np.ndarray, reference: np.ndarray) -> float:
-    return abs(error_parts(cycles, reference).offset)
 
 
 def _largest(values: Iterable[float | None]) -> float | None:

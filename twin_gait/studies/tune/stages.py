@@ -64,12 +64,7 @@ class Stages:
         self._robust_cases = (*robust_cases(self._experiment), *corners)
 
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
-        """Run all stages.
-
-        Raises:
-            Stopped: If somebody asked for it.
-            ParameterError: If a walk cannot be run.
-        """
+        """Run all stages, unless somebody asks to stop."""
         self._compile(on_compile)
         self._search(self._started())
         finalists = self._finalists()

@@ -101,11 +101,7 @@ class Chosen(NamedTuple):
 
 
 def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
-    """Take the best finalist whose table passes every error rule of the check.
-
-    Raises:
-        ParameterError: If none passes, not even the table that the search began with.
-    """
+    """Take the best finalist whose table passes every error rule of the check, or ParameterError."""
     for refused, finalist in enumerate(tuning.ranked):
         findings = check(build_case(table_of(finalist.table), experiment))
         if not any(item.severity is Severity.ERROR for item in findings):

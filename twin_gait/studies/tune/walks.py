@@ -65,11 +65,7 @@ def walk_all(
     progress: Progress | None = None,
     should_stop: Stop | None = None,
 ) -> list[Rating] | None:
-    """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped.
-
-    Raises:
-        ParameterFileError: If a walk could not be run.
-    """
+    """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
     rate = partial(rate_walk, reference_speed=reference_speed)
     try:
         results = run_episodes(
