@@ -93,7 +93,7 @@ def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
     from twin_gait.gait.program import compile_guards
 
     try:
-        table = load_state_table(Path(name) if Path(name).is_file() else name)
+        table = load_state_table(name)
         compile_guards(table)
     except TwinGaitError as error:
         raise pytest.UsageError(f"--gait-table: {error}") from error
