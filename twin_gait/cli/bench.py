@@ -55,13 +55,7 @@ def add_parser(commands: Any) -> None:
     actions = parser.add_subparsers(
         dest="action", required=True, parser_class=type(parser), metavar="campaign|run"
     )
-    about = (
-        "Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the true "
-        "friction."
-    )
-    campaign = actions.add_parser(
-        "campaign", help="five weights, nine tests each, as log files", description=about
-    )
+    campaign = options.add_command(actions, "campaign", run_campaign_command)
     _add_bench(campaign)
     campaign.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
     campaign.add_argument(
@@ -71,18 +65,13 @@ def add_parser(commands: Any) -> None:
         help="the thesis's falls, or driven by the motor to ±2.5 rad/s, or a folder for each (drop)",
     )
     _add_numbers(campaign, (("--longest", 20.0, "S", "when a fall that sticks is ended (20)"),))
-    campaign.set_defaults(run=run_campaign_command)
-    about = "Simulate one test and write its log with the true motion, friction and current."
-    test = actions.add_parser(
-        "run", help="one test, with what no bench can measure beside it", description=about
-    )
+    test = options.add_command(actions, "run", run_test_command)
     _add_bench(test)
     options.add_out(test, "FILE", "log to write", required=True)
     test.add_argument(
         "--controller", choices=CONTROLLERS, default="friction", help="what drives the motor (friction)"
     )
     _add_numbers(test, _TEST)
-    test.set_defaults(run=run_test_command)
 
 
 def _add_bench(parser: argparse.ArgumentParser) -> None:
@@ -126,7 +115,11 @@ def bench_of(arguments: argparse.Namespace) -> BenchJoint:
 
 
 def run_campaign_command(arguments: argparse.Namespace) -> int:
-    """Simulate one campaign or both."""
+    """Five weights, nine tests each, as log files.
+
+    Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the true
+    friction.
+    """
     from twin_gait.exceptions import RunDirectoryError
     from twin_gait.simulation import RunStatus
     from twin_gait.studies.campaign import Campaign, Protocol, run_campaign
@@ -168,7 +161,10 @@ def report_campaign(result: CampaignResult) -> Iterator[str]:
 
 
 def run_test_command(arguments: argparse.Namespace) -> int:
-    """Simulate one test."""
+    """One test, with what no bench can measure beside it.
+
+    Simulate one test and write its log with the true motion, friction and current.
+    """
     from twin_gait.files import write_atomically
     from twin_gait.parameters.quantities import WHOLE
     from twin_gait.simulation import RunStatus

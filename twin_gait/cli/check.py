@@ -19,14 +19,7 @@ WIDTH = 100
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "check",
-        help="check a gait table without a run",
-        description=(
-            "Check a gait table: exits that contend, follow at once or never open, phases that cannot be "
-            "reached or left, both legs in swing, and more. Ends with 1 if there is an error."
-        ),
-    )
+    parser = options.add_command(commands, "check", run)
     add = parser.add_argument
     add("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
     add(
@@ -37,11 +30,14 @@ def add_parser(commands: Any) -> None:
     options.add_settings(parser)
     options.add_json(parser)
     add("--rules", action="store_true", help="list the rules and end")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Check and print what was found."""
+    """Check a gait table without a run.
+
+    Check a gait table: exits that contend, follow at once or never open, phases that cannot be reached or
+    left, both legs in swing, and more. Ends with 1 if there is an error.
+    """
     from twin_gait.checking.check import check, counts, load_case, report, rules
 
     if arguments.rules:

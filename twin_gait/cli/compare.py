@@ -21,14 +21,7 @@ _WIDTH = 100
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "compare",
-        help="compare controllers on one wearer: one report",
-        description=(
-            "Simulate one wearer on the treadmill with several controllers and write a folder with one HTML "
-            "page, its figure, and the numbers as CSV and JSON."
-        ),
-    )
+    parser = options.add_command(commands, "compare", run)
     add = parser.add_argument
     options.add_experiment(parser, seconds=f"{DURATION:g}")
     add("--controllers", metavar="NAME,…", help=f"names with commas between them (all that suit: {NAMES})")
@@ -41,11 +34,14 @@ def add_parser(commands: Any) -> None:
     )
     options.add_out(parser, "DIR", f"folder to make ({FOLDER}/NAME)")
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare, write the folder and print what it says."""
+    """Compare controllers on one wearer: one report.
+
+    Simulate one wearer on the treadmill with several controllers and write a folder with one HTML page, its
+    figure, and the numbers as CSV and JSON.
+    """
     from twin_gait.runs.folders import check_target
     from twin_gait.studies.compare.comparing import (
         CONTROLLERS,

@@ -24,14 +24,7 @@ FORMATS = (CSV, "mot", "sto", FOLDER, *CAN_FILES)
 
 def add_parser(commands: Any) -> None:
     """Add both commands to the parser."""
-    parser = commands.add_parser(
-        "plot",
-        help="draw figures of a run for a paper",
-        description=(
-            "Draw figures of a run directory for print: one or two columns wide, letters on the panels, no "
-            "title inside; what the title would say is printed, for the caption."
-        ),
-    )
+    parser = options.add_command(commands, "plot", plot)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
     add(
@@ -46,18 +39,8 @@ def add_parser(commands: Any) -> None:
         "--width", type=float, default=85.0, metavar="MM", help="85 for one column (the default), 174 for two"
     )
     options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
-    parser.set_defaults(run=plot)
 
-    parser = commands.add_parser(
-        "export",
-        help="write the log of a run: CSV, for OpenSim or CAN tools",
-        description=(
-            "Write the log of a run directory as CSV (every column), its joint angles as a motion of "
-            "OpenSim (.mot in degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a "
-            "folder with model, motion, external loads, set-up, and the joint moments to compare with; or "
-            "the frames of its CAN network (candump's .log, Vector's .asc), which twin.dbc decodes."
-        ),
-    )
+    parser = options.add_command(commands, "export", export)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
     add(
@@ -77,11 +60,14 @@ def add_parser(commands: Any) -> None:
         help="whose angles a motion has where braces let the two move apart (the wearer's)",
     )
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
-    parser.set_defaults(run=export)
 
 
 def plot(arguments: argparse.Namespace) -> int:
-    """Draw the figures."""
+    """Draw figures of a run for a paper.
+
+    Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
+    inside; what the title would say is printed, for the caption.
+    """
     from twin_gait.exceptions import ParameterError
     from twin_gait.report.canvas import save
     from twin_gait.report.figures import available_figures, draw_for_paper
@@ -107,7 +93,13 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Write the log."""
+    """Write the log of a run: CSV, for OpenSim or CAN tools.
+
+    Write the log of a run directory as CSV (every column), its joint angles as a motion of OpenSim (.mot in
+    degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a folder with model, motion,
+    external loads, set-up, and the joint moments to compare with; or the frames of its CAN network (candump's
+    .log, Vector's .asc), which twin.dbc decodes.
+    """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
     from twin_gait.exceptions import ParameterError
     from twin_gait.export import export_csv, export_motion

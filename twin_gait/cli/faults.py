@@ -18,15 +18,7 @@ DURATION = 8.0  # [s] of each run: the gait is under way after one, and a fault 
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "faults",
-        help="inject seeded faults and tabulate the outcomes",
-        description=(
-            "Simulate an experiment once for each of many seeded faults of encoders, motors, controller, "
-            "load sensors and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, "
-            "a value is empty, or a trip did not end in the hold."
-        ),
-    )
+    parser = options.add_command(commands, "faults", run)
     add = parser.add_argument
     options.add_experiment(parser, seconds=f"{DURATION:g}")
     add("--count", type=int, default=100, metavar="N", help="faults (100)")
@@ -34,11 +26,15 @@ def add_parser(commands: Any) -> None:
     options.add_workers(parser)
     options.add_out(parser, "FILE", "also write one row per fault as CSV")
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the campaign and print the table of outcomes."""
+    """Inject seeded faults and tabulate the outcomes.
+
+    Simulate an experiment once for each of many seeded faults of encoders, motors, controller, load sensors
+    and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, or a
+    trip did not end in the hold.
+    """
     from twin_gait.files import write_atomically
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import draw_faults, simulate_faults

@@ -23,15 +23,7 @@ VERIFICATION = "verification.json"
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "firmware",
-        help="print the controller as C for the device, and prove it",
-        description=(
-            "Print gait table, drives and laws of an experiment as readable C99: the board of a joint, the "
-            "gait controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to "
-            "compare them with. Exits with 1 if --verify finds a difference."
-        ),
-    )
+    parser = options.add_command(commands, "firmware", run)
     options.add_experiment(parser, seconds="that of the experiment")
     options.add_out(parser, "DIR", "folder to write")
     parser.add_argument(
@@ -40,11 +32,15 @@ def add_parser(commands: Any) -> None:
         help="compare the C with the simulation over the walk and faults, on this machine and a Cortex-M4F",
     )
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the project, or verify it, or both."""
+    """Print the controller as C for the device, and prove it.
+
+    Print gait table, drives and laws of an experiment as readable C99: the board of a joint, the gait
+    controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to compare them with.
+    Exits with 1 if --verify finds a difference.
+    """
     from contextlib import nullcontext
 
     from twin_gait.exceptions import ParameterError

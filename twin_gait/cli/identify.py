@@ -19,15 +19,7 @@ PRINTED_MODELS = 5
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "identify",
-        help="identify the friction of a joint from logs",
-        description=(
-            "Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each "
-            "file is one test. Written: identification.json (models best first), parameter files that "
-            "simulate takes, the samples, and figures."
-        ),
-    )
+    parser = options.add_command(commands, "identify", run)
     add = parser.add_argument
     add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files")
     add("--joint", choices=["hip", "knee"], help="whose motor and gear it is (for currents)")
@@ -66,7 +58,6 @@ def add_parser(commands: Any) -> None:
     options.add_seed(parser)
     options.add_no_pictures(parser)
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def _add_bench(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +81,12 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identify, write and print."""
+    """Identify the friction of a joint from logs.
+
+    Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each file is
+    one test. Written: identification.json (models best first), parameter files that simulate takes, the
+    samples, and figures.
+    """
     from twin_gait.identification import identify_logs
     from twin_gait.identification.writing import IDENTIFICATION, write_identification
     from twin_gait.runs.folders import check_target

@@ -20,15 +20,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "live",
-        help="simulate in real time, tuned in the browser",
-        description=(
-            "Simulate in real time, with a page in the browser that shows the gait and changes it: gait "
-            "table, belt, support, the thesis's three controls, pushes and faults. On this machine only. "
-            "Ctrl-C ends it and writes the run directory."
-        ),
-    )
+    parser = options.add_command(commands, "live", run)
     add = parser.add_argument
     options.add_experiment(parser, seconds="until Ctrl-C")
     options.add_seed(parser, of_experiment=True)
@@ -44,11 +36,15 @@ def add_parser(commands: Any) -> None:
     )
     options.add_no_pictures(parser)
     add("--no-record", action="store_true", help="keep no record of the session")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate until Ctrl-C or the end, and write the run directory."""
+    """Simulate in real time, tuned in the browser.
+
+    Simulate in real time, with a page in the browser that shows the gait and changes it: gait table, belt,
+    support, the thesis's three controls, pushes and faults. On this machine only. Ctrl-C ends it and writes
+    the run directory.
+    """
     import asyncio
 
     from twin_gait.exceptions import ParameterError

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import math
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,17 @@ _SHORTHANDS = {
     "--speed": ("KM_PER_H", "scenario.belt_speed_km_per_h", "belt speed in km/h"),
     "--support": ("SHARE", "scenario.support.share", "body weight support: 0.6 or 60%%"),
 }
+
+
+def add_command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], int]
+) -> argparse.ArgumentParser:
+    """Add a command whose help and description are the docstring of what runs it."""
+    summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
+    text = summary[0].lower() + summary[1:].rstrip(".")
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=" ".join(rest.split()))
+    parser.set_defaults(run=run)
+    return parser
 
 
 def add_out(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:

@@ -18,15 +18,7 @@ FOUND = "found"  # --mirror without a number: the stride time is found in the an
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "replay",
-        help="run recorded joint angles through a gait table",
-        description=(
-            "Run the gait state machine over recorded angles and print which phases and switches the "
-            "table gives. LOG is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, "
-            "or normative gait: koopman@1.5 (speed in km/h) or winter."
-        ),
-    )
+    parser = options.add_command(commands, "replay", run)
     add = parser.add_argument
     add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
     add("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
@@ -57,11 +49,15 @@ def add_parser(commands: Any) -> None:
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
     options.add_no_pictures(parser)
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay, print and write."""
+    """Run recorded joint angles through a gait table.
+
+    Run the gait state machine over recorded angles and print which phases and switches the table gives. LOG
+    is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, or normative gait:
+    koopman@1.5 (speed in km/h) or winter.
+    """
     from twin_gait.replay.request import replay_log
     from twin_gait.replay.writing import summarise_replay, write_replay
 

@@ -18,16 +18,8 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "sessions",
-        help="manage live sessions and killed runs",
-        description=(
-            "The record of twin-gait live: who changed what, when, and where the run is. Sessions whose "
-            "processes were killed are completed first, up to the last second that they wrote."
-        ),
-    )
+    parser = options.add_command(commands, "sessions", run)
     parser.add_argument("--records", type=Path, metavar="DIR", help="record to read (that of this user)")
-    parser.set_defaults(run=run)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
 
     def add(name: str, act: Any, text: str) -> argparse.ArgumentParser:
@@ -56,7 +48,11 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked for with the record."""
+    """Manage live sessions and killed runs.
+
+    The record of twin-gait live: who changed what, when, and where the run is. Sessions whose processes were
+    killed are completed first, up to the last second that they wrote.
+    """
     from twin_gait.live.finishing import recover
     from twin_gait.live.session_records import default_records
 

@@ -22,11 +22,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "simulate",
-        help="simulate a gait and keep the run",
-        description="Simulate a preset or an experiment file and write a run directory.",
-    )
+    parser = options.add_command(commands, "simulate", run)
     add = parser.add_argument
     options.add_experiment(parser, seconds="that of the experiment")
     options.add_seed(parser, of_experiment=True)
@@ -56,11 +52,13 @@ def add_parser(commands: Any) -> None:
         help="run again at a tenth of the step and report the difference (takes ten times as long)",
     )
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate and write the run directory."""
+    """Simulate a gait and keep the run.
+
+    Simulate a preset or an experiment file and write a run directory.
+    """
     from twin_gait.runs.drawing import drawing_processes
 
     with drawing_processes(wanted=not arguments.no_pictures) as drawing:

@@ -17,14 +17,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "sweep",
-        help="simulate an experiment over any of its parameters",
-        description=(
-            "Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. "
-            "The same command goes on with a sweep that was stopped or killed."
-        ),
-    )
+    parser = options.add_command(commands, "sweep", run)
     add = parser.add_argument
     add("spec", type=Path, metavar="SPEC", help="YAML file, such as examples/sweep.yaml")
     add("--out", type=Path, metavar="DIR", required=True, help="folder of the sweep")
@@ -33,11 +26,14 @@ def add_parser(commands: Any) -> None:
     options.add_runner(parser)
     options.add_no_pictures(parser)
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the sweep, or go on with it."""
+    """Simulate an experiment over any of its parameters.
+
+    Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. The same
+    command goes on with a sweep that was stopped or killed.
+    """
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
     from twin_gait.studies.sweep.spec import load_sweep

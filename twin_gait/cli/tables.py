@@ -21,13 +21,7 @@ _ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", 
 
 def add_parser(commands: Any) -> None:
     """Add both commands to the parser."""
-    parser = commands.add_parser(
-        "presets",
-        help="list experiments, people and gait tables, or print one",
-        description=(
-            "List what ships, or print a preset with every value, a person or a table, ready to be edited."
-        ),
-    )
+    parser = options.add_command(commands, "presets", show_presets)
     add = parser.add_argument
     add("name", nargs="?", help="preset, person or table to print as YAML")
     add("--as-table", action="store_true", help="print the gait table where a preset has its name")
@@ -37,22 +31,19 @@ def add_parser(commands: Any) -> None:
         help="print the JSON Schema of a kind of file, for editors",
     )
     options.add_json(parser)
-    parser.set_defaults(run=show_presets)
 
-    parser = commands.add_parser(
-        "diagram",
-        help="draw the state machine of a gait table",
-        description="State diagram, state-transition table and truth table of a gait table.",
-    )
+    parser = options.add_command(commands, "diagram", draw_diagram)
     add = parser.add_argument
     add("table", metavar="TABLE", help="packaged table of gait or of modes, or YAML file")
     add("--format", choices=list(_ENDINGS), help="what to print or write (transitions; with --out all)")
     options.add_out(parser, "DIR", "folder to write into instead of printing")
-    parser.set_defaults(run=draw_diagram)
 
 
 def show_presets(arguments: argparse.Namespace) -> int:
-    """List what ships, or print one preset, person or gait table in full."""
+    """List experiments, people and gait tables, or print one.
+
+    List what ships, or print a preset with every value, a person or a table, ready to be edited.
+    """
     from twin_gait.configuration import packaged_gait_tables, packaged_mode_tables, presets
     from twin_gait.configuration.people import people
 
@@ -117,7 +108,10 @@ def _listed(title: str, entries: Mapping[str, str]) -> Iterator[str]:
 
 
 def draw_diagram(arguments: argparse.Namespace) -> int:
-    """Print one format, or write one or all into a folder."""
+    """Draw the state machine of a gait table.
+
+    State diagram, state-transition table and truth table of a gait table.
+    """
     from twin_gait.configuration import load_state_table
 
     table = load_state_table(arguments.table)

@@ -19,14 +19,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "tune",
-        help="tune a gait table to one person",
-        description=(
-            "Search for the numbers of a gait table, try the best tables on a robust set, and write the best "
-            "with a report. It can be stopped at any time and goes on with --resume."
-        ),
-    )
+    parser = options.add_command(commands, "tune", run)
     add = parser.add_argument
     options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
@@ -41,11 +34,14 @@ def add_parser(commands: Any) -> None:
     options.add_seed(parser)
     options.add_runner(parser)
     options.add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Tune, and write the table with its report."""
+    """Tune a gait table to one person.
+
+    Search for the numbers of a gait table, try the best tables on a robust set, and write the best with a
+    report. It can be stopped at any time and goes on with --resume.
+    """
     from twin_gait.exceptions import ParameterError
     from twin_gait.report.tune import summary
     from twin_gait.simulation import RunStatus

@@ -25,12 +25,7 @@ if TYPE_CHECKING:
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
-    parser = commands.add_parser(
-        "view",
-        help="show runs or a URDF in the browser, or draw a picture",
-        description="Show a run directory, two of them side by side, or any URDF with a slider for each "
-        "joint in the browser until Ctrl-C; or write the page or a picture of it.",
-    )
+    parser = options.add_command(commands, "view", run)
     add = parser.add_argument
     add(
         "targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF file"
@@ -44,11 +39,14 @@ def add_parser(commands: Any) -> None:
     add("--play-speed", type=float, default=1.0, metavar="X", help="times real time (1)")
     add("--once", action="store_true", help="end when the run has been played once")
     options.add_page(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show or draw the targets."""
+    """Show runs or a URDF in the browser, or draw a picture.
+
+    Show a run directory, two of them side by side, or any URDF with a slider for each joint in the browser
+    until Ctrl-C; or write the page or a picture of it.
+    """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of
     from twin_gait.runs.shown_run import read_shown_run

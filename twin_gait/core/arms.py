@@ -66,6 +66,8 @@ class Arm:
         push_limit: Largest force with which the arm pushes the tip away in [N].
         pull_limit: With which it draws it near in [N].
         moment_limit: Largest moment of the shoulder in [N m].
+        longest: Length of the strut with a straight arm in [m].
+        straight_stiffness: Of a straight arm, which the hand holds on to, in [N] / [m].
         grip: What the muscles do.
         length: Of the strut in [m], as it was last.
         aside: Way of the tip from where the grip would have it, against n, in [m].
@@ -88,6 +90,8 @@ class Arm:
     grip: Grip
     felt_ahead: DelayLine
     felt_load: DelayLine
+    longest: float = math.inf
+    straight_stiffness: float = 0.0
     length: float = 0.0
     aside: float = 0.0
     push: float = 0.0
@@ -141,6 +145,8 @@ def arm_force(
     turning = grip.turning_stiffness * aside - grip.turning_damping * aside_speed
     arm.length, arm.aside = length, aside
     arm.push = held(push, -arm.pull_limit, arm.push_limit)
+    if length > arm.longest:
+        arm.push -= arm.straight_stiffness * (length - arm.longest)
     arm.moment = held(grip.turn + turning * length, -arm.moment_limit, arm.moment_limit)
     across = arm.moment / length
     arm.power = arm.push * along_speed + across * aside_speed

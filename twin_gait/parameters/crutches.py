@@ -12,13 +12,13 @@ from twin_gait.parameters.quantities import (
     POSITIVE,
     Angle,
     Force,
-    ForcePerAngle,
-    ForcePerRate,
     Length,
     LinearDamping,
     LinearStiffness,
     Mass,
     Parameters,
+    PerAngle,
+    PerAngularVelocity,
     Range,
     Ratio,
     Speed,
@@ -40,6 +40,8 @@ class CrutchParameters(Parameters):
         length: Of straight arm and crutch over the height of the wearer: 0.485 to the grip at the wrist and
             0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
         slack: By which a hand may be farther from the shoulder before it lets go, in [m] (an assumption).
+        straight_stiffness: Of a straight arm and the hand that holds on, in [N] / [m] (an assumption:
+            shoulder girdle and wrist leave 5 to 15 kN/m of what the elbow has).
         push_limit: Largest force of an arm along the strut in [N] (an assumption: paraplegic men push as hard
             as others, Kotajarvi et al. 2002; half the weight on each hand is what lifting oneself asks for).
         pull_limit: With which it lifts a crutch in [N] (an assumption).
@@ -49,6 +51,7 @@ class CrutchParameters(Parameters):
     mass: Annotated[Mass, POSITIVE] = 0.5
     length: Annotated[Ratio, Range(0.6, 1.1)] = 0.817
     slack: Annotated[Length, NOT_NEGATIVE] = 0.1
+    straight_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 5.0e3
     push_limit: Annotated[Force, NOT_NEGATIVE] = 400.0
     pull_limit: Annotated[Force, NOT_NEGATIVE] = 100.0
     moment_limit: Annotated[Torque, NOT_NEGATIVE] = 60.0
@@ -65,9 +68,9 @@ class ArmParameters(Parameters):
         delay: From what is felt to what the muscles do in [s]; people in stance have 0.15 to 0.19 (Peterka
             2002).
         lean: Of the trunk that the person keeps in [rad].
-        push: On each crutch in [N].
-        push_per_lean: More of it by how much farther the trunk leans, in [N] / [rad].
-        push_per_rate: And by how fast, in [N s] / [rad].
+        push: On each crutch, as a share of the weight of wearer and device.
+        push_per_lean: More of it by how much farther the trunk leans, as a share per [rad].
+        push_per_rate: And by how fast, as a share times [s] / [rad].
         turn: Moment of each shoulder in [N m] that draws the body forwards.
         stiffness: Of an arm that is loaded, along the strut, for a moment, in [N] / [m].
         damping: In [N s] / [m].
@@ -87,9 +90,9 @@ class ArmParameters(Parameters):
 
     delay: Annotated[Time, DELAYS] = 0.15
     lean: Annotated[Angle, LEANS] = 8.0 * DEGREE
-    push: Annotated[Force, NOT_NEGATIVE] = 80.0
-    push_per_lean: Annotated[ForcePerAngle, NOT_NEGATIVE] = 600.0
-    push_per_rate: Annotated[ForcePerRate, NOT_NEGATIVE] = 150.0
+    push: Annotated[Ratio, NOT_NEGATIVE] = 0.1
+    push_per_lean: Annotated[PerAngle, NOT_NEGATIVE] = 0.7
+    push_per_rate: Annotated[PerAngularVelocity, NOT_NEGATIVE] = 0.2
     turn: Torque = 5.0
     stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 4000.0
     damping: Annotated[LinearDamping, NOT_NEGATIVE] = 400.0

@@ -172,7 +172,7 @@ class Overground(Scenario):
         if self.crutches is not None:
             require(model.patient is not None, "crutches", "a patient who holds them", "none")
             where = q[height] + shoulder * math.cos(self.lean), shoulder * math.sin(self.lean)
-            arms = self._arms(model.nv, self.crutches, tall, where)
+            arms = self._arms(model.nv, self.crutches, self._habit(tall, weight), where)
             tips = [value for ahead in self.crutch_ahead.values() for value in (where[1] + ahead, 0.0)]
             q = np.array([*q, *tips])
         return World(
@@ -190,7 +190,7 @@ class Overground(Scenario):
             contact_frames=frames,
             trunk=Trunk(shoulder, self._harness(tall, weight)),
             arms=arms,
-            habit=self._habit(tall) if arms else None,
+            habit=self._habit(tall, weight) if arms else None,
             sense=new_sense(self._delay_ticks, self.lean) if arms else None,
             fall_pitch=self.fall_lean,
             longest_reach=math.inf if self.crutches is None else self._longest(tall) + self.crutches.slack,
@@ -209,11 +209,10 @@ class Overground(Scenario):
         return self.crutches.length * tall
 
     def _arms(
-        self, first: int, crutches: CrutchParameters, tall: float, shoulder: tuple[float, float]
+        self, first: int, crutches: CrutchParameters, habit: Habit, shoulder: tuple[float, float]
     ) -> tuple[Arm, ...]:
         """Both arms, with planted crutches."""
         found = []
-        habit = self._habit(tall)
         for number, ahead in enumerate(self.crutch_ahead.values()):
             arm = Arm(
                 place=first + 2 * number,
@@ -221,7 +220,9 @@ class Overground(Scenario):
                 push_limit=crutches.push_limit,
                 pull_limit=crutches.pull_limit,
                 moment_limit=crutches.moment_limit,
-                grip=Grip(self.arms.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+                longest=habit.longest,
+                straight_stiffness=crutches.straight_stiffness,
+                grip=Grip(habit.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
                 felt_ahead=new_delay_line(self._delay_ticks, ahead),
                 felt_load=new_delay_line(self._delay_ticks),
                 length=math.hypot(ahead, shoulder[0]),
@@ -231,13 +232,13 @@ class Overground(Scenario):
             found.append(arm)
         return tuple(found)
 
-    def _habit(self, tall: float) -> Habit:
+    def _habit(self, tall: float, weight: float) -> Habit:
         arms = self.arms
         return Habit(
             lean=arms.lean,
-            push=arms.push,
-            push_per_lean=arms.push_per_lean,
-            push_per_rate=arms.push_per_rate,
+            push=arms.push * weight,
+            push_per_lean=arms.push_per_lean * weight,
+            push_per_rate=arms.push_per_rate * weight,
             turn=arms.turn,
             stiffness=arms.stiffness,
             damping=arms.damping,
