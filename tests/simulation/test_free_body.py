@@ -32,6 +32,7 @@ from twin_gait.vocabulary import JointName, Side
 
 GRAVITY = 9.81
 NO_CRUTCHES = "scenario.crutches=none"
+EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
 
 
 @lru_cache(maxsize=4)
@@ -253,6 +254,42 @@ def test_without_arms_a_stiff_body_falls_as_the_pendulum_that_it_is():
     assert end > 4.0 * start
     assert np.arctan2(*place) == pytest.approx(end, rel=0.02)
     assert rate < 0.95 * GRAVITY / lever  # it is no point mass
+
+
+# ------------------------------------------------------------------ how it ends
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (("scenario.fall_lean_deg=7",), "the trunk leaned by more than 7 deg at 0.001 s"),
+        (
+            ("scenario.crutches={slack_m: 0}", "scenario.crutch_ahead={left_m: 0.9, right_m: 0.3}"),
+            "a hand let go of its crutch, more than 1.43 m from the shoulder at 0.001 s",
+        ),
+    ],
+)
+def test_who_leans_too_far_or_cannot_reach_the_crutch_has_fallen(changes, told):
+    run = ReferenceEngine(problem_of(EULER, "duration_s=0.01", *changes)).run()
+    assert (run.status, run.reason, len(run.rows)) == ("fell", told, 1)
+
+
+def test_at_a_trip_the_rope_locks_where_the_trunk_is():
+    """From then on the pull is that of a one-sided spring and damper from the height at the trip."""
+    rope = "scenario.harness={share: 0.1, catch_stiffness_N_per_m: 2e4, catch_dissipation_s_per_m: 1}"
+    trip = "control.safety.phase_time_out_s=0.06"
+    engine = ReferenceEngine(problem_of(EULER, NO_CRUTCHES, "duration_s=0.2", rope, trip))
+    run = engine.run()
+    log = {name: run.rows[:, place] for name, place in engine.layout.positions.items()}
+    assert run.trip is not None
+    above, tick = 0.25 * 1.75, run.trip.tick
+    place = log["pelvis_height_m"] + above * np.cos(log["trunk_pitch_rad"])
+    speed = log["trunk_pitch_velocity_rad_per_s"] * -above * np.sin(log["trunk_pitch_rad"])
+    speed += log["pelvis_velocity_m_per_s"]
+    below = np.maximum(place[tick] - place, 0.0) * (np.arange(len(place)) >= tick)
+    pull = 0.1 * engine.problem.world.body_weight + 2e4 * below * np.maximum(1.0 - speed, 0.0)
+    assert_allclose(log["support_force_N"], pull, rtol=1e-9)
+    assert below.max() > 0.005
 
 
 # ------------------------------------------------------------------ what is said of it
