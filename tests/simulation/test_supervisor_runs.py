@@ -13,9 +13,10 @@ import pytest
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment
+from twin_gait.gait.machine import POSTURE
 from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.runs.record import load_run
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import POSTURE
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
@@ -143,6 +144,14 @@ def test_the_reference_engine_does_the_same(requests, sent):
     assert plain.answers == compiled.answers
     names = [name for name in plain.log if plain.log[name].dtype == float]
     np.testing.assert_allclose(plain.log[names], compiled.log[names], rtol=1e-9, atol=1e-9)
+
+
+def test_a_run_with_modes_is_kept_and_read_back(tmp_path):
+    done = run(*STAYING, requests="gravity@1s", seconds=1.5)
+    kept = load_run(done.save(tmp_path / "run")).run
+    assert kept.switches == done.switches and kept.answers == done.answers
+    names = ["mode", "request", "refused"]
+    np.testing.assert_array_equal(kept.log[names], done.log[names])
 
 
 @pytest.mark.slow  # compiles the loop of the lanes

@@ -20,6 +20,8 @@ from twin_gait.gait.signals import OTHER, TIME, LegSignals, signal_scale, values
 from twin_gait.gait.table import TICK, StateTable
 from twin_gait.vocabulary import Side
 
+POSTURE = "posture"  # cause of a switch that an operating mode asks for; it is no transition of the table
+
 
 class PhaseSwitch(NamedTuple):
     """One switch of phase.
@@ -30,7 +32,7 @@ class PhaseSwitch(NamedTuple):
         source: Phase that was left.
         target: Phase that was entered.
         cause: Cause written in the gait table.
-        transition: Index of the transition in the table.
+        transition: Index of the transition in the table, -1 for a posture.
     """
 
     tick: int

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
+from twin_gait.gait.machine import POSTURE
 from twin_gait.gait.table import TICK, Blending, BlendingLaw
 from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
@@ -198,7 +199,9 @@ def _time_out_ticks(run: Run, record: LegRecord) -> list[int]:
     return [
         switch.tick
         for switch in run.switches
-        if switch.side is record.side and run.table.transitions[switch.transition].is_time_out
+        if switch.side is record.side
+        and switch.cause != POSTURE
+        and run.table.transitions[switch.transition].is_time_out
     ]
 
 

@@ -21,7 +21,7 @@ from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import read_parquet, write_atomically
-from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.runs.drawing import DrawingProcesses
@@ -178,7 +178,7 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
                 (int(row["tick"]), Side(row["side"]), row["from"], row["to"], row["cause"])
                 for row in csv.DictReader(file)
             ]
-        return tuple(PhaseSwitch(*row, places[row[2:]]) for row in rows)
+        return tuple(PhaseSwitch(*row, -1 if row[-1] == POSTURE else places[row[2:]]) for row in rows)
     except (OSError, ValueError, KeyError) as error:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.control import Trip
-from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED
 from twin_gait.simulation.log import LogLayout
@@ -17,7 +17,6 @@ from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic
 
-POSTURE = "posture"  # cause of a switch that the operating mode asks for; it is no transition of the table
 # A joint that turns faster than this is no longer physical: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
 
