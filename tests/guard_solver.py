@@ -56,5 +56,6 @@ class Measurements:
             ),
             foot_load=self.signals[f"{prefix}foot.load_bw"],
             walk=self.signals.get("walk", 1.0),
+            step=self.signals.get("step", 1.0),
             trunk_pitch=math.radians(self.signals.get("trunk.pitch_deg", 0.0)),
         )

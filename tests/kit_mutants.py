@@ -181,7 +181,7 @@ def _comparison_mutants(table: GaitTable, guard: Comparison) -> Guards:
     yield "comparison", f"{guard} not strict", replace(guard, threshold=_not_strict(guard))
     for shifted in _shifted(guard):
         yield "threshold", f"{guard} at {shifted!r}", replace(guard, threshold=shifted)
-    if guard.signal != "walk":
+    if guard.signal not in ("walk", "step"):
         factor = _UNIT[guard.signal.rsplit("_", 1)[-1]]
         yield "unit", f"{guard} in another unit", replace(guard, threshold=guard.threshold * factor)
     for name in _mistaken(table, guard.signal):

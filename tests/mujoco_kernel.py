@@ -37,15 +37,16 @@ class Legs:
         return int(self.model.jnt_bodyid[self.model.joint(joint).id])
 
     def place(self, q: list[float], v: list[float] | None = None) -> None:
-        """Go to a state, at rest without velocities."""
-        self.data.qpos[self.order] = q
-        self.data.qvel[self.order] = np.zeros(len(q)) if v is None else v
+        """Go to a state, at rest without velocities; tips of crutches come last and are not in here."""
+        own = len(self.order)
+        self.data.qpos[self.order] = q[:own]
+        self.data.qvel[self.order] = np.zeros(own) if v is None else v[:own]
         mujoco.mj_fwdPosition(self.model, self.data)
         mujoco.mj_fwdVelocity(self.model, self.data)
 
     def accelerate(self, torque: list[float]) -> np.ndarray:
         """Accelerations of the present state under torques and what is applied to the bodies."""
-        self.data.qfrc_applied[self.order] = torque
+        self.data.qfrc_applied[self.order] = torque[: len(self.order)]
         mujoco.mj_fwdAcceleration(self.model, self.data)
         return np.array(self.data.qacc_smooth[self.order])
 
@@ -86,7 +87,8 @@ class MujocoKernel:
     ) -> float:
         """Accelerations; the ground's forces are applied to the feet."""
         power = self.contact_forces(q, v, bodies, ground, points)
-        a[:] = self._legs.accelerate(torque).tolist()
+        found = self._legs.accelerate(torque).tolist()
+        a[: len(found)] = found
         return power
 
     def contact_forces(
@@ -94,7 +96,12 @@ class MujocoKernel:
     ) -> float:
         """Forces of the ground on the points of the soles, by velocities that MuJoCo's Jacobians give."""
         self._legs.place(q, v)
-        model, data, jacobian, power = self._legs.model, self._legs.data, np.zeros((3, len(q))), 0.0
+        model, data, jacobian, power = (
+            self._legs.model,
+            self._legs.data,
+            np.zeros((3, len(self._legs.order))),
+            0.0,
+        )
         data.xfrc_applied[:] = 0.0
         for body, point in zip(self._soles, points, strict=False):
             place = data.xpos[body]
@@ -124,7 +131,7 @@ class MujocoKernel:
         potential = gravity * float(model.body_mass[moving] @ data.xipos[moving, 2])
         if self._guide is None:
             return float(data.energy[1]), potential, 0.0, 0.0
-        data.qacc[self._legs.order] = a
+        data.qacc[self._legs.order] = a[: len(self._legs.order)]
         mujoco.mj_rnePostConstraint(model, data)
         moment, force = data.cfrc_int[self._guide].reshape(2, 3)
         centre = data.subtree_com[model.body_rootid[self._guide]]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from oracle_arms import UpperBody
 from transitions import Machine
 
 from twin_gait.experiment import IntegrationMethod
@@ -236,19 +237,24 @@ class Leg:
         """Read the parameters."""
         world = problem.world
         self.world, self.model, self.data = world, world.model.model, world.model.data
-        self._law, self._efficiency = np.zeros((4, world.model.nv)), np.ones(world.model.nv)
+        n = world.model.nv
+        self._law, self._efficiency = np.zeros((4, n)), np.ones(n)
         self._law[2] = 1.0  # where there is no friction, nor a motor
-        self._armature, self._last = self.model.armature, np.zeros(world.model.nv)
+        self._armature, self._last = self.model.armature, np.zeros(n)
         given = problem.experiment.plant
         for item in problem.joints:
             self._law[:, item.coordinate] = _columns([given.true_friction()[item.joint]], LAW)[:, 0]
             self._efficiency[item.coordinate] = given.actuators[item.joint].gear_efficiency
         self._stops = _columns(
-            [row.stop for row in world.plant], ("lower", "upper", "stiffness", "dissipation")
+            [row.stop for row in world.plant[:n]], ("lower", "upper", "stiffness", "dissipation")
         )
-        self._springs = _columns([row.spring for row in world.plant], ("stiffness", "damping", "force"))
+        self._springs = _columns([row.spring for row in world.plant[:n]], ("stiffness", "damping", "force"))
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
+        self.upper_body = UpperBody(problem, self._pressed) if world.arms else None
+        self._crutch, self._gravity = 0.0, given.gravity
+        if world.arms:
+            self._crutch = problem.experiment.scenario.crutches.mass  # type: ignore[attr-defined]
 
     def passive_torque(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
         """Friction, stops, springs and support on the coordinates, shape ``(nv,)``."""
@@ -267,28 +273,34 @@ class Leg:
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
         """Accelerations under motors, passive torques and contact, shape ``(nv,)``."""
-        torque = motor + self.passive_torque(q, v, motor)
-        forces = (self._contact_forces(q, v),) if self._frames else ()
-        self._last = np.array(pin.aba(self.model, self.data, q, v, torque, *forces))
-        return self._last
+        n = self.model.nv
+        torque = np.zeros(len(q)) if self.upper_body is None else self.upper_body.torque(q, v)
+        torque[:n] += motor[:n] + self.passive_torque(q[:n], v[:n], motor[:n])
+        forces = (self._contact_forces(q[:n], v[:n]),) if self._frames else ()
+        self._last = np.array(pin.aba(self.model, self.data, q[:n], v[:n], torque[:n], *forces))
+        tips = torque[n:] / (self._crutch or 1.0)
+        tips[1::2] -= self._gravity
+        return np.array([*self._last, *tips])
 
-    def _contact_forces(self, q: np.ndarray, v: np.ndarray) -> Any:
+    def _pressed(self, height: float, along: float, up: float) -> tuple[float, float]:
+        """Friction and normal force of the ground on a point."""
         law = self.world.contact
         assert law is not None  # there are contact frames
+        normal = law.stiffness * max(-height, 0.0) ** 1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * up)
+        slip = along + self.world.belt.cruise
+        return -law.friction_coefficient * normal * np.tanh(slip / law.transition_velocity), normal
+
+    def _contact_forces(self, q: np.ndarray, v: np.ndarray) -> Any:
         pin.forwardKinematics(self.model, self.data, q, v)
         forces = pin.StdVec_Force()
         forces.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
         for number in self._frames:
             frame = self.model.frames[number]
-            depth = -pin.updateFramePlacement(self.model, self.data, number).translation[2]
-            if depth <= 0.0:
-                continue
+            height = pin.updateFramePlacement(self.model, self.data, number).translation[2]
             velocity = pin.getFrameVelocity(
                 self.model, self.data, number, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
             ).linear
-            normal = law.stiffness * depth**1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * velocity[2])
-            slip = velocity[0] + self.world.belt.cruise
-            friction = -law.friction_coefficient * normal * np.tanh(slip / law.transition_velocity)
+            friction, normal = self._pressed(height, velocity[0], velocity[2])
             placement = self.data.oMf[number]
             local = placement.rotation.T @ np.array([friction, 0.0, normal])
             forces[frame.parentJoint] += frame.placement.act(pin.Force(local, np.zeros(3)))
@@ -333,6 +345,9 @@ def motion(problem: Problem, ticks: int) -> Motion:
     trace = Motion(*(np.zeros((ticks, count)) for count in (len(q), len(q), len(problem.sides))))
     for tick in range(ticks):
         motor = controller.torque(tick, q, v)
+        if leg.upper_body is not None:
+            swinging = any(problem.table.is_swing(machine.phase) for machine in controller.machines.values())
+            leg.upper_body.decide(q, v, swinging)
         trace.q[tick], trace.motor[tick], trace.phases[tick] = q, motor, controller.phases()
         for _ in range(stepping.substeps):
             q, v = leg.step(q, v, motor, stepping.step, rk4)

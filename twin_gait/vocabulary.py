@@ -67,16 +67,18 @@ class SegmentModel(StrEnum):
 
 
 class PelvisGuide(StrEnum):
-    """How the pelvis is held: not to move, to move vertically, or fore-aft as well; it never pitches."""
+    """How the pelvis is held: not to move, to move vertically, or fore-aft too; only a free one pitches."""
 
     FIXED = "fixed"
     VERTICAL = "vertical"
     HARNESS = "harness"
+    FREE = "free"
 
 
 class Surroundings(StrEnum):
     """What is drawn around a figure."""
 
     TREADMILL = "treadmill"
+    WALKWAY = "walkway"
     STAND = "stand"
     FLOOR = "floor"

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from twin_gait import Experiment, JointName, LegModel, Patient
-from twin_gait.leg_model import FORWARD_JOINT, PELVIS_JOINT, LegJoints, device_sizes
+from twin_gait.leg_model import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT, LegJoints, device_sizes
 
 
 class Segment(NamedTuple):
@@ -46,7 +46,7 @@ SEGMENTS = {
 # Shares of the body height (Winter, figure 4.1), and what a shank without a foot is measured by.
 SHANK_LENGTH, FOOT_LENGTH, FOOT_HEIGHT = 0.246, 0.152, 0.039
 # Of head, arms and trunk between hip and shoulder (Winter, figure 4.1 and table 4.1).
-TRUNK_LENGTH, TRUNK_CENTRE = 0.288, 0.626
+TRUNK_LENGTH, TRUNK_CENTRE, TRUNK_RADIUS = 0.288, 0.626, 0.496
 DRAWN_HEIGHT = 1.75  # [m] of the wearer for whom the feet of the URDF are drawn
 # MuJoCo would else merge links and mend inertias that it finds odd.
 COMPILER = (
@@ -68,10 +68,12 @@ def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = Tr
     text = model.urdf_path.read_text(encoding="utf-8")
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
     slide, pelvis = mujoco.mjtJoint.mjJNT_SLIDE, spec.worldbody.first_body()
-    if model.pelvis == "harness":
+    if model.pelvis in ("harness", "free"):
         pelvis.add_joint(name=FORWARD_JOINT, type=slide, axis=[1.0, 0.0, 0.0])
     if model.pelvis != "fixed":
         pelvis.add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
+    if model.pelvis == "free":
+        pelvis.add_joint(name=PITCH_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
     if patient is not None:
         _put_on(spec, model, patient, fit_device=fit_device)
     return spec
@@ -119,6 +121,8 @@ def coordinate_order(legs: mujoco.MjModel, model: LegModel) -> list[int]:
         names[model.pelvis_index] = PELVIS_JOINT
     if model.forward_index is not None:
         names[model.forward_index] = FORWARD_JOINT
+    if model.pitch_index is not None:
+        names[model.pitch_index] = PITCH_JOINT
     return [int(legs.joint(names[index]).dofadr[0]) for index in range(model.nv)]
 
 
@@ -162,11 +166,13 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
             start, axis = np.zeros(3), np.array([0.47 * length, 0.0, drop])
         _add_limb(ankle, patient, segments["foot"], start, axis)
     if model.pelvis != "fixed":
-        # Head, arms and trunk only slide: their mass counts, their inertia does not.
         trunk = patient.mass * (1.0 - 2.0 * sum(item.mass for item in segments.values()))
         up = np.array([0.0, 0.0, 1.0])
-        centre = TRUNK_CENTRE * TRUNK_LENGTH * patient.height * up
-        _add_mass(spec.joint(PELVIS_JOINT).parent, trunk, centre, np.ones(3), up)
+        length = TRUNK_LENGTH * patient.height
+        moment = trunk * (TRUNK_RADIUS * length) ** 2
+        # In the sagittal plane nothing turns it about its own axis.
+        moments = moment * np.array([1.0, 1.0, 0.5])
+        _add_mass(spec.joint(PELVIS_JOINT).parent, trunk, TRUNK_CENTRE * length * up, moments, up)
 
 
 def _fit(spec: mujoco.MjSpec, leg: LegJoints, patient: Patient) -> None:

@@ -463,6 +463,13 @@ def test_guided_pelvis_does_not_pitch(condition: str, expected: dict[str, str]) 
         assert any("trunk.pitch_deg" in item.reason and "0 … 0" in item.reason for item in findings_of(data))
 
 
+def test_a_free_trunk_may_pitch_until_it_has_fallen() -> None:
+    settings = ["scenario.fall_lean_deg=40"]
+    free = load_experiment("overground", settings).experiment
+    space = SignalSpace(build_case(free.table, free))
+    assert space.range("trunk.pitch_deg") == pytest.approx((-40.0, 40.0))
+
+
 def test_trunk_of_another_machine_may_pitch_within_a_turn(tmp_path: Path) -> None:
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE.replace("ankle.angle_deg > 5", "trunk.pitch_deg > 5"), encoding="utf-8")
@@ -546,7 +553,11 @@ def test_findings_come_worst_first_and_then_in_the_order_of_the_phases() -> None
 
 def test_every_rule_is_listed_with_one_line() -> None:
     listed = rules()
-    assert set(listed) == {rule.__name__ for rule in RULES} | {"unknown_rule", "unused_waiver"}
+    assert set(listed) == {rule.__name__ for rule in RULES} | {
+        "unknown_rule",
+        "unused_waiver",
+        "unanswered_request",
+    }
     for name, meaning in listed.items():
         assert re.fullmatch(r"[a-z_]+", name)
         assert meaning.endswith((".", ":")) and len(meaning) < 110

@@ -60,9 +60,9 @@ def of_phase(findings: list[Finding], phase: str) -> list[Finding]:
 # ---------------------------------------------------------------------- all rules
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "treadmill_40", "treadmill_ankle", "bench_leg"])
-def test_shipped_tables_have_no_physical_errors(preset):
-    case = case_of(preset)
+def test_the_preset_that_no_table_bears_the_name_of_has_no_physical_errors():
+    """All others are checked by the names of their tables."""
+    case = case_of("treadmill_40")
     errors = [item for rule in RULES for item in rule(case) if item.severity is Severity.ERROR]
     assert errors == []
 

@@ -54,7 +54,7 @@ class Vectors:
         if quantity in ("load_bw", TIME):
             values = generator.uniform(0.0, 2.0, self.count)
             return values if quantity == "load_bw" else np.round(values / TICK) * TICK
-        if name == "walk":
+        if name in ("walk", "step"):
             return generator.uniform(0.0, 1.0, self.count)
         if name == "trunk.pitch_deg":  # the pelvis is guided
             return np.zeros(self.count)

@@ -232,10 +232,9 @@ def test_the_loop_of_a_phase_takes_its_numbers_from_leg_and_table():
     np.testing.assert_allclose(found.feed_forward @ (2.0 * step), weight, rtol=1e-4)
 
 
-# Slopes of friction at rest, and k, b and G on both sides of the limit: 6 unstable, 12 stable.
+# Slopes of friction at rest, and k, b and G on both sides of the limit.
 CASES = [
-    Case(math.degrees(k), b, gain)
-    for k, b, gain in itertools.product((1.0, 2.5, 6.0), (0.0, 30.0), (0.2, 0.4, 1.0))
+    Case(math.degrees(k), b, gain) for k, b, gain in itertools.product((1.0, 6.0), (0.0, 30.0), (0.2, 1.0))
 ]
 
 
@@ -250,7 +249,7 @@ def test_the_spectral_radius_predicts_whether_the_engine_s_linear_run_is_unstabl
 
 def test_those_cases_lie_on_both_sides():
     unstable = [predicted_radius(case, 0.0) > 1.0 for case in CASES]
-    assert 4 <= sum(unstable) <= len(CASES) - 4
+    assert 2 <= sum(unstable) <= len(CASES) - 2
 
 
 @pytest.mark.parametrize("window", [1, 5, 10, 20])

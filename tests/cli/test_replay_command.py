@@ -121,7 +121,7 @@ def test_the_trunk_was_upright_in_a_run_and_is_not_known_of_a_file(walk, tmp_pat
     assert capsys.readouterr().out.count("recorded phases: 100.0 % of the ticks equal") == 2
     assert run("replay", walk / "log.parquet", "--table", table, "--total-mass", 90) == 2
     said = capsys.readouterr().err
-    assert "no trunk_pitch_rad: name it in --columns" in said and said.count("\n") == 1
+    assert "no measured_trunk_pitch_rad: name it in --columns" in said and said.count("\n") == 1
 
 
 def test_healthy_walking_goes_through_the_table(capsys):

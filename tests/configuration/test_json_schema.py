@@ -19,8 +19,9 @@ from twin_gait.configuration.overrides import parse_assignment
 from twin_gait.configuration.schema import comment_for, json_schema
 
 FOLDER = Path(str(files("twin_gait.configuration")))
-PRESETS, TABLES = (sorted((FOLDER / name).glob("*.yaml")) for name in ("presets", "tables"))
-VALIDATORS = {kind: Draft202012Validator(json_schema(kind)) for kind in ("experiment", "table")}
+PRESETS, TABLES, MODES = (sorted((FOLDER / name).glob("*.yaml")) for name in ("presets", "tables", "modes"))
+KINDS = {"experiment": PRESETS, "table": TABLES, "modes": MODES}
+VALIDATORS = {kind: Draft202012Validator(json_schema(kind)) for kind in KINDS}
 
 
 def mistakes(kind: str, document: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -33,7 +34,7 @@ def mistakes(kind: str, document: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-@pytest.mark.parametrize("kind", ["experiment", "table"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_is_a_schema(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["presets", "--schema", kind]) == 0
     Draft202012Validator.check_schema(json.loads(capsys.readouterr().out))
@@ -41,7 +42,7 @@ def test_a_schema_is_a_schema(kind: str, capsys: pytest.CaptureFixture[str]) -> 
 
 @pytest.mark.parametrize(
     ("kind", "path"),
-    [*(("experiment", path) for path in PRESETS), *(("table", path) for path in TABLES)],
+    [(kind, path) for kind, paths in KINDS.items() for path in paths],
     ids=lambda item: getattr(item, "stem", item),
 )
 def test_what_ships_passes_and_names_its_schema(kind: str, path: Path) -> None:

@@ -268,7 +268,6 @@ def models_of(tree: RandomTree) -> tuple[pin.Model, pin.Model]:
     return model, reference
 
 
-@settings(max_examples=200)
 @given(tree=random_trees(), seed=st.integers(0, 2**32 - 1))
 def test_kernels_of_any_tree_equal_pinocchio(tree, seed):
     model, reference = models_of(tree)

@@ -81,7 +81,7 @@ def test_another_plant_is_noticed_by_the_replay_in_mujoco(settings, experiment):
     assert checks.replay_difference(replace(changed, experiment=run.experiment)) > SAME_MOTION
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_other_engines_and_other_switches_are_noticed(monkeypatch):
     def shorter(experiment):
         run = simulate(experiment)

@@ -345,7 +345,7 @@ def test_the_whole_unit_tick_by_tick(device):
             assert bits(given) == bits(expected), tick
             trips.add(expected.decision.trip_cause)
             if trips == {NO_TRIP}:
-                assert theirs.controller.signals[-2:] == [inputs.surroundings.common.trunk_pitch, 1.0]
+                assert theirs.controller.signals[-3:] == [inputs.surroundings.common.trunk_pitch, 1.0, 1.0]
         library.read_back(state, found)
         assert bits(found) == bits(theirs)
         assert len(trips) > 1

@@ -19,6 +19,7 @@ from twin_gait.gait.signals import (
     DEVICE_SIGNALS,
     LOAD,
     SIGNALS,
+    STEP,
     TIME_IN_PHASE,
     TRUNK_PITCH,
     VELOCITY,
@@ -37,8 +38,8 @@ LEG = (ANGLE, VELOCITY, ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)
 
 
 def test_the_list_is_in_the_order_of_the_declaration():
-    assert tuple(map(signal_of, NAMES)) == (*LEG, *LEG, TRUNK_PITCH, WALK)
-    assert NAMES[12:] == ["trunk.pitch_deg", "walk"]
+    assert tuple(map(signal_of, NAMES)) == (*LEG, *LEG, TRUNK_PITCH, WALK, STEP)
+    assert NAMES[12:] == ["trunk.pitch_deg", "walk", "step"]
     assert [part_of(name) for name in NAMES[:6]] == ["hip", "hip", "knee", "knee", "foot", ""]
     assert (
         signal_of("noisy.other.knee.angle_deg") is ANGLE
@@ -53,7 +54,7 @@ def test_the_record_of_the_device_has_what_is_declared():
 
 def test_nothing_is_measured_at_first():
     first = dict(zip(NAMES, first_signals(JOINTS), strict=True))
-    assert first.pop("walk") == 1.0 and first.pop("trunk.pitch_deg") == 0.0
+    assert first.pop("walk") == first.pop("step") == 1.0 and first.pop("trunk.pitch_deg") == 0.0
     assert all(map(math.isnan, first.values()))
 
 

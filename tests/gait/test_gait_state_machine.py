@@ -213,14 +213,14 @@ def test_leg_said_to_be_there_must_be_measured() -> None:
         machine().step(1, leg(), None, other_phase="stance")
 
 
-@pytest.mark.parametrize("length", [0, 6, 12, 13, 15, 24])
+@pytest.mark.parametrize("length", [0, 6, 12, 13, 14, 16, 24])
 def test_list_of_signals_of_a_wrong_length_is_refused(length: int) -> None:
     with pytest.raises(MeasurementError):
         machine().advance(1, [0.0] * length, -1)
 
 
 def test_signals_are_laid_out_as_guards_read_them() -> None:
-    own = LegSignals((1.0, 2.0), (3.0, 4.0), 5.0, walk=0.25, trunk_pitch=0.5)
+    own = LegSignals((1.0, 2.0), (3.0, 4.0), 5.0, walk=0.25, trunk_pitch=0.5, step=0.125)
     other = LegSignals((7.0, 8.0), (9.0, 10.0), 11.0, walk=0.75)
     array = signal_list(two_phase_table(), 6.0, own, other, 12.0)
     named = dict(zip(all_signal_names(JOINTS), array, strict=True))
@@ -238,9 +238,10 @@ def test_signals_are_laid_out_as_guards_read_them() -> None:
         "other.foot.load_bw": 11.0,
         "other.time_in_phase_s": 12.0,
         "trunk.pitch_deg": 0.5,
+        "step": 0.125,
         "walk": 0.25,  # a leg reads its own command
     }
-    assert np.isnan(signal_list(two_phase_table(), 6.0, own, None)[6:-2]).all()
+    assert np.isnan(signal_list(two_phase_table(), 6.0, own, None)[6:-3]).all()
 
 
 def test_unknown_phases_are_refused() -> None:

@@ -134,7 +134,7 @@ def test_signals_of_a_leg_come_joint_by_joint() -> None:
         "foot.load_bw",
         "time_in_phase_s",
     ]
-    assert NAMES[6:] == [*(f"other.{name}" for name in NAMES[:6]), "trunk.pitch_deg", "walk"]
+    assert NAMES[6:] == [*(f"other.{name}" for name in NAMES[:6]), "trunk.pitch_deg", "walk", "step"]
 
 
 def test_table_with_an_ankle_has_signals_for_it() -> None:

@@ -32,7 +32,7 @@ from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
 from twin_gait.vocabulary import Side
 
-pytestmark = [pytest.mark.slow, pytest.mark.browser]
+pytestmark = [pytest.mark.nightly, pytest.mark.browser]
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 if CHROMIUM is None:
@@ -410,6 +410,7 @@ def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) 
     assert page.page.evaluate(texts) == ["goes on", "begins"]
 
 
+@pytest.mark.slow
 def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_alone(
     browser: Any, tmp_path: Path
 ) -> None:
@@ -444,6 +445,7 @@ def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_a
     assert [item["subject"] for item in read_changes(walk)] == ["swing_flexion.knee.gain"]
 
 
+@pytest.mark.slow
 def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_on(page: Page) -> None:
     begun = page.clock()
     wrong = {
@@ -645,6 +647,7 @@ def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: 
     assert worst < 1e-4
 
 
+@pytest.mark.slow
 def test_numbers_on_the_page_are_those_of_the_log(session) -> None:
     for one in session["seen"]:
         row = session["log"].iloc[round(1000.0 * one["time"])]
@@ -747,6 +750,7 @@ def test_fault_is_read_back_from_the_encoder(session) -> None:
     assert np.ptp(measured[began - 150 : began]) > 0.0
 
 
+@pytest.mark.slow
 def test_stop_holds_the_legs_from_its_tick_on(session) -> None:
     state = session["log"]["safety_state"].to_numpy()
     began = change(session, "stop")

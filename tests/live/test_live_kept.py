@@ -31,7 +31,7 @@ from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import parse_fault
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 MOST_LOST = 1000  # ticks: a second
 KILLS = 3
@@ -74,6 +74,7 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
 # ---------------------------------------------------------------------- the journal
 
 
+@pytest.mark.slow
 def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     run, journal = written(loaded, problem, tmp_path / "run")
     content = read_journal(journal.path)
@@ -85,6 +86,7 @@ def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     assert journal.path.stat().st_mode & 0o077 == 0
 
 
+@pytest.mark.slow
 def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, problem, tmp_path):
     run, journal = written(loaded, problem, tmp_path / "run")
     whole, cut = journal.path.read_bytes(), tmp_path / "cut"
@@ -183,6 +185,7 @@ def test_of_many_walks_only_the_last_is_drawn_and_every_step_is_told(loaded, pro
 # ---------------------------------------------------------------------- kills
 
 
+@pytest.mark.slow
 def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded, tmp_path):
     database = tmp_path / "sessions"
     session = LiveSession(loaded, tmp_path / "run", user="Ann", records=database, pictures=False)

@@ -331,7 +331,11 @@ def test_needed_signals_are_those_that_the_guards_name():
         ("other.phase in [swing]", {}, "other.phase .* one leg"),
         ("knee.angle_deg > 3", {"angles": {Side.LEFT: {HIP: np.zeros(5)}}}, "no angle of the left knee"),
         ("foot.load_bw > 0.1", {}, "no left_foot_normal_force_N"),
-        ("trunk.pitch_deg > 3", {}, "reads trunk.pitch_deg .* no trunk_pitch_rad: name it in --columns"),
+        (
+            "trunk.pitch_deg > 3",
+            {},
+            "reads trunk.pitch_deg .* no measured_trunk_pitch_rad: name it in --columns",
+        ),
         ("foot.load_bw > 0.1", {"loads": {Side.LEFT: np.zeros(5)}}, "add --total-mass"),
     ],
 )

@@ -132,7 +132,7 @@ def test_a_parquet_log_gives_the_measured_angles_to_the_last_bit(tmp_path, rng):
 
 
 @pytest.mark.parametrize(
-    ("column", "asked"), [("trunk_pitch_rad", {}), ("pelvis_deg", {"trunk_pitch": "pelvis_deg"})]
+    ("column", "asked"), [("measured_trunk_pitch_rad", {}), ("pelvis_deg", {"trunk_pitch": "pelvis_deg"})]
 )
 def test_the_pitch_of_the_trunk_is_read_in_either_unit(tmp_path, column, asked):
     text = f"time_s,left_hip_angle_rad,{column}\n0,0.5,0.1\n0.002,0.5,0.3\n"

@@ -12,6 +12,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -94,6 +95,7 @@ class Reader:
     def __init__(self, table: GaitTable) -> None:
         self.table = table
         self.printed = read_truth_table(truth_table(table))
+        self._atom = cache(lambda text: parse_guard(text.strip("`"), table.joints, table.phase_names))
         self.open_for: dict[str, int] = {}
         self.visited: set[tuple[str, int]] = set()
 
@@ -113,8 +115,7 @@ class Reader:
 
     def _true(self, source: str, text: str, found: Measurements) -> bool:
         if text.startswith("`"):
-            atom = parse_guard(text.strip("`"), self.table.joints, self.table.phase_names)
-            return holds(atom, found.signals, found.other_phase)
+            return holds(self._atom(text), found.signals, found.other_phase)
         stay = re.fullmatch(r"in the phase for ([\d.]+) s or longer", text)
         if stay:
             return found.tick >= round(float(stay.group(1)) / TICK)
@@ -138,10 +139,15 @@ def comparisons_of(item: Guard) -> list[Comparison]:
     return [item] if isinstance(item, Comparison) else []
 
 
-def lively_value(table: GaitTable, name: str, rng: np.random.Generator) -> float:
-    """A value of a signal, mostly close to a threshold it is compared with."""
+def thresholds_of(table: GaitTable) -> dict[str, list[float]]:
+    """What each signal is compared with."""
     atoms = [atom for entry in table.transitions for atom in comparisons_of(entry.guard)]
-    near = [atom.threshold for atom in atoms if name in (atom.signal, atom.minus)]
+    names = all_signal_names(table.joints)
+    return {name: [atom.threshold for atom in atoms if name in (atom.signal, atom.minus)] for name in names}
+
+
+def lively_value(near: list[float], rng: np.random.Generator) -> float:
+    """A value of a signal, mostly close to a threshold it is compared with."""
     if near and rng.random() < 0.9:
         return float(rng.choice(near) + rng.choice([-1.0, 1.0]) * rng.choice([0.01, 0.1, 3.0, 30.0]))
     return float(rng.uniform(-40.0, 80.0))
@@ -152,17 +158,17 @@ def test_state_machine_does_what_the_printed_truth_table_says(table: GaitTable) 
     rng = np.random.default_rng(5)
     reader = Reader(table)
     machine = GaitStateMachine(table, Side.LEFT)
-    names = all_signal_names(table.joints)
-    signals = {name: lively_value(table, name, rng) for name in names}
+    thresholds = thresholds_of(table)
+    signals = {name: lively_value(near, rng) for name, near in thresholds.items()}
     tick, taken, other = 1, set(), table.phase_names[0]
     every = set(range(len(table.transitions)))
     for step in range(60_000):
         if step >= 5000 and taken == every:
             break
         change = 0.03 if step < 5000 else 0.2  # what is still missing wants many signals in a rare place
-        for name in names:
+        for name, near in thresholds.items():
             if rng.random() < change:
-                signals[name] = lively_value(table, name, rng)
+                signals[name] = lively_value(near, rng)
         if rng.random() < change:
             other = str(rng.choice(table.phase_names))
         signals[OWN_TIME] = (tick - machine.entry_tick) * TICK
@@ -423,6 +429,12 @@ _WIDTHS = {
 }
 
 
+@cache
+def width_of(content: str, size: float, weight: str) -> float:
+    font = FontProperties(family="DejaVu Sans", size=size, weight=weight)
+    return TextPath((0.0, 0.0), content, prop=font).get_extents().width
+
+
 def drawn(table: GaitTable) -> Drawn:
     """Read a drawing back; letters are as wide as in DejaVu Sans, the widest of its fonts."""
     root = ElementTree.fromstring(state_diagram_svg(table))
@@ -434,8 +446,7 @@ def drawn(table: GaitTable) -> Drawn:
     for item in root.iter(f"{SVG}text"):
         content = "".join(item.itertext())
         size, weight = _WIDTHS.get(item.get("class", ""), (13.0, "normal"))
-        font = FontProperties(family="DejaVu Sans", size=size, weight=weight)
-        width = TextPath((0.0, 0.0), content, prop=font).get_extents().width if content else 0.0
+        width = width_of(content, size, weight) if content else 0.0
         x, y = float(item.get("x")), float(item.get("y"))
         x -= {"middle": width / 2.0, "end": width}.get(item.get("text-anchor", ""), 0.0)
         if content:

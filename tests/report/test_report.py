@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 from numpy.testing import assert_allclose
-from synthetic_run import HIP_OFFSET, LAG, PHASE_TICKS, STRIDE, synthetic_run
+from synthetic_run import HIP_OFFSET, LAG, PHASE_TICKS, STRIDE, on_crutches, synthetic_run
 
 from twin_gait import load_experiment, simulate
 from twin_gait.control import Trip, TripCause
@@ -48,7 +48,7 @@ PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 @pytest.fixture(scope="module")
 def walk() -> Run:
-    return synthetic_run()
+    return on_crutches(synthetic_run())
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,8 @@ def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
 
 def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Path) -> None:
     names = [path.name for path in write_figures(bench_run, tmp_path)]
-    assert names == [f"{name}.png" for name in FIGURES if name not in ("gait_cycle", "ground_forces", "feet")]
+    absent = ("gait_cycle", "ground_forces", "feet", "crutches")
+    assert names == [f"{name}.png" for name in FIGURES if name not in absent]
     assert all(draw(bench_run) is None for draw in (draw_cycle, draw_ground_forces, draw_feet))
 
 

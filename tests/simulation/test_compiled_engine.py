@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -120,6 +121,13 @@ def test_joint_rotation_of_a_slanted_axis_is_rodrigues():
 
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
+LIFTED_SOON = "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4}"  # a crutch
+WORN = "patient={mass_kg: 70, effort_noise: 0.1, effort_delay_ms: 20}"
+ACTIVE = (
+    "patient.both={hip: {passive: 1, contracture_deg: 6, effort: 0.5}, knee: {passive: 1.2, effort: 0.5,"
+    " stretch_reflex_gain_Nms_per_rad: 2, stretch_reflex_threshold_deg_per_s: 30}}"
+)
+SENSED = "sensors={ideal: false, angle_noise_deg: 0.001}"
 CASES = {
     "treadmill": ("treadmill", "duration_s=3", EULER),
     "treadmill, rk4": (
@@ -128,6 +136,7 @@ CASES = {
         "integration.method=rk4",
         "integration.step_ms=0.25",
     ),
+    "overground": ("overground", "duration_s=0.4", EULER, LIFTED_SOON),
     "bench leg": ("bench_leg", "duration_s=10", EULER),
     "bench leg, rk4": ("bench_leg", "duration_s=3", "integration.method=rk4", "integration.step_ms=1"),
     "bench leg with a hand": (
@@ -144,20 +153,24 @@ CASES = {
         "plant.actuators.hip.gear_efficiency=0.85",
         "plant.actuators.knee.gear_efficiency=0.9",
     ),
+    # The structures of cases further down, whose loops are compiled anyway.
     "uphill, commands late": (
         "treadmill",
         "duration_s=1",
         EULER,
         "scenario.slope_deg=4",
         "control.delay_ms=2",
+        WORN,
+        ACTIVE,
+        "faults=['encoder_drift:left_knee@0.02s=5deg/s', 'motor_stuck:right_hip@0.95s=20Nm']",
     ),
     "inertia compensation and noise": (
         "bench_leg",
         "duration_s=1",
-        EULER,
+        "integration={method: rk4, step_ms: 0.5}",
+        "scenario.imposed_motion={joint: knee, amplitude_deg: 40, release_s: 0.2}",
         "control.inertia_compensation=0.2",
-        "sensors.ideal=false",
-        "sensors.angle_noise_deg=0.001",
+        SENSED,
     ),
 }
 
@@ -178,6 +191,7 @@ def test_engines_agree_in_every_column(case):
             )
 
 
+@pytest.mark.nightly
 def test_engines_agree_over_the_default_walk():
     """Twenty seconds on the belt: angles to 1e-9 rad and every switch in the same tick."""
     ours = simulate(load_experiment("treadmill", [EULER, "engine=compiled"]).experiment)
@@ -187,6 +201,7 @@ def test_engines_agree_over_the_default_walk():
         np.testing.assert_allclose(ours.log[column], theirs.log[column], atol=1e-9, rtol=0, err_msg=column)
 
 
+@pytest.mark.nightly
 def test_engines_pass_the_same_phases_with_quantised_sensors():
     """Five strides of either leg: a count of the encoder may flip, a phase may not."""
     changes = ["duration_s=12", EULER, "sensors.ideal=false"]
@@ -240,10 +255,9 @@ print(repr(float(run.log["right_knee_impedance_torque_Nm"].iloc[-1])))
 """
 
 
+@pytest.mark.nightly
 def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     """A copy of the package is edited between two runs that share one cache."""
-    import shutil
-
     source = Path(twin_gait.__file__).parent
     shutil.copytree(source, tmp_path / "twin_gait", ignore=shutil.ignore_patterns("__pycache__"))
     if not (tmp_path / "twin_gait" / "urdf").is_dir():
@@ -264,6 +278,23 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     assert abs(after) < abs(before)
 
 
+def test_an_edit_of_any_source_is_another_key(tmp_path, monkeypatch):
+    monkeypatch.setattr(keeping, "__file__", str(tmp_path / "simulation" / "keeping.py"))
+    package = Path(twin_gait.__file__).parent
+    keys = set()
+    for edited in (None, "core/impedance.py", "simulation/rooms/tick.py", "control/gait_controller.py"):
+        shutil.copytree(package, tmp_path, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
+        if edited is not None:
+            (tmp_path / edited).write_text((package / edited).read_text() + "\n")
+        for kept in (keeping.source_key, keeping._content):
+            kept.cache_clear()
+        keys.add(keeping.source_key("loop", "compiled_engine"))
+    monkeypatch.undo()
+    for kept in (keeping.source_key, keeping._content):
+        kept.cache_clear()
+    assert len(keys) == 4
+
+
 LATER = """
 import sys
 from twin_gait import load_experiment, simulate
@@ -282,12 +313,6 @@ def test_a_later_start_needs_no_compiler():
 # ------------------------------------------------------------------ what is compiled is what is written
 
 
-WORN = "patient={mass_kg: 70, effort_noise: 0.1, effort_delay_ms: 20}"
-ACTIVE = (
-    "patient.both={hip: {passive: 1, contracture_deg: 6, effort: 0.5}, knee: {passive: 1.2, effort: 0.5,"
-    " stretch_reflex_gain_Nms_per_rad: 2, stretch_reflex_threshold_deg_per_s: 30}}"
-)
-SENSED = "sensors={ideal: false, angle_noise_deg: 0.001}"
 PLAIN_CASES = {
     "bench leg, rk4, a hand and inertia compensation": (
         "bench_leg",
@@ -295,6 +320,7 @@ PLAIN_CASES = {
         "scenario.imposed_motion={joint: knee, amplitude_deg: 40, release_s: 0.2}",
         "control.inertia_compensation=0.2",
     ),
+    "a free trunk by an inertial unit, on crutches": ("overground", SENSED, LIFTED_SOON),
     "treadmill with a wearer who acts, under faults": (
         "treadmill",
         EULER,
@@ -332,9 +358,9 @@ PLAIN_CASES = {
 
 
 # Each compiles a loop of its own; a user's change breaks the others as soon.
-SLOW_CASES = ("treadmill in braces, rk4", "treadmill, a path and adaptive help", "treadmill that starts")
+NIGHTLY_CASES = ("treadmill in braces, rk4", "treadmill, a path and adaptive help", "treadmill that starts")
 TRIED = [
-    pytest.param(case, id=name, marks=[pytest.mark.slow] if name in SLOW_CASES else [])
+    pytest.param(case, id=name, marks=[pytest.mark.nightly] if name in NIGHTLY_CASES else [])
     for name, case in PLAIN_CASES.items()
 ]
 
@@ -368,7 +394,7 @@ def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypa
 MATHEMATICS = {name.encode() for name, item in vars(math).items() if callable(item)} | {b"sincos"}
 
 
-@pytest.mark.parametrize("case", PLAIN_CASES.values(), ids=PLAIN_CASES.keys())
+@pytest.mark.parametrize("case", TRIED)
 def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
     """Its last bits differ between versions; the power of the speed in some laws of friction is left."""
     name, *changes = case

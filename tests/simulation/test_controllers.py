@@ -97,6 +97,7 @@ def test_a_controller_of_ones_own_acts_in_both_engines():
         np.testing.assert_allclose(compiled.log[column], stepped.log[column], atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_assistance_takes_its_share_of_what_the_controller_asks_for():
     run = simulate(bench("control.assistance.knee=0.5"), controller=Weaker())
     full = build_problem(bench()).phase_rows[0, :, [0, 4]]

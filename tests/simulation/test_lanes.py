@@ -40,7 +40,7 @@ BENCH = ("bench_leg", EULER % 1)
 def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
     """A problem like no other of its structure: wearer, battery, noise, duration, fall, fault, bound."""
     rng = np.random.default_rng(number)
-    on_treadmill, faulty = preset != "bench_leg", any(item.startswith("faults") for item in settings)
+    walking, faulty = preset != "bench_leg", any(item.startswith("faults") for item in settings)
     own = [
         f"duration_s={rng.uniform(0.2, 2.0):.3f}",
         f"seed={number}",
@@ -48,9 +48,11 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
         f"plant.actuators.knee.gear_efficiency={rng.uniform(0.7, 1.0)}",
         f"plant.electronics={{constant_power_W: {rng.uniform(0, 20)}, regeneration: {rng.uniform(0, 1)}}}",
     ]
-    if on_treadmill or any(item.startswith("patient") for item in settings):
+    if walking or any(item.startswith("patient") for item in settings):
         own += [f"patient.mass_kg={rng.uniform(50, 100)}", f"patient.height_m={rng.uniform(1.6, 1.9)}"]
-    if on_treadmill and number % 6 == 4:  # falls
+    if preset == "overground":
+        own.append(f"scenario.arms.turn_Nm={rng.uniform(0.0, 10.0)}")
+    elif walking and number % 6 == 4:  # falls
         own += ["scenario.support={share: 0, catch_stiffness_N_per_m: 0}"]
         own += ["table.phases.middle_stance.knee.stiffness_Nm_per_deg=0.01"]
     if number % 6 == 1:  # trips
@@ -61,7 +63,7 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
         own.append(f"faults=['{kind}{place}@{rng.uniform(0.001, 0.19):.3f}s']")
         own.append(f"control.delay_ms={1 + number % 10}")
         own.append(f"sensors.offset.right.hip_deg={rng.uniform(-3.0, 3.0)}")
-        if on_treadmill:
+        if walking:
             own.append(f"scenario.slope_deg={rng.uniform(-5.0, 5.0)}")
     return build_problem(load_experiment(preset, [*settings, *own]).experiment)
 
@@ -182,6 +184,13 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
         "control.assistance={hip: 0.7, knee: 0.8, adaptive: true}",
         "control.inertia_compensation=0.3",
     ),
+    "a free trunk by its inertial unit, on crutches": (
+        "overground",
+        EULER % 0.25,
+        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4}",
+        "scenario.harness={share: 0.2, damping_Ns_per_m: 90}",
+        *NOISE,
+    ),
     "start and stop": (
         "treadmill_start_stop",
         EULER % 0.25,
@@ -190,7 +199,7 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.compile
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
@@ -260,7 +269,7 @@ RUNS: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if "start_stop" in name else []) for name in RUNS]
+    "name", [pytest.param(name, marks=[pytest.mark.nightly] if "start_stop" in name else []) for name in RUNS]
 )
 def test_no_tick_changes_a_field_that_lanes_share(name):
     preset, *settings = RUNS[name]
@@ -515,7 +524,7 @@ def bench_and_treadmill() -> dict[str, Problem]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.compile
 @pytest.mark.parametrize("name", ["bench", "treadmill"])
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):

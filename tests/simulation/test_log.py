@@ -77,18 +77,16 @@ def declared(row: Any) -> list[tuple[str, str, str]]:
     return found
 
 
-@pytest.mark.parametrize("layout", LAYOUTS, ids=range(len(LAYOUTS)))
-def test_every_column_of_every_layout_has_a_unit_and_a_meaning_and_says_them_by_its_name(
-    layout: LogLayout,
-) -> None:
-    columns = declared(layout.row())
-    assert len(layout.names) == len(set(layout.names)) == len(columns) == len(numbers_in(layout.row()))
-    for name, (own, unit, meaning) in zip(layout.names, columns, strict=True):
-        ending = f"{own}_{SUFFIXES[unit]}" if unit in SUFFIXES else own
-        assert name == ending or name.endswith(f"_{ending}")
-        assert unit_of(name) == unit
-        assert meaning_of(name) == meaning and (meaning or own == "phase")
-        assert layout.positions[name] == layout.names.index(name)
+def test_every_column_of_every_layout_has_a_unit_and_a_meaning_and_says_them_by_its_name() -> None:
+    for layout in LAYOUTS:
+        columns = declared(layout.row())
+        assert len(layout.names) == len(set(layout.names)) == len(columns) == len(numbers_in(layout.row()))
+        for name, (own, unit, meaning) in zip(layout.names, columns, strict=True):
+            ending = f"{own}_{SUFFIXES[unit]}" if unit in SUFFIXES else own
+            assert name == ending or name.endswith(f"_{ending}")
+            assert unit_of(name) == unit
+            assert meaning_of(name) == meaning and (meaning or own == "phase")
+            assert layout.positions[name] == layout.names.index(name)
 
 
 def test_a_class_of_rows_declares_a_column_once() -> None:

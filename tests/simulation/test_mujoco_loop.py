@@ -43,6 +43,14 @@ CASES = {
         "sensors.offset.left={hip_deg: 2, knee_deg: -1}",
         "control.delay_ms=3",
     ),
+    "overground, a free trunk on crutches": (
+        "overground",
+        "duration_s=0.4",
+        EULER,
+        "integration.step_ms=0.25",
+        "scenario.harness={share: 0.2, damping_Ns_per_m: 90}",
+        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4}",
+    ),
     "treadmill, a short wearer with short feet": (
         "treadmill",
         "duration_s=0.5",

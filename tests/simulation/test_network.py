@@ -71,7 +71,7 @@ def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everyth
     np.testing.assert_allclose(compiled.rows, reference.rows, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_lanes_are_their_episodes_alone():
     def problem(number: int) -> Problem:
         draw = np.random.default_rng(number)
@@ -220,7 +220,7 @@ def test_the_springs_on_the_gait_controller_leave_friction_compensation_on_the_b
 # ------------------------------------------------------------------ silence, reboots, bus-off
 
 
-@pytest.mark.parametrize("count", [60, pytest.param(1_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [60, pytest.param(1_000, marks=pytest.mark.nightly)])
 def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count):
     """Silence that is borne plus a cycle: 22 ms after the silence began, whenever that is."""
     problem = problem_of("{outages: ['silence@1s']}", "duration_s=2.5")

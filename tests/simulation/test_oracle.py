@@ -24,6 +24,14 @@ CASES = {
     "bench leg, electronics": ("bench_leg", EULER, 1.0, 2000, ELECTRONICS),
     "treadmill, Euler": ("treadmill", EULER, 0.25, 1500),
     "treadmill, RK4": ("treadmill", RK4, 0.25, 500),
+    "overground, crutches that are lifted": (
+        "overground",
+        EULER,
+        0.25,
+        400,
+        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4, swing_s: 0.1, reach_deg: 12}",
+        "scenario.harness={share: 0.3, damping_Ns_per_m: 90}",
+    ),
     "treadmill, gears that lose under load": ("treadmill", EULER, 0.25, 500, *LOSSY),
 }
 
@@ -43,6 +51,8 @@ def test_the_compiled_engine_moves_the_leg_as_the_second_loop_does(case):
         return ours.rows[:, [engine.layout.positions[name] for name in names]]
 
     angles, _ = state_columns(problem.world.model)
+    for side in problem.sides[: len(problem.world.arms)]:
+        angles += [f"{side}_crutch_forward_m", f"{side}_crutch_height_m"]
     joints = [f"{item.side}_{item.joint}_motor_torque_Nm" for item in problem.joints]
     places = [item.coordinate for item in problem.joints]
     np.testing.assert_array_equal(columns([f"{side}_phase" for side in problem.sides]), theirs.phases)

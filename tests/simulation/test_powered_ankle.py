@@ -151,7 +151,7 @@ def test_the_second_loop_moves_three_joints_alike():
     assert ours.switches
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.compile
 def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
     monkeypatch.setattr(lane_engine, "FEWEST", 2)

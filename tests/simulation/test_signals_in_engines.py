@@ -59,6 +59,7 @@ def test_signals_stand_where_they_are_declared(engine):
     expected = {
         "trunk.pitch_deg": 0.25 if engine is reference else 0.0,
         "walk": float(controller.common.walk),
+        "step": 1.0,
     }
     for front, leg in (("", 1), ("other.", 0)):
         for place, joint in enumerate(given.table.joints):

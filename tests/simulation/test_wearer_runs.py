@@ -229,6 +229,7 @@ def test_work_of_the_wearer_is_his_torque_times_the_angle_turned():
     assert_allclose(log["patient_work_J"], work, rtol=0.0, atol=1e-9 * np.abs(work).max() + 1e-10)
 
 
+@pytest.mark.nightly
 def test_engines_agree_on_a_walk_with_an_active_wearer():
     """On the treadmill, ankles included: 0.3 s in all columns; every law of the wearer acts."""
     settings = [ALL, "patient.effort_delay_ms=40", "patient.effort_noise=0.1", "duration_s=0.3", "seed=5"]

@@ -29,7 +29,7 @@ from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, Side
 
-pytestmark = [pytest.mark.slow, pytest.mark.browser]
+pytestmark = [pytest.mark.nightly, pytest.mark.browser]
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 if CHROMIUM is None:
@@ -170,6 +170,7 @@ def clock_of(one: OpenPage) -> float:
 # ---------------------------------------------------------------------------------- scene and numbers
 
 
+@pytest.mark.slow
 def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
     model = read_shown_run(runs["more"]).experiment.build_world().model
     paths = {name: path for name, path in Figure(Recorder(), model.model).paths.items() if name != "universe"}
@@ -203,6 +204,7 @@ def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, 
     assert worst < 1e-4
 
 
+@pytest.mark.slow
 def test_every_number_on_the_card_is_that_of_the_log(walk: OpenPage, log: pd.DataFrame) -> None:
     one = walk
     labels = ("angle", "motor torque", "impedance", "friction comp.", "gravity comp.")
@@ -283,6 +285,7 @@ def test_the_walk_in_numbers_opens_on_demand(opened, pages) -> None:
     assert plain('document.querySelectorAll(".walk").length') == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shade", ["light", "dark"])
 def test_a_trip_is_a_red_hold_on_card_curves_and_timeline_from_its_moment_on(opened, pages, shade) -> None:
     one = opened(f"{pages['held'].as_uri()}#t=0.5&theme={shade}", size=(1200, 700))
@@ -395,6 +398,7 @@ def test_the_address_chooses_moment_speed_and_shade(opened, pages) -> None:
     assert odd('document.getElementById("speed").value') == "1"
 
 
+@pytest.mark.slow
 def test_curves_zoom_pan_seek_and_reset(opened, pages) -> None:
     one = opened(f"{pages['one'].as_uri()}#t=1.2", size=(1200, 700))
     box = one.page.locator("#curves").bounding_box()
@@ -425,6 +429,7 @@ def test_curves_zoom_pan_seek_and_reset(opened, pages) -> None:
     assert one("player.time") == pytest.approx(under, abs=1 / 60 + 2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("span", [2.0, 0.7, 0.05])
 def test_what_is_drawn_has_the_peaks_of_the_log_at_every_zoom(
     walk: OpenPage, log: pd.DataFrame, span: float
@@ -458,6 +463,7 @@ def test_what_is_drawn_has_the_peaks_of_the_log_at_every_zoom(
 # ---------------------------------------------------------------------------------- network, shapes, shades
 
 
+@pytest.mark.slow
 def test_the_page_asks_nobody_for_anything(opened, pages) -> None:
     one = opened(f"{pages['one'].as_uri()}#t=0")
     assert [url.split("#")[0] for url in one.requests] == [pages["one"].as_uri()]

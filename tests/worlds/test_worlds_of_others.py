@@ -102,7 +102,7 @@ def test_its_legs_start_as_it_says_and_meet_no_ground(frame_walk):
         load_experiment("frame_walk", ["faults=['foot_load_stuck:left_foot@1s']"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.compile
 def test_it_steps_with_both_legs_in_turn_and_slower_against_resistance(frame_walk):
     experiment = load_experiment("frame_walk").experiment

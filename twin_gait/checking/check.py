@@ -27,24 +27,26 @@ from twin_gait.checking.finding import (
     waive,
 )
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
-from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.configuration import load_experiment, load_state_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
+from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import HIGHEST_VELOCITY, device_parts
-from twin_gait.gait.table import GaitTable
+from twin_gait.gait.table import GaitTable, StateTable
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import World
 
 _MODULES = (graph, exits, leaving, torques, stability, sense, network)
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
+MODE_RULES: tuple[Rule, ...] = (*graph.MODE_RULES, *exits.RULES)  # of tables of modes
 NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules that find notes only
 REPORT_VERSION = 2
 
 
 def rules() -> dict[str, str]:
     """Ids of all rules with one line on what each finds."""
-    everything: tuple[Callable[..., Any], ...] = (*RULES, unknown_rule, unused_waiver)
+    everything: tuple[Callable[..., Any], ...] = (*RULES, *MODE_RULES, unknown_rule, unused_waiver)
     return {rule.__name__: (rule.__doc__ or "").splitlines()[0] for rule in everything}
 
 
@@ -54,7 +56,8 @@ def load_case(
     """Load a table and what it is checked against.
 
     Args:
-        source: Name of a packaged table, or path of a table file; None for the experiment's own table.
+        source: Name of a packaged table of gait or of modes, or path of a file of one; None for the
+            experiment's own gait table. Modes are checked by themselves.
         experiment: Preset, or path of an experiment file or run directory. Without it a table for the joints
             of the preset of its name, or the default one, is checked against that, and one for other joints
             by itself.
@@ -69,7 +72,9 @@ def load_case(
     if source is None:
         own = load_experiment(experiment or DEFAULT_PRESET, settings).experiment
         return build_case(own.table, own)
-    table = load_gait_table(source, draft=True)
+    table = load_state_table(source, draft=True)
+    if isinstance(table, ModeTable):
+        return build_case(table)
     if experiment is None:
         preset = table.name if table.name in presets() else DEFAULT_PRESET
         own = load_experiment(preset, settings).experiment
@@ -77,7 +82,7 @@ def load_case(
     return build_case(table, load_experiment(experiment, settings).experiment)
 
 
-def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckCase:
+def build_case(table: StateTable, experiment: Experiment | None = None) -> CheckCase:
     """Lay out what is checked.
 
     Args:
@@ -87,7 +92,7 @@ def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckC
         The table, scaled to the experiment, with the limits of its joints: those of the URDF, or
         without an experiment the normal ranges of human joints.
     """
-    if experiment is None:
+    if experiment is None or not isinstance(table, GaitTable):
         limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, *device_parts())}
         return CheckCase(table=table, experiment=None, limits=limits)
     driving = replace(experiment, table=table)
@@ -95,8 +100,7 @@ def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckC
     return CheckCase(
         table=scaled_table(driving, world),
         experiment=driving,
-        # The pelvis is guided in all worlds: no coordinate turns a part of the device but the joints.
-        limits=dict.fromkeys(device_parts(), (0.0, 0.0))
+        limits=dict.fromkeys(device_parts(), _pitches(world))
         | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
@@ -110,6 +114,12 @@ def _angles(world: World, joint: JointName) -> tuple[float, float]:
     return max(lowest, ANY_ANGLE[0]), min(highest, ANY_ANGLE[1])
 
 
+def _pitches(world: World) -> tuple[float, float]:
+    """Range of the trunk's pitch: none on a guided pelvis, else what is no fall."""
+    largest = 0.0 if world.model.pitch_index is None else min(world.fall_pitch, ANY_ANGLE[1])
+    return -largest, largest
+
+
 def _velocity(world: World, joint: JointName) -> float:
     """Highest speed of a joint over both sides, from the URDF if it gives one."""
     highest = max(
@@ -118,12 +128,17 @@ def _velocity(world: World, joint: JointName) -> float:
     return highest if math.isfinite(highest) and highest > 0.0 else HIGHEST_VELOCITY
 
 
-def check(case: CheckCase, chosen: Sequence[Rule] = RULES) -> list[Finding]:
+def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding]:
     """Check a table.
+
+    Args:
+        chosen: Rules; all that there are for its kind by default.
 
     Returns:
         The findings, waived ones marked, the worst first and then in the order of the phases.
     """
+    if chosen is None:
+        chosen = MODE_RULES if isinstance(case.table, ModeTable) else RULES
     found = [finding for rule in chosen for finding in rule(case)]
     known = rules()
     found += [*unknown_rule(case, known), *unused_waiver(case, found, known)]
@@ -137,7 +152,7 @@ def check_before_run(experiment: Experiment) -> list[Finding]:
     return [item for item in findings if item.severity is not Severity.NOTE and not item.waived]
 
 
-def _order(table: GaitTable, finding: Finding) -> tuple[int, bool, int]:
+def _order(table: StateTable, finding: Finding) -> tuple[int, bool, int]:
     names = table.phase_names
     phase = names.index(finding.phase) if finding.phase in names else len(names)
     return list(Severity).index(finding.severity), bool(finding.waived), phase

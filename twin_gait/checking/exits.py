@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
 from twin_gait.gait.feasibility import Bound, Requirement, translated
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, atoms
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
+from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import ANGLE, LOAD, OTHER_TIME, TIME, VELOCITY, signal_of
 from twin_gait.gait.table import TICK, Transition
 
@@ -253,7 +254,7 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> list[Finding]:
     ]
     earliest, latest = space.window(into)
     times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
-    at_entry = translated(leave.guard, lambda name: ENTRY_TIME if name == TIME else name)
+    at_entry = translated(leave.guard, lambda name: ENTRY_TIME if name == TIME else name, _lasting(space))
 
     def holds(point: Point) -> bool:
         return space.is_open(into, point) and space.is_open(out, entered(point))
@@ -280,6 +281,11 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> list[Finding]:
             space.counterexample(point),
         )
     ]
+
+
+def _lasting(space: SignalSpace) -> Callable[[PhaseMembership], bool] | None:
+    """Truth of memberships in the tick after a switch: the request that led to it is over."""
+    return (lambda item: False) if isinstance(space.table, ModeTable) else None
 
 
 def hysteresis(case: CheckCase) -> list[Finding]:
@@ -318,7 +324,8 @@ def _undone(space: SignalSpace, there: int, back: int) -> list[Finding]:
         after = entered(Point({**point.signals, **noisy}, point.other))
         return space.is_open(there, point) and space.is_open(back, after)
 
-    requirements = [space.requirement(there), Requirement(translated(second.guard, _noisy))]
+    undoing = translated(second.guard, _noisy, _lasting(space))
+    requirements = [space.requirement(there), Requirement(undoing)]
     times = {TIME: space.window(there), ENTRY_TIME: _ENTRY}
     point = next(space.find(requirements, times, holds, beside=noise), None)
     if point is None:

@@ -13,7 +13,7 @@ from enum import StrEnum
 from typing import Any
 
 from twin_gait.experiment import Experiment
-from twin_gait.gait.table import GaitTable, Transition, Waiver
+from twin_gait.gait.table import GaitTable, StateTable, Transition, Waiver
 from twin_gait.vocabulary import Side
 
 
@@ -57,7 +57,7 @@ class CheckCase:
     """What is checked: a table and the leg, motor and wearer that it drives.
 
     Attributes:
-        table: The gait table, scaled to the experiment where there is one.
+        table: The gait table, scaled to the experiment where there is one, or a table of modes.
         experiment: What the table drives; None if it has joints that no leg model here has.
         limits: Lowest and highest angle in [rad] of each joint of the table, and of what else has signals.
         velocity_limits: Highest speed of each joint of the table in [rad] / [s].
@@ -65,12 +65,18 @@ class CheckCase:
         shared: What one rule has worked out and another needs too.
     """
 
-    table: GaitTable
+    table: StateTable
     experiment: Experiment | None
     limits: Mapping[str, tuple[float, float]]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     first_phases: tuple[str, ...] = ()
     shared: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @property
+    def gait(self) -> GaitTable:
+        """The table, for rules about legs."""
+        assert isinstance(self.table, GaitTable)  # modes are checked by rules of their own
+        return self.table
 
     @property
     def has_other_leg(self) -> bool:
@@ -151,7 +157,7 @@ def unused_waiver(case: CheckCase, findings: Sequence[Finding], rules: Collectio
     return result
 
 
-def waive(table: GaitTable, findings: Sequence[Finding]) -> list[Finding]:
+def waive(table: StateTable, findings: Sequence[Finding]) -> list[Finding]:
     """Mark the warnings that the table waives with its reason; errors and notes stay as they are."""
     result = []
     for finding in findings:
@@ -161,7 +167,7 @@ def waive(table: GaitTable, findings: Sequence[Finding]) -> list[Finding]:
     return result
 
 
-def _matches(table: GaitTable, waiver: Waiver, finding: Finding) -> bool:
+def _matches(table: StateTable, waiver: Waiver, finding: Finding) -> bool:
     names = {label(item) for item in table.transitions if item.cause == waiver.transition}
     return (
         waiver.rule == finding.rule

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from twin_gait.checking.finding import CheckCase, Finding, Severity, label
 from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
 from twin_gait.gait.feasibility import Requirement, translated
+from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
@@ -45,7 +46,7 @@ def path(transitions: Sequence[Transition], start: str, goal: str | None = None)
 def unreachable_phase(case: CheckCase) -> list[Finding]:
     """No chain of transitions that can fire reaches a phase."""
     first = case.table.phase_names[0]
-    reached = set(path(firing(case), first))
+    reached = {found for start in (first, *case.table.entered) for found in path(firing(case), start)}
     return [
         Finding(
             rule="unreachable_phase",
@@ -67,6 +68,8 @@ def trap(case: CheckCase) -> list[Finding]:
     # What a phase reaches and nothing beyond leads back to: a group without a way out.
     stuck = [group for group in reached.values() if all(reached[phase] == group for phase in group)]
     groups = {tuple(phase for phase in table.phase_names if phase in group) for group in stuck}
+    cycles = meant_cycles(table) if isinstance(table, GaitTable) else (table.phase_names[:1],)
+    meant = [*cycles, *((phase,) for phase in table.entered)]  # which are left from outside
     return [
         Finding(
             rule="trap",
@@ -76,7 +79,7 @@ def trap(case: CheckCase) -> list[Finding]:
             suggestion="add a transition that leads back, or declare it under cycles if it is meant",
         )
         for names in sorted(groups, key=lambda names: table.phase_names.index(names[0]))
-        if len(table.phases) > 1 and not any(set(cycle) <= set(names) for cycle in meant_cycles(table))
+        if len(table.phases) > 1 and not any(set(group) <= set(names) for group in meant)
     ]
 
 
@@ -113,7 +116,7 @@ def undeclared_cycle(case: CheckCase) -> list[Finding]:
 
     Meant are the ``cycles`` of the table; without them its phases in their order.
     """
-    table = case.table
+    table = case.gait
     transitions = firing(case)
     listed = {(item.source, item.target) for item in transitions}
     findings = [
@@ -174,13 +177,17 @@ class Step(NamedTuple):
 def starting_pairs(case: CheckCase) -> list[Pair]:
     """Pairs of phases that two legs can start in.
 
-    Those of the world; else one leg in the first phase of the table and the other in any stance.
+    Those of the world; else one leg in the first phase of the table and the other in any stance. A supervisor
+    may send both into a posture.
     """
-    table, starts = case.table, case.first_phases
+    table, starts = case.gait, case.first_phases
+    left = {item.source for item in table.transitions}
+    sent = [(phase, phase) for phase in table.postures if phase in left]
     if len(starts) == 2 and set(starts) <= set(table.phases):
-        return [(starts[0], starts[1])]
+        return [(starts[0], starts[1]), *sent]
     first = table.phase_names[0]
-    return [(first, phase) for phase in table.phases if not table.is_swing(phase)] or [(first, first)]
+    stances = [phase for phase in table.phases if not table.is_swing(phase)] or [first]
+    return [*((first, phase) for phase in stances), *sent]
 
 
 class TwoLegs:
@@ -226,7 +233,7 @@ class TwoLegs:
     def lifts_in_swing(self, index: int) -> Step | None:
         """How a transition can be taken while the other leg swings; None if it cannot."""
         source = self.space.transition(index).source
-        for other in filter(self.space.table.is_swing, self.space.table.phase_names):
+        for other in filter(self.space.case.gait.is_swing, self.space.table.phase_names):
             found = self.can_leave(index, other) if _sorted((source, other)) in self.entered else None
             if found is not None:
                 return Step((source, other), (index,), found)
@@ -277,7 +284,7 @@ def both_in_swing(case: CheckCase) -> list[Finding]:
     """
     if not case.has_other_leg:
         return []
-    if not any(map(case.table.is_swing, case.table.phases)):
+    if not any(map(case.gait.is_swing, case.table.phases)):
         return [
             Finding(
                 rule="both_in_swing",
@@ -290,7 +297,7 @@ def both_in_swing(case: CheckCase) -> list[Finding]:
     lifting = [
         index
         for index, item in enumerate(case.table.transitions)
-        if not case.table.is_swing(item.source) and case.table.is_swing(item.target)
+        if not case.gait.is_swing(item.source) and case.gait.is_swing(item.target)
     ]
     steps = (legs.lifts_in_swing(index) or legs.lifts_together(index, lifting) for index in lifting)
     return [_both_lifted(case, step) for step in steps if step is not None]
@@ -335,4 +342,29 @@ def deadlock(case: CheckCase) -> list[Finding]:
     ]
 
 
+# ---------------------------------------------------------------------- modes
+
+
+def unanswered_request(case: CheckCase) -> list[Finding]:
+    """No mode ever answers a request."""
+    table = case.table
+    if not isinstance(table, ModeTable):
+        return []
+    answering = {
+        request: [item for mode in table.phase_names for item in table.answers(mode, request)]
+        for request in table.requests
+    }
+    return [
+        Finding(
+            rule="unanswered_request",
+            severity=Severity.WARNING,
+            reason=f"no transition that can fire answers the request {request}",
+            suggestion="add a transition that does, or take the request out",
+        )
+        for request, items in answering.items()
+        if not any(item in firing(case) for item in items)
+    ]
+
+
 RULES = (unreachable_phase, trap, missing_time_out, undeclared_cycle, both_in_swing, deadlock)
+MODE_RULES = (unreachable_phase, trap, unanswered_request)

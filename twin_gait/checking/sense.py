@@ -52,8 +52,8 @@ _Look = Callable[[Side | None, str, str, JointImpedance], str]
 def _find(case: CheckCase, rule: str, suggestion: str, look: _Look) -> list[Finding]:
     """One warning for each phase, with what was seen of all its joints."""
     findings = []
-    common: list[tuple[Side | None, Mapping[str, PhaseParameters]]] = [(None, case.table.phases)]
-    for side, phases in [*common, *case.table.side_phases.items()]:
+    common: list[tuple[Side | None, Mapping[str, PhaseParameters]]] = [(None, case.gait.phases)]
+    for side, phases in [*common, *case.gait.side_phases.items()]:
         for phase, parameters in phases.items():
             said = [look(side, phase, name, joint) for name, joint in parameters.joints.items()]
             seen = [text for text in said if text]
@@ -144,7 +144,7 @@ def _resolved_ratios(case: CheckCase) -> dict[tuple[Side | None, str, str], floa
                 if k > 0.0:
                     ratio = damping_ratio_of(float(b), float(k), float(mass))
                     ratios[(leg.shown_side, name, joint)] = ratio
-                    if leg.shown_side is not None and name not in case.table.side_phases.get(
+                    if leg.shown_side is not None and name not in case.gait.side_phases.get(
                         leg.shown_side, {}
                     ):
                         ratios[(None, name, joint)] = ratio

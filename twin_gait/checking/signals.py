@@ -20,6 +20,7 @@ from twin_gait.gait.feasibility import (
     translated,
 )
 from twin_gait.gait.guards import Comparison, Guard, atoms
+from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
     LONGEST_STAY,
@@ -27,7 +28,6 @@ from twin_gait.gait.signals import (
     OTHER_TIME,
     TIME,
     Known,
-    all_signal_names,
     is_device,
     part_of,
     signal_of,
@@ -74,16 +74,17 @@ class SignalSpace:
     Attributes:
         case: What is checked.
         table: Its table.
-        others: Phases that the other leg can be in; only None without another leg.
+        others: Phases that the other leg can be in; only None without another leg. Of modes the requests,
+            None among them.
     """
 
     def __init__(self, case: CheckCase) -> None:
         """Lay out the ranges and compile the guards."""
         self.case = case
         self.table = case.table
-        self.others = self.table.phase_names if case.has_other_leg else (None,)
+        self.others = _others(case)
         self.program = compile_guards(self.table)
-        self.names = all_signal_names(self.table.joints)
+        self.names = self.table.signals
         self._scales = {name: signal_scale(name) for name in self.names}
         self._known = Known(case.limits, case.velocity_limits)
         self._openings: dict[tuple[int, str | None], Point | None] = {}
@@ -234,12 +235,9 @@ class SignalSpace:
             for name, scale in self._scales.items()
         ]
 
-    def _phase_number(self, phase: str | None) -> int:
-        return -1 if phase is None else self.table.phase_index(phase)
-
     def is_open(self, index: int, point: Point) -> bool:
         """Whether the guard of a transition is open at a point."""
-        rule, other = self.program.transitions[index], self._phase_number(point.other)
+        rule, other = self.program.transitions[index], self.table.member_index(point.other)
         return guard_holds(self.program, rule.first_node, rule.end_node, self.measured(point), other)
 
     def winner(self, phase: str, point: Point, time: float) -> int | None:
@@ -249,7 +247,7 @@ class SignalSpace:
             self.table.phase_index(phase),
             round(time / TICK),
             self.measured(point),
-            self._phase_number(point.other),
+            self.table.member_index(point.other),
             [item.debounce_ticks - 1 for item in self.table.transitions],
         )
         return None if index == NO_TRANSITION else index
@@ -260,8 +258,14 @@ class SignalSpace:
             name: point.signals[name] for name in self.names if name in point.signals
         }
         if point.other is not None and point.phase_decides:
-            found[OTHER_PHASE] = point.other
+            found[self.table.words.of] = point.other
         return found
+
+
+def _others(case: CheckCase) -> tuple[str | None, ...]:
+    if isinstance(case.table, ModeTable):
+        return (None, *case.table.members)
+    return case.table.members if case.has_other_leg else (None,)
 
 
 def signal_space(case: CheckCase) -> SignalSpace:

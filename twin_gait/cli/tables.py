@@ -13,7 +13,7 @@ from twin_gait.cli.terminal import DONE, answer
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 
 if TYPE_CHECKING:
-    from twin_gait.gait import GaitTable
+    from twin_gait.gait import StateTable
 
 # What each format of a diagram is called in a folder.
 _ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
@@ -23,18 +23,18 @@ def add_parser(commands: Any) -> None:
     """Add both commands to the parser."""
     parser = options.add_command(commands, "presets", show_presets)
     add = parser.add_argument
-    add("name", nargs="?", help="preset, person or gait table to print as YAML")
+    add("name", nargs="?", help="preset, person or table to print as YAML")
     add("--as-table", action="store_true", help="print the gait table where a preset has its name")
     add(
         "--schema",
-        choices=["experiment", "table"],
+        choices=["experiment", "table", "modes"],
         help="print the JSON Schema of a kind of file, for editors",
     )
     options.add_json(parser)
 
     parser = options.add_command(commands, "diagram", draw_diagram)
     add = parser.add_argument
-    add("table", metavar="TABLE", help="packaged gait table or YAML file")
+    add("table", metavar="TABLE", help="packaged table of gait or of modes, or YAML file")
     add("--format", choices=list(_ENDINGS), help="what to print or write (transitions; with --out all)")
     options.add_out(parser, "DIR", "folder to write into instead of printing")
 
@@ -44,7 +44,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
     List what ships, or print a preset with every value, a person or a table, ready to be edited.
     """
-    from twin_gait.configuration import packaged_gait_tables, presets
+    from twin_gait.configuration import packaged_gait_tables, packaged_mode_tables, presets
     from twin_gait.configuration.people import people
 
     if arguments.schema is not None:
@@ -54,14 +54,15 @@ def show_presets(arguments: argparse.Namespace) -> int:
         return DONE
     if arguments.name is None and not arguments.as_table:
         experiments, persons, tables = presets(), people(), packaged_gait_tables()
+        modes = packaged_mode_tables()
         lines = [
             *_listed("experiments", experiments),
             *_listed("people (--patient NAME)", persons),
             f"gait tables: {', '.join(tables)}",
+            f"operating modes: {', '.join(modes)}",
         ]
-        answer(
-            arguments, lines, lambda: {"experiments": experiments, "people": persons, "gait_tables": tables}
-        )
+        known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
+        answer(arguments, lines, lambda: known)
         return DONE
     text = _text_of(arguments.name, as_table=arguments.as_table)
 
@@ -75,8 +76,14 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str | None, *, as_table: bool) -> str:
-    from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
+    from twin_gait.configuration import (
+        load_experiment,
+        packaged_gait_tables,
+        packaged_mode_tables,
+        presets,
+    )
     from twin_gait.configuration.documents import dump_yaml
+    from twin_gait.configuration.mode_table_file import mode_table_path
     from twin_gait.configuration.people import people, person_text
     from twin_gait.configuration.schema import comment_for
     from twin_gait.configuration.table_inheritance import gait_table_path
@@ -84,6 +91,8 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
     tables = packaged_gait_tables()
     if name in tables and (as_table or name not in presets()):
         return gait_table_path(name).read_text(encoding="utf-8")
+    if name in packaged_mode_tables():
+        return mode_table_path(name).read_text(encoding="utf-8")
     if name is None or as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     if name in people():
@@ -103,9 +112,9 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
 
     State diagram, state-transition table and truth table of a gait table.
     """
-    from twin_gait.configuration import load_gait_table
+    from twin_gait.configuration import load_state_table
 
-    table = load_gait_table(arguments.table)
+    table = load_state_table(arguments.table)
     if arguments.out is None:
         print(_writers()[arguments.format or "transitions"](table), end="")
         return DONE
@@ -115,7 +124,7 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _write_diagrams(table: GaitTable, folder: Path, formats: list[str], *, force: bool) -> list[Path]:
+def _write_diagrams(table: StateTable, folder: Path, formats: list[str], *, force: bool) -> list[Path]:
     """Write formats of a table into a folder, all of them or none."""
     from twin_gait.files import write_atomically
 
@@ -135,7 +144,7 @@ def _write_diagrams(table: GaitTable, folder: Path, formats: list[str], *, force
     return list(texts)
 
 
-def _writers() -> dict[str, Callable[[GaitTable], str]]:
+def _writers() -> dict[str, Callable[[StateTable], str]]:
     from twin_gait.gait.documents import transition_table, truth_table
     from twin_gait.report.diagram_words import state_diagram_mermaid
     from twin_gait.report.state_diagram import state_diagram_svg

@@ -17,6 +17,7 @@ from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.readers import section_of
 from twin_gait.experiment import Experiment
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
+from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.table import (
     TICK,
     Blending,
@@ -49,11 +50,13 @@ def table_document(table: GaitTable) -> dict[str, Any]:
         "blending": section_of(Blending).document(table.blending),
         "scaling": section_of(Scaling).document(table.scaling),
         "phases": _phases(table.phases),
-        "transitions": [_transition(item) for item in table.transitions],
+        "transitions": [transition_document(item) for item in table.transitions],
     }
     sides = {str(side): _phases(phases) for side, phases in table.side_phases.items()}
     if table.cycles:
         document["cycles"] = [list(cycle) for cycle in table.cycles]
+    if table.postures:
+        document["postures"] = list(table.postures)
     if table.waivers:
         document["waive"] = [section_of(Waiver).document(item) for item in table.waivers]
     return {**document, "sides": sides} if sides else document
@@ -63,7 +66,8 @@ def _phases(phases: Mapping[str, PhaseParameters]) -> dict[str, Any]:
     return {name: section_of(PhaseParameters).document(phase) for name, phase in phases.items()}
 
 
-def _transition(item: Transition) -> dict[str, Any]:
+def transition_document(item: Transition) -> dict[str, Any]:
+    """A transition as an entry of a table's file."""
     document: dict[str, Any] = {"from": item.source, "to": item.target, "cause": item.cause}
     document["debounce_ms"] = item.debounce_ticks
     if isinstance(item.guard, AllOf) and item.guard.guards:
@@ -87,16 +91,35 @@ def _guard(guard: Guard) -> Any:
     return str(guard)
 
 
+def mode_document(table: ModeTable) -> dict[str, Any]:
+    """A table of modes as its file's mapping; reading it gives an equal table."""
+    document: dict[str, Any] = {
+        "schema_version": SCHEMA_VERSION,
+        "name": table.name,
+        "description": table.description,
+        "joints": list(table.joints),
+        "requests": list(table.requests),
+        "hold": table.hold,
+        "modes": {name: section_of(Mode).document(mode) for name, mode in table.phases.items()},
+        "transitions": [transition_document(item) for item in table.transitions],
+    }
+    if table.waivers:
+        document["waive"] = [section_of(Waiver).document(item) for item in table.waivers]
+    return document
+
+
 def experiment_document(experiment: Experiment) -> dict[str, Any]:
     """An experiment as its file's mapping, everything resolved; reading it gives an equal experiment."""
     document = section_of(Experiment).document(experiment)
     if experiment.network is None:
         del document["network"]
-    faults = document.pop("faults")
+    lists = {name: listed for name in ("faults", "requests") if (listed := document.pop(name))}
+    modes = {} if experiment.modes is None else {"modes": mode_document(experiment.modes)}
     return {
         "schema_version": SCHEMA_VERSION,
         **document,
-        **({"faults": faults} if faults else {}),
+        **lists,
+        **modes,
         "patient": document.get("patient"),
         "table": table_document(experiment.table),
     }

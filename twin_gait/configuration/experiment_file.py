@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from pydantic import create_model
 
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.configuration.mode_table_file import mode_table_from_mapping
 from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.validation import converting, validate
 from twin_gait.exceptions import ModelError, ParameterError, ParameterFileError
@@ -54,6 +55,8 @@ def experiment_from_mapping(
     else:
         scenario = converting(source, "scenario", entry.scenario.convert)
     found: dict[str, Any] = {"table": table, "scenario": scenario}
+    if entry.modes is not None:
+        found["modes"] = mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
     for item in declarations(Experiment):
         key = next((key for key in item.keys if key in data), item.key)
         if item.mark(AsInFile) or key not in data:

@@ -11,6 +11,11 @@ from typing import Any
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.configuration.mode_table_file import (
+    mode_table_from_mapping,
+    mode_table_path,
+    packaged_mode_tables,
+)
 from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.readers import SIDES, section_of
@@ -79,13 +84,15 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     data = _resolve_preset(read_yaml(path), path)
     changes = []
     for keys, value in parse_assignments(settings):
-        if keys == ["table"]:
-            data["table"] = value
+        if keys in (["table"], ["modes"]):
+            data[str(keys[0])] = value
         elif keys == ["patient"] and names_a_person(value):
             data["patient"] = _person(value, path, f"{where} with --set")
         else:
             changes.append((keys, value))
     data["table"] = _resolve_table(data.get("table"), path)
+    if data.get("modes") is not None:
+        data["modes"] = _resolve_modes(data["modes"], path)
     document = _complete_document(data, where, path.parent)
     if changes:
         where = f"{where} with --set"
@@ -101,8 +108,9 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
     for wearer in (defaults["patient"], defaults["control"].get("patient")):
         for side in SIDES if wearer is not None else ():
             wearer.pop(side, None)  # what a wearer does has no default but nothing
-    typed = {key: value for key, value in data.items() if key not in ("table", "provenance", "leg")}
-    return {**merge(defaults, typed), "table": data["table"]}
+    whole = {key: data[key] for key in ("table", "modes") if data.get(key) is not None}
+    typed = {key: value for key, value in data.items() if key not in (*whole, "modes", "provenance", "leg")}
+    return {**merge(defaults, typed), **whole}
 
 
 def resolved_document(
@@ -183,6 +191,18 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     if named:  # takes the place of the preset's wearer, with nothing of it left underneath
         base = {**base, "patient": None}
     return {**merge({**base, "name": path.stem}, rest), "table": table}
+
+
+def _resolve_modes(modes: Any, path: Path) -> dict[str, Any]:
+    if isinstance(modes, dict):
+        return modes
+    if not isinstance(modes, str):
+        known = ", ".join(packaged_mode_tables())
+        raise ParameterFileError(path, "modes", f"expected a packaged table ({known}), a path or a mapping")
+    found = converting(str(path), "modes", lambda: mode_table_path(modes, path.parent))
+    data = {"name": found.stem, **read_yaml(found)}
+    mode_table_from_mapping(data, str(found), found.stem)  # while it is known what was written where
+    return data
 
 
 def _resolve_table(table: Any, path: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import Count, Number, Strict, converting, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterFileError
-from twin_gait.gait.guards import AllOf, AnyOf, Guard, parse_guard
+from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
 from twin_gait.gait.table import (
     LONGEST,
     TICK,
@@ -84,6 +84,7 @@ class GaitTableFile(Strict):
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
     transitions: list[TransitionEntry]
     cycles: list[list[str]] = Field(default_factory=list)
+    postures: list[str] = Field(default_factory=list)
     waive: list[_Waiver] = Field(default_factory=list)  # type: ignore[valid-type]
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
@@ -130,7 +131,7 @@ def gait_table_from_mapping(
         )
     names = tuple(phases)
     transitions = tuple(
-        _transition(item, joints, names, source, f"transitions[{index}]")
+        transition_of(item, joints, names, source, f"transitions[{index}]")
         for index, item in enumerate(entry.transitions)
     )
     side_phases = {
@@ -157,6 +158,7 @@ def gait_table_from_mapping(
             scaling=entry.scaling.convert(),
             description=entry.description,
             cycles=tuple(tuple(cycle) for cycle in entry.cycles),
+            postures=tuple(entry.postures),
             waivers=tuple(item.convert() for item in entry.waive),
         ),
     )
@@ -185,15 +187,31 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     return phase
 
 
-def _transition(
-    entry: TransitionEntry, joints: tuple[str, ...], phases: tuple[str, ...], source: str, key: str
+def transition_of(
+    entry: TransitionEntry,
+    joints: tuple[str, ...],
+    members: tuple[str, ...],
+    source: str,
+    key: str,
+    words: GuardWords = LEG_WORDS,
 ) -> Transition:
+    """A transition in SI.
+
+    Args:
+        entry: As it was read.
+        joints: Of the table.
+        members: What a membership may name.
+        source: File name for messages.
+        key: Place in the file, likewise.
+        words: What guards may read.
+    """
+
     def build() -> Transition:
         guard: Guard = AllOf(guards=())
         if entry.all is not None:
-            guard = AllOf(guards=tuple(_guard(item, joints, phases) for item in entry.all))
+            guard = AllOf(guards=tuple(_guard(item, joints, members, words) for item in entry.all))
         elif entry.any is not None:
-            guard = AnyOf(guards=tuple(_guard(item, joints, phases) for item in entry.any))
+            guard = AnyOf(guards=tuple(_guard(item, joints, members, words) for item in entry.any))
         return Transition(
             source=entry.from_,
             target=entry.to,
@@ -207,13 +225,13 @@ def _transition(
     return converting(source, key, build)
 
 
-def _guard(item: Any, joints: tuple[str, ...], phases: tuple[str, ...]) -> Guard:
+def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords) -> Guard:
     if isinstance(item, str):
-        return parse_guard(item, joints, phases)
+        return parse_guard(item, joints, members, words)
     if isinstance(item, dict) and len(item) == 1:
         ((kind, inner),) = item.items()
         if kind in ("all", "any") and isinstance(inner, list) and inner:
-            guards = tuple(_guard(part, joints, phases) for part in inner)
+            guards = tuple(_guard(part, joints, members, words) for part in inner)
             return AllOf(guards=guards) if kind == "all" else AnyOf(guards=guards)
     raise GaitTableError(
         f"guard {short(item)}: expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"

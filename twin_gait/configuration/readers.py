@@ -13,6 +13,7 @@ from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.validation import Number, Strict
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment, PlantParameters
+from twin_gait.gait.modes import Mode
 from twin_gait.gait.table import Blending, JointImpedance, PhaseParameters, Scaling
 from twin_gait.parameters import JointCondition, Patient, StribeckFriction
 from twin_gait.parameters.quantities import declarations
@@ -139,6 +140,7 @@ class ExperimentReader(Section):
     description: str = ""
     scenario: Section
     table: dict[str, Any]
+    modes: dict[str, Any] | None = None
     provenance: ProvenanceEntry | None = None
 
     @model_validator(mode="after")
@@ -150,7 +152,7 @@ class ExperimentReader(Section):
 
     @classmethod
     def document(cls, parameters: Experiment) -> dict[str, Any]:
-        """As the mapping of a file, in SI, without the gait table."""
+        """As the mapping of a file, in SI, without the gait table and the modes."""
         world = parameters.scenario
         return {**super().document(parameters), "scenario": section_of(type(world)).document(world)}
 
@@ -208,4 +210,5 @@ class PhaseReader(_Bounded):
 
 
 reads(Blending)(_Bounded)
+reads(Mode)(_Bounded)
 _Joint = section_of(JointImpedance)

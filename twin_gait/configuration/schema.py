@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from twin_gait.configuration.gait_table_file import GaitTableFile, phase_section
+from twin_gait.configuration.mode_table_file import ModeTableFile
 from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.sections import LIMITS
 from twin_gait.experiment import Experiment
@@ -14,7 +15,7 @@ from twin_gait.worlds import world_kinds, world_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # What a text of a guard looks like; which signals there are depends on the table.
-_GUARD = r"^[^<>]+[<>]\s*[-+.\d][^<>]*$|^\s*other\.phase\s+in\s*\[[^\]]+\]\s*$"
+_GUARD = r"^[^<>]+[<>]\s*[-+.\d][^<>]*$|^\s*(other\.phase|request)\s+in\s*\[[^\]]+\]\s*$"
 
 
 def comment_for(kind: str) -> str:
@@ -26,7 +27,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     """JSON Schema of a kind of file, as it is written: over a preset, or over the table that it extends.
 
     Args:
-        kind: ``experiment`` or ``table``.
+        kind: ``experiment``, ``table`` or ``modes``.
 
     Returns:
         The schema; nothing is required, since what is left out comes from what lies underneath.
@@ -34,8 +35,11 @@ def json_schema(kind: str) -> dict[str, Any]:
     table = _table()
     if kind == "table":
         return {"$schema": DIALECT, **table, "title": "gait table of twin_gait"}
+    modes = _modes(table["$defs"])
+    if kind == "modes":
+        return {"$schema": DIALECT, **modes, "title": "operating modes of twin_gait"}
     schema: dict[str, Any] = _lenient(section_of(Experiment).model_json_schema())
-    defined = schema["$defs"] | table.pop("$defs")
+    defined = schema["$defs"] | modes.pop("$defs") | table.pop("$defs")
     worlds = []
     for kind_of_world in world_kinds():
         world = _lenient(section_of(world_of(kind_of_world)).model_json_schema())
@@ -44,11 +48,12 @@ def json_schema(kind: str) -> dict[str, Any]:
     name = {"type": "string", "minLength": 1}
     person = defined["Patient"]
     person["properties"]["preset"] = name
-    defined["GaitTable"] = table
+    defined["GaitTable"], defined["ModeTable"] = table, modes
     schema["properties"] |= {
         "preset": name,
         "patient": {"anyOf": [name, {"$ref": "#/$defs/Patient"}, {"type": "null"}]},
         "table": {"anyOf": [name, {"$ref": "#/$defs/GaitTable"}]},
+        "modes": {"anyOf": [name, {"$ref": "#/$defs/ModeTable"}, {"type": "null"}]},
         "scenario": {"anyOf": worlds},
     }
     for item in declarations(Experiment):
@@ -80,6 +85,13 @@ def _table() -> dict[str, Any]:
     }
     schema["properties"] |= {"extends": {"type": "string"}, "phases": by_name, "sides": sides}
     return {**schema, "$defs": defined}
+
+
+def _modes(defined: dict[str, Any]) -> dict[str, Any]:
+    """Schema of a table of modes, its guards as those of a gait table."""
+    schema: dict[str, Any] = _lenient(ModeTableFile.model_json_schema())
+    shared = {name: defined[name] for name in ("Guard", "TransitionEntry")}
+    return {**schema, "$defs": schema["$defs"] | shared}
 
 
 def _lenient(schema: Any) -> Any:

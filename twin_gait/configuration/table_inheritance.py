@@ -181,15 +181,17 @@ def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
         raise ParameterFileError(place.source, *((where, problem) if key else ("", where))) from error
 
 
-def gait_table_path(name: str | Path, folder: Path | None = None) -> Path:
-    """File of a gait table."""
+def gait_table_path(
+    name: str | Path, folder: Path | None = None, kind: str = "tables", words: str = "gait table"
+) -> Path:
+    """File of a gait table, or of another kind of table."""
     beside = [] if folder is None else [folder / name]
-    shipped = packaged("tables")
+    shipped = packaged(kind)
     for candidate in (*beside, Path(name).expanduser(), shipped.get(str(name))):
         if candidate is not None and candidate.is_file():
             return candidate
     known = ", ".join(shipped)
-    raise ParameterError(f"no gait table {str(name)!r}: neither a file nor one of {known}{renamed(name)}")
+    raise ParameterError(f"no {words} {str(name)!r}: neither a file nor one of {known}{renamed(name)}")
 
 
 def packaged_gait_tables() -> list[str]:

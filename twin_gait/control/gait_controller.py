@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates
+from twin_gait.control.supervisor import Supervisor, choose_mode
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
 from twin_gait.core.estimation import first_order_step
-from twin_gait.core.guards import NO_TRANSITION, GuardProgram
+from twin_gait.core.guards import NO_TRANSITION, GuardProgram, is_among
 from twin_gait.core.safety import (
     BUS_TRIP,
     LOAD_TRIP,
@@ -28,15 +29,18 @@ from twin_gait.gait import signals as declared
 from twin_gait.gait.signals import DEVICE_SIGNALS, JOINT_SIGNALS, LEG_SIGNALS
 
 # What a loop is bound to, and a firmware printed with: legs, actuated joints of a leg, whether inertia
-# torques are wanted, and the controller changes the demands in every tick.
+# torques are wanted, the controller changes the demands in every tick, and there are operating modes.
 LEGS, JOINTS_PER_LEG = 1, 2
-INERTIA_WANTED = CONTROLLED = False
+INERTIA_WANTED = CONTROLLED = SUPERVISED = False
 
 # Places in the list of signals: among those of a joint, of a leg behind them, of the device behind both legs.
 PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
 ANGLE, VELOCITY = map(JOINT_SIGNALS.index, (declared.ANGLE, declared.VELOCITY))
 LOAD, TIME_IN_PHASE = map(LEG_SIGNALS.index, (declared.LOAD, declared.TIME_IN_PHASE))
-TRUNK_PITCH, WALK = map(DEVICE_SIGNALS.index, (declared.TRUNK_PITCH, declared.WALK))
+TRUNK_PITCH, WALK, STEP = map(DEVICE_SIGNALS.index, (declared.TRUNK_PITCH, declared.WALK, declared.STEP))
+MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(
+    len(declared.MODE_SIGNALS)
+)  # behind both legs, of the supervisor
 
 
 @dataclass(slots=True)
@@ -116,10 +120,12 @@ class Device:
     Attributes:
         trunk_pitch: Of the trunk from upright in [rad], positive forward.
         walk: 1 to walk, 0 to stand.
+        step: 1 to take a step, 0 to wait for one.
     """
 
     trunk_pitch: float = declared.TRUNK_PITCH.first
     walk: float = declared.WALK.first
+    step: float = declared.STEP.first
 
 
 @dataclass(slots=True)
@@ -191,6 +197,7 @@ class ControllerState:
         supply: The bus voltage.
         model: For gravity and inertia torques.
         memory: Of the controller, :mod:`twin_gait.control.controller`.
+        supervisor: Of the operating modes, where there are any.
         common: Heard of the device as a whole.
         trip: Of the monitor.
         last_rest: Last tick in which the legs were told to stand.
@@ -203,6 +210,7 @@ class ControllerState:
     supply: WatchedSupply
     model: ControlModel
     memory: object
+    supervisor: Supervisor
     common: Device = field(default_factory=Device)
     trip: Trip = field(default_factory=Trip)
     last_rest: int = 0
@@ -234,6 +242,7 @@ def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
     """Take all that is heard of the device as a whole."""
     hear_trunk(controller, heard.trunk_pitch)
     hear_command(controller, heard.walk, tick)
+    controller.common.step = heard.step
 
 
 def hear_trunk(controller: ControllerState, pitch: float) -> None:
@@ -318,17 +327,20 @@ def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
 
 def write_signals(controller: ControllerState, rates: Rates, number: int) -> None:
     """Write all that the guards of a leg read: of itself, of the other leg, and of the device."""
-    write_leg(controller, rates, number, 0)
+    write_leg(controller, rates, number, 0, controller.signals)
     other = PER_JOINT * JOINTS_PER_LEG + PER_LEG
     if LEGS == 2:
-        write_leg(controller, rates, 1 - number, other)
+        write_leg(controller, rates, 1 - number, other, controller.signals)
     controller.signals[2 * other + TRUNK_PITCH] = controller.common.trunk_pitch
     controller.signals[2 * other + WALK] = controller.common.walk
+    controller.signals[2 * other + STEP] = controller.common.step
 
 
-def write_leg(controller: ControllerState, rates: Rates, number: int, first: int) -> None:
-    """Write what is measured on a leg from a place in the list of signals on."""
-    leg, signals, behind = controller.legs[number], controller.signals, first + PER_JOINT * JOINTS_PER_LEG
+def write_leg(
+    controller: ControllerState, rates: Rates, number: int, first: int, signals: list[float]
+) -> None:
+    """Write what is measured on a leg from a place in a list of signals on."""
+    leg, behind = controller.legs[number], first + PER_JOINT * JOINTS_PER_LEG
     for position in range(JOINTS_PER_LEG):
         measured = controller.joints[number * JOINTS_PER_LEG + position].measurement
         signals[first + PER_JOINT * position + ANGLE] = measured.angle
@@ -339,8 +351,15 @@ def write_leg(controller: ControllerState, rates: Rates, number: int, first: int
 
 def enter_phase(controller: ControllerState, number: int, tick: int) -> None:
     """Take the transition that was chosen for a leg."""
+    begin_phase(
+        controller, number, controller.program.transitions[controller.legs[number].chosen].target, tick
+    )
+
+
+def begin_phase(controller: ControllerState, number: int, phase: int, tick: int) -> None:
+    """Let a leg be in a phase from now on."""
     leg = controller.legs[number]
-    leg.phase = controller.program.transitions[leg.chosen].target
+    leg.phase = phase
     leg.entry_tick = tick
     for index in range(len(leg.debounce)):
         leg.debounce[index] = 0
@@ -359,6 +378,44 @@ def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> N
             joint = controller.joints[place]
             blend_setpoint(joint.blend_start, joint.setpoints[leg.phase], share, joint.blended)
         leg.gravity = blend(leg.gravity_start, leg.gravity_shares[leg.phase], share)
+
+
+# ------------------------------------------------------------------ the operating modes
+
+
+def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
+    """Choose the mode, and tell the legs what it sets; :func:`send_to_posture` follows for each leg."""
+    supervisor = controller.supervisor
+    swinging = 0
+    for number in range(LEGS):
+        begin_tick(controller, number, tick)
+        swinging += is_among(supervisor.swing, controller.legs[number].phase)
+        write_leg(
+            controller, rates, number, number * (PER_JOINT * JOINTS_PER_LEG + PER_LEG), supervisor.signals
+        )
+    behind = 2 * (PER_JOINT * JOINTS_PER_LEG + PER_LEG)
+    supervisor.signals[behind + MODE_TIME] = (tick - supervisor.entry_tick) * rates.period
+    supervisor.signals[behind + MODE_PITCH] = controller.common.trunk_pitch
+    supervisor.signals[behind + LEGS_IN_SWING] = float(swinging)
+    choose_mode(supervisor, tick, controller.trip.tick >= 0)
+    told = supervisor.modes[supervisor.mode]
+    hear_command(controller, told.walk, tick)
+    controller.common.step = told.step
+    if told.step == 0.0 and swinging == 0:
+        controller.last_rest = tick
+
+
+def is_sent(controller: ControllerState, number: int) -> bool:
+    """Whether a mode that begins now sends a leg into a phase that it is not in."""
+    supervisor = controller.supervisor
+    posture = supervisor.modes[supervisor.mode].posture
+    return supervisor.entered and posture >= 0 and controller.legs[number].phase != posture
+
+
+def send_to_posture(controller: ControllerState, number: int, tick: int) -> None:
+    """Send a leg into the posture of the mode."""
+    supervisor = controller.supervisor
+    begin_phase(controller, number, supervisor.modes[supervisor.mode].posture, tick)
 
 
 # ------------------------------------------------------------------ what is demanded

@@ -1,8 +1,12 @@
-"""What an inertial unit on a link reports, and the angular acceleration that follows from it."""
+"""What an inertial unit on a link reports, and the acceleration or the pitch that follows from it."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 from twin_gait.core.elementary import sine_cosine
+from twin_gait.core.estimation import first_order_step
 
 
 def tangential_specific_force(
@@ -51,3 +55,90 @@ def angular_acceleration(
     """
     _, cosine = sine_cosine(angle - horizontal_angle)
     return (specific_force + gravity * cosine) / lever
+
+
+@dataclass(slots=True)
+class TrunkUnit:
+    """An inertial unit on a trunk, and the pitch that its filter has found.
+
+    Attributes:
+        height: Of the unit above the hips, along the trunk, in [m].
+        behind: Behind the line from hips to shoulders in [m].
+        gyroscope_bias: What it reads in excess in [rad] / [s].
+        accelerometer_bias: What the axis forwards reads in excess in [m] / [s²].
+        gain: Of the correction, from :func:`~twin_gait.core.estimation.first_order_gain`.
+        pitch: Estimate in [rad], forwards positive.
+    """
+
+    height: float
+    behind: float
+    gyroscope_bias: float
+    accelerometer_bias: float
+    gain: float
+    pitch: float
+
+
+def trunk_specific_force(
+    unit: TrunkUnit,
+    pitch: float,
+    rate: float,
+    turning: float,
+    forward: float,
+    upward: float,
+    gravity: float,
+) -> tuple[float, float]:
+    r"""Specific force in an inertial unit on a trunk, forwards and up along the trunk.
+
+    With the unit h above and d behind the hips, which accelerate with :math:`(a_x, a_z)`,
+
+    .. math::
+
+        f_x = a_x \cos\theta - (a_z + g) \sin\theta + h\,\ddot\theta + d\,\dot\theta^2, \qquad
+        f_z = a_x \sin\theta + (a_z + g) \cos\theta + d\,\ddot\theta - h\,\dot\theta^2
+
+    Args:
+        unit: Its place.
+        pitch: θ in [rad], forwards positive.
+        rate: Of it in [rad] / [s].
+        turning: Angular acceleration in [rad] / [s²].
+        forward: :math:`a_x` of the hips in [m] / [s²].
+        upward: :math:`a_z`, likewise.
+        gravity: g in [m] / [s²].
+
+    Returns:
+        Both in [m] / [s²].
+    """
+    sine, cosine = sine_cosine(pitch)
+    lifted, spun = upward + gravity, rate * rate
+    return (
+        forward * cosine - lifted * sine + unit.height * turning + unit.behind * spun,
+        forward * sine + lifted * cosine + unit.behind * turning - unit.height * spun,
+    )
+
+
+def follow_pitch(unit: TrunkUnit, rate: float, ahead: float, up: float, period: float) -> None:
+    r"""One step of the complementary filter: the gyroscope integrated, drawn to where gravity seems to be.
+
+    .. math::
+
+        \hat\theta^- = \hat\theta + T \omega, \qquad
+        \hat\theta \leftarrow \hat\theta^- + \alpha
+            \frac{-f_x \cos\hat\theta^- - f_z \sin\hat\theta^-}{\sqrt{f_x^2 + f_z^2}}
+
+    The fraction is the sine of the way to the pitch at which a trunk at rest would feel this force, so that
+    small errors fade with the time constant of the gain (the passive complementary filter of Mahony, Hamel
+    and Pflimlin 2008, in the plane); the acceleration of the trunk is taken for gravity meanwhile.
+
+    Args:
+        unit: Its pitch is changed in place.
+        rate: That the gyroscope reads, without its bias, in [rad] / [s].
+        ahead: What the accelerometer reads forwards, likewise, in [m] / [s²].
+        up: And up along the trunk; in free fall there is no direction and no correction.
+        period: T in [s].
+    """
+    pitch = unit.pitch + period * (rate + unit.gyroscope_bias)
+    sine, cosine = sine_cosine(pitch)
+    felt = ahead + unit.accelerometer_bias
+    size = math.sqrt(felt * felt + up * up)
+    error = (-felt * cosine - up * sine) / size if size > 0.0 else 0.0
+    unit.pitch = first_order_step(pitch, pitch + error, unit.gain)

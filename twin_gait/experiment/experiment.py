@@ -9,6 +9,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.control import ControlParameters
 from twin_gait.experiment.integration import Engine, Integration, IntegrationMethod, default_integration
 from twin_gait.experiment.plant import PlantParameters
+from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import Bodies, LegModel
 from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters, require
@@ -44,6 +45,9 @@ class Experiment(Parameters):
         faults: What breaks on the way.
         interface: Braces between wearer and device, or None if the two are one body.
         network: The CAN bus between central unit and boards, or None where nothing is late.
+        modes: Operating modes, or None where the legs walk by their own guards alone.
+        initial_mode: In which the device begins; None for the first of the modes.
+        requests: What is asked of the supervisor, and when.
     """
 
     name: str
@@ -61,6 +65,9 @@ class Experiment(Parameters):
     faults: Annotated[tuple[Fault, ...], Notation(parse_fault)] = ()
     interface: Annotated[BraceParameters | None, Word("rigid", "brace")] = None
     network: Annotated[NetworkParameters | None, Word("ideal", "can", implied=True)] = None
+    modes: Annotated[ModeTable | None, AsInFile()] = None
+    initial_mode: str | None = None
+    requests: Annotated[tuple[TimedRequest, ...], Notation(parse_request)] = ()
 
     def __post_init__(self) -> None:
         """Check the ranges, the joints of the table and the faults."""
@@ -77,8 +84,33 @@ class Experiment(Parameters):
             raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
         if self.network is not None:
             self.network.require_fit(self.leg.legs, self.joints, self.duration)
+        self._check_modes()
         if self.interface is not None and self.patient is None:
             raise ParameterError("interface: braces need a wearer; give a patient, or interface: rigid")
+        if self.interface is not None and self.scenario.pelvis is PelvisGuide.FREE:
+            raise ParameterError("interface: no braces on a wearer whose trunk is free; set it to rigid")
+
+    def _check_modes(self) -> None:
+        """Modes read joints of two legs, and have postures that the gait table offers."""
+        check_requests(self.requests, self.modes)
+        if self.modes is None:
+            require(self.initial_mode is None, "initial_mode", "modes, such as twin", str(self.initial_mode))
+            return
+        table, modes = f"gait table {self.table.name!r}", f"modes {self.modes.name!r}"
+        if self.initial_mode not in (None, *self.modes.phases):
+            known = ", ".join(self.modes.phases)
+            raise ParameterError(f"initial_mode: {modes} have no {self.initial_mode!r}; there are {known}")
+        require(len(self.leg.legs) == 2, "modes", "an experiment with two legs", ", ".join(self.leg.legs))
+        if not set(self.modes.joints) <= set(self.table.joints):
+            joints = ", ".join(self.modes.joints)
+            raise ParameterError(f"{modes} read {joints}; {table} controls {', '.join(self.table.joints)}")
+        for name, mode in self.modes.phases.items():
+            if mode.posture is not None and mode.posture not in self.table.postures:
+                known = ", ".join(self.table.postures) or "none"
+                raise ParameterError(
+                    f"{modes}: {name} has the posture {mode.posture!r}, which {table} does not offer under "
+                    f"postures; it offers {known}"
+                )
 
     def _check_joints(self) -> None:
         """Every joint that the table controls is one of the legs' and has a drive, friction and a path."""

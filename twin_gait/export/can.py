@@ -17,6 +17,7 @@ from twin_gait.core.can_codec import pack_frame
 from twin_gait.exceptions import MissingOptionalDependency
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
+from twin_gait.gait.signals import TRUNK_PITCH
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages
 from twin_gait.network.dbc import Message, load_messages
@@ -106,8 +107,9 @@ def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -
         return _measurement(message, rows, board, body_weight, board == tripped)
     if message.name == "battery":
         return {"voltage": rows["bus_voltage_V"], "power": rows["battery_power_W"]}
-    if message.name == "imu":  # neither guide nor harness lets the trunk pitch
-        return {"pitch": 0.0, "pitch_rate": 0.0}
+    if message.name == "imu":  # neither guide nor harness lets the trunk pitch; the rate is the true one
+        rate = rows.get("trunk_pitch_velocity_rad_per_s", 0.0)
+        return {"pitch": rows.get(TRUNK_PITCH.column, 0.0), "pitch_rate": rate}
     return _gait_state(message, rows)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import Command
 from twin_gait.core.guards import GuardProgram
 from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
@@ -22,7 +21,8 @@ from twin_gait.firmware.units import (
     Settings,
     Surroundings,
 )
-from twin_gait.gait.signals import OTHER_TIME, TIME, all_signal_names
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
 from twin_gait.simulation.compiled_engine import laid_out
@@ -54,8 +54,13 @@ def linked_unit(problem: Problem) -> LinkedUnit:
     boards = [joint.board for joint in episode.joints]
     for board in boards:
         board.encoder.resolution = 0.0
-    trim(problem.program, episode.controller)
-    part_ticks(episode.controller.program, all_signal_names(problem.table.joints))
+    controller = episode.controller
+    trim(problem.program, controller.program, [leg.debounce for leg in controller.legs])
+    part_ticks(controller.program, problem.table.signals)
+    if problem.experiment.modes is not None:
+        modes = replace(problem.experiment.modes, joints=problem.table.joints)
+        trim(compile_guards(modes), controller.supervisor.program, [controller.supervisor.debounce])
+        part_ticks(controller.supervisor.program, modes.signals)
     joints, legs = len(boards), len(episode.controller.legs)
     settings = Settings(episode.rates, episode.limits, episode.watching)
     inputs = ExoskeletonInputs([JointBoardInputs() for _ in range(joints)], Surroundings([0.0] * legs))
@@ -68,19 +73,20 @@ def linked_unit(problem: Problem) -> LinkedUnit:
     return LinkedUnit(Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
 
 
-def trim(program: GuardProgram, controller: ControllerState) -> None:
+def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int]]) -> None:
     """Take out the entries that mean nothing, with which tables of like size share a compiled loop.
 
     Args:
         program: Of the table.
-        controller: Changed in place.
+        room: The same with such entries; changed in place.
+        debounces: Counters of its transitions, likewise.
     """
-    room, count = controller.program, max(1, len(program.transitions))
+    count = max(1, len(program.transitions))
     del room.transitions[count:]
     del room.nodes[max(1, len(program.nodes)) :]
     del room.comparisons[max(1, len(program.comparisons)) :]
-    for leg in controller.legs:
-        del leg.debounce[count:]
+    for debounce in debounces:
+        del debounce[count:]
 
 
 def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
@@ -93,7 +99,7 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
         signals: Names of its signals.
     """
     for comparison in program.comparisons:
-        if comparison.factor_b == 0.0 and signals[comparison.signal_a] in (TIME, OTHER_TIME):
+        if comparison.factor_b == 0.0 and signals[comparison.signal_a].endswith(TIME):
             ticks = round(comparison.threshold / TICK)
             ticks -= ticks * TICK > comparison.threshold
             comparison.threshold = (ticks + 0.5) * TICK

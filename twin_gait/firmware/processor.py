@@ -84,6 +84,9 @@ def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
     commands, trip, legs = e["joints"]["board"]["command"], e["controller"]["trip"], e["controller"]["legs"]
     for name in answer["commands"].dtype.names:
         commands[name] = answer["commands"][name]
+    if "mode" in decision.dtype.names:
+        supervisor = e["controller"]["supervisor"]
+        supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
     if trip["tick"] < 0:
         for number in np.flatnonzero(decision["phases"] != legs["phase"]).tolist():
             _switch(engine, number, decision, tick)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from string import Template
@@ -40,7 +40,7 @@ from twin_gait.firmware.units import (
     joint_board_step,
 )
 from twin_gait.firmware.vectors import Vectors
-from twin_gait.gait.program import require_bits
+from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace
 from twin_gait.simulation.problem import Problem, build_problem
@@ -53,6 +53,8 @@ JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS = (
     "exoskeleton",
     "can_codec",
 )
+# How runner.c takes a request where there are operating modes.
+_READ_REQUEST = "row->inputs.surroundings.request = (int32_t)next_number(file);"
 _FILES = Path(__file__).with_name("project_files")
 
 
@@ -90,10 +92,12 @@ class Project:
         texts = {}
         for path in _FILES.iterdir():
             text = path.read_text(encoding="utf-8")
-            texts[path.name] = Template(text).substitute(self._words()) if path.suffix == ".md" else text
+            filled = path.suffix in (".md", ".c")
+            texts[path.name] = Template(text).substitute(self._words()) if filled else text
         texts["experiment.yaml"] = dump_yaml(dict(document))
         texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
-        texts[VECTORS] = "\n".join(_table(self.joints, vectors)) + "\n"
+        supervised = self.problem.experiment.modes is not None
+        texts[VECTORS] = "\n".join(_table(self.joints, vectors, supervised)) + "\n"
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
 
@@ -130,6 +134,8 @@ class Project:
 
     def _words(self) -> dict[str, str]:
         problem, counts = self.problem, self.problem.experiment.sensors.encoder_counts
+        modes = problem.experiment.modes
+        asked = () if modes is None else modes.requests
         steps = [2.0 * math.pi / (counts * problem.actuator(joint).gear_ratio) for joint in problem.joints]
         boards = [
             [name, f"`{JOINT_BOARD}_{name}_init`", f"{step:.9g}"]
@@ -142,9 +148,12 @@ class Project:
             "source_hash": self.program.source_hash[:16],
             "first": self.joints[0],
             "boards": _markdown(["joint", "first call", "angle of a count [rad]"], boards),
-            "phases": ", ".join(f"{number} {name}" for number, name in enumerate(problem.table.phases)),
+            "phases": _numbered(problem.table.phases),
             "causes": ", ".join(f"{cause.code} {cause}" for cause in TripCause),
             "can": self._can(),
+            "modes": _numbered([] if modes is None else modes.phases) or "none",
+            "requests": _numbered(["none", *asked]),
+            "read_request": "" if modes is None else _READ_REQUEST,
             **{f"{item.__name__}_bytes": str(self._bytes(item)) for item in (JointBoard, GaitController)},
         }
 
@@ -168,6 +177,8 @@ def print_project(experiment: Experiment) -> Project:
     refuse_what_c_has_not(experiment)
     problem = build_problem(experiment)
     require_bits(problem.table, problem.program)
+    if experiment.modes is not None:
+        require_bits(experiment.modes, compile_guards(experiment.modes))
     linked, messages = linked_unit(problem), _messages(experiment)
     units, shapes = list(_units(problem, linked)), _shapes(linked)
     if messages:
@@ -231,7 +242,7 @@ def _messages(experiment: Experiment) -> dict[str, Message]:
 # ------------------------------------------------------------------ texts
 
 
-def _table(joints: Sequence[str], vectors: Vectors) -> Iterator[str]:
+def _table(joints: Sequence[str], vectors: Vectors, supervised: bool) -> Iterator[str]:
     """Vectors as runner.c reads them: a tick in a line, its inputs, then what is expected."""
     inputs, outputs = vectors.inputs, vectors.outputs
     read = ("angle", "voltage", "current", "current_deviation")
@@ -240,6 +251,7 @@ def _table(joints: Sequence[str], vectors: Vectors) -> Iterator[str]:
     common = [item.name for item in fields(Device)]
     yield ",".join(
         [*given, *(f"{side}_load" for side in sides), "bus_voltage", *common]
+        + ["request"] * supervised
         + [f"{joint}_{name}" for joint in joints for name in ("torque", "target_current")]
         + [*(f"{side}_phase" for side in sides), "trip_cause"]
     )
@@ -247,9 +259,14 @@ def _table(joints: Sequence[str], vectors: Vectors) -> Iterator[str]:
         around, commands = row["surroundings"], expected["commands"]
         numbers = [item for board in row["boards"] for item in (board[name] for name in read)]
         numbers += [*around["loads"], around["bus_voltage"], *around["common"].tolist()]
+        numbers += [around["request"]] * supervised
         numbers += [item for command in commands for item in (command["torque"], command["target_current"])]
         phases = [*expected["decision"]["phases"], expected["decision"]["trip_cause"]]
         yield ",".join([*(repr(float(item)) for item in numbers), *(str(int(item)) for item in phases)])
+
+
+def _numbered(names: Iterable[str]) -> str:
+    return ", ".join(f"{number} {name}" for number, name in enumerate(names))
 
 
 def _markdown(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

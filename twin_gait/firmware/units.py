@@ -14,6 +14,7 @@ from twin_gait.control.gait_controller import (
     CONTROLLED,
     INERTIA_WANTED,
     LEGS,
+    SUPERVISED,
     ControllerState,
     Device,
     begin_tick,
@@ -27,7 +28,11 @@ from twin_gait.control.gait_controller import (
     hear_board,
     hear_device,
     hear_load,
+    hear_trunk,
+    is_sent,
     pose,
+    send_to_posture,
+    supervise,
     trip,
     trip_on_causes,
     wants_gravity,
@@ -59,6 +64,7 @@ from twin_gait.control.joint_board import (
     sum_up,
     watch_drive,
 )
+from twin_gait.control.supervisor import NO_REQUEST, hear_request
 from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.simulation.interface import control_gravity, control_inertia
@@ -172,12 +178,15 @@ class Surroundings:
     Attributes:
         loads: Of the feet over body weight.
         bus_voltage: In [V].
-        common: Heard of the device as a whole, for the guards of both legs.
+        common: Heard of the device as a whole, for the guards of both legs; with operating modes only the
+            pitch of the trunk is.
+        request: Of the supervisor in this tick, counted from 1, 0 for none.
     """
 
     loads: list[float]
     bus_voltage: float = 0.0
     common: Device = field(default_factory=Device)
+    request: int = NO_REQUEST
 
 
 @dataclass(slots=True)
@@ -189,12 +198,16 @@ class Decision:
         transitions: That the legs take in this tick, -1 for none; of no meaning after a trip.
         trip_cause: Of the monitor, 0 for none.
         trip_part: Of a trip: a joint, or the number of joints plus a leg, or -1 for the supply.
+        mode: Operating mode.
+        refused: Request of this tick that nothing has answered, 0 for none.
     """
 
     phases: list[int]
     transitions: list[int]
     trip_cause: int = NO_TRIP
     trip_part: int = 0
+    mode: int = 0
+    refused: int = NO_REQUEST
 
 
 @dataclass(slots=True)
@@ -245,6 +258,8 @@ def decide(controller: ControllerState, settings: Settings, inputs: Surroundings
     listen(controller, inputs, tick)
     if settings.watching:
         watch(controller, settings.limits, tick)
+    if SUPERVISED:
+        choose_modes(controller, settings.rates, tick)
     if controller.trip.tick < 0:
         walk(controller, settings.rates, tick)
     feed_forward(controller, settings.rates)
@@ -258,7 +273,11 @@ def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None
     for number in range(len(controller.legs)):
         hear_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
-    hear_device(controller, inputs.common, tick)
+    if SUPERVISED:
+        hear_trunk(controller, inputs.common.trunk_pitch)
+        hear_request(controller.supervisor, inputs.request)
+    else:
+        hear_device(controller, inputs.common, tick)
 
 
 def watch(controller: ControllerState, limits: Limits, tick: int) -> None:
@@ -269,6 +288,14 @@ def watch(controller: ControllerState, limits: Limits, tick: int) -> None:
         watch_foot(controller, limits, number)
     if has_cause(controller):
         trip_on_causes(controller, tick)
+
+
+def choose_modes(controller: ControllerState, rates: Rates, tick: int) -> None:
+    """Let the supervisor choose the mode, and send the legs into its posture."""
+    supervise(controller, rates, tick)
+    for number in range(LEGS):
+        if is_sent(controller, number):
+            send_to_posture(controller, number, tick)
 
 
 def walk(controller: ControllerState, rates: Rates, tick: int) -> None:
@@ -310,6 +337,9 @@ def tell(controller: ControllerState, decision: Decision) -> None:
         decision.transitions[number] = controller.legs[number].chosen
     decision.trip_cause = controller.trip.cause
     decision.trip_part = controller.trip.part
+    if SUPERVISED:
+        decision.mode = controller.supervisor.mode
+        decision.refused = controller.supervisor.refused
 
 
 def gait_controller_step(

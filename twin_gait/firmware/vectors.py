@@ -107,6 +107,7 @@ def sensor_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
         (inputs["boards"]["angle"], record["joints"]["board"]["encoder"]["angle"]),
         (around["loads"], record["soles"]["load"]),
         (around["common"], record["controller"]["common"]),
+        *_supervisor_pairs(record, around, ("request",)),
     ]
 
 
@@ -119,7 +120,15 @@ def answer_pairs(record: np.ndarray, outputs: np.ndarray) -> Pairs:
         (decision["transitions"], controller["legs"]["chosen"]),
         (decision["trip_cause"], controller["trip"]["cause"]),
         (decision["trip_part"], controller["trip"]["part"]),
+        *_supervisor_pairs(record, decision, ("mode", "refused")),
     ]
+
+
+def _supervisor_pairs(record: np.ndarray, rows: np.ndarray, names: tuple[str, ...]) -> Pairs:
+    controller = record["controller"]
+    if "supervisor" not in (controller.dtype.names or ()):
+        return []
+    return [(rows[name], controller["supervisor"][name]) for name in names]
 
 
 def keep(pairs: Pairs, tick: int) -> None:

@@ -1,5 +1,10 @@
 from .machine import GaitStateMachine as GaitStateMachine
 from .machine import PhaseSwitch as PhaseSwitch
+from .modes import Mode as Mode
+from .modes import ModeMachine as ModeMachine
+from .modes import ModeTable as ModeTable
+from .modes import TimedRequest as TimedRequest
+from .modes import why_refused as why_refused
 from .program import compile_guards as compile_guards
 from .signals import LegSignals as LegSignals
 from .table import TICK as TICK
@@ -11,5 +16,6 @@ from .table import GaitTable as GaitTable
 from .table import JointImpedance as JointImpedance
 from .table import PhaseParameters as PhaseParameters
 from .table import Scaling as Scaling
+from .table import StateTable as StateTable
 from .table import Transition as Transition
 from .table import Waiver as Waiver

@@ -15,8 +15,17 @@ from typing import NamedTuple
 
 from twin_gait.gait.feasibility import ZERO, Bound, bound_of, solve
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
+from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.signals import TIME
-from twin_gait.gait.table import TICK, Blending, GaitTable, JointImpedance, PhaseParameters, Scaling
+from twin_gait.gait.table import (
+    TICK,
+    Blending,
+    GaitTable,
+    JointImpedance,
+    PhaseParameters,
+    Scaling,
+    StateTable,
+)
 
 # A truth table with more conditions or rows is not read by anyone: the exits are listed in order instead.
 MOST_CONDITIONS, MOST_ROWS = 12, 64
@@ -62,7 +71,7 @@ class PhaseLogic:
         conditions: All of them in the order in which they appear.
     """
 
-    def __init__(self, table: GaitTable, phase: str) -> None:
+    def __init__(self, table: StateTable, phase: str) -> None:
         """Collect the conditions of a phase of a table."""
         self.phase = phase
         self._table = table
@@ -112,7 +121,7 @@ class PhaseLogic:
 
     def possible(self, truths: Truths) -> bool:
         """Whether conditions can have these truths together."""
-        phases: set[str | None] = {None, *self._table.phase_names}
+        phases: set[str | None] = {None, *self._table.members}
         bounds = [Bound(ZERO, TIME, 0.0)]
         for item, value in truths.items():
             if isinstance(item, PhaseMembership):
@@ -125,7 +134,7 @@ class PhaseLogic:
         return bool(phases) and solve(bounds) is not None
 
 
-def _needs(table: GaitTable, index: int) -> list[Condition]:
+def _needs(table: StateTable, index: int) -> list[Condition]:
     item = table.transitions[index]
     minimum = table.phases[item.source].minimum_ticks
     needs: list[Condition] = [Stay(minimum)] if minimum > 0 else []
@@ -171,7 +180,7 @@ def number(value: float, digits: int = 10) -> str:
     return f"{value:.{digits}g}".replace("-", "−")
 
 
-def transition_table(table: GaitTable) -> str:
+def transition_table(table: StateTable) -> str:
     """State-transition table: a row per transition, the exits of a phase in order of priority.
 
     Returns:
@@ -193,7 +202,7 @@ def transition_table(table: GaitTable) -> str:
     return f"{title}Of several exits that are due, the first listed is taken.\n\n{_grid(heading, rows)}"
 
 
-def truth_table(table: GaitTable) -> str:
+def truth_table(table: StateTable) -> str:
     """Truth table of every phase, with what the phase sets.
 
     Returns:
@@ -204,14 +213,14 @@ def truth_table(table: GaitTable) -> str:
         f"# Truth tables of {_text(table.name)}\n",
         "T is true, F is false, – either. The rows of a phase exclude each other and cover every "
         "combination\nthat measurements can have.\n",
-        *_laws(table.blending, table.scaling),
+        *(_laws(table.blending, table.scaling) if isinstance(table, GaitTable) else _asks(table)),
     ]
     for phase in table.phases:
         parts += [f"## {_text(phase)}\n", _settings(table, phase), _exits(table, phase)]
     return "\n".join(parts)
 
 
-def _exits(table: GaitTable, phase: str) -> str:
+def _exits(table: StateTable, phase: str) -> str:
     logic = PhaseLogic(table, phase)
     if not logic.needs:
         return "The phase is never left.\n"
@@ -223,7 +232,7 @@ def _exits(table: GaitTable, phase: str) -> str:
     return "\n".join(legend) + f"\n\n{body}"
 
 
-def _truth_grid(table: GaitTable, names: Mapping[Condition, str], rows: Iterable[TruthRow]) -> str:
+def _truth_grid(table: StateTable, names: Mapping[Condition, str], rows: Iterable[TruthRow]) -> str:
     marks = {True: "T", False: "F", None: "–"}
     cells = [
         (*(marks[row.truths.get(item)] for item in names), *_result(table, row.transition)) for row in rows
@@ -231,14 +240,14 @@ def _truth_grid(table: GaitTable, names: Mapping[Condition, str], rows: Iterable
     return _grid((*names.values(), "next phase", "cause"), cells)
 
 
-def _result(table: GaitTable, transition: int | None) -> tuple[str, str]:
+def _result(table: StateTable, transition: int | None) -> tuple[str, str]:
     if transition is None:
         return "stays", ""
     item = table.transitions[transition]
     return item.target, item.cause
 
 
-def _priority_list(table: GaitTable, logic: PhaseLogic, names: Mapping[Condition, str]) -> str:
+def _priority_list(table: StateTable, logic: PhaseLogic, names: Mapping[Condition, str]) -> str:
     """The exits in order of priority, for a phase with too many conditions for a table."""
     rows = []
     for index, needs in logic.needs.items():
@@ -257,7 +266,7 @@ def _formula(guard: Guard, names: Mapping[Condition, str]) -> str:
     return names[guard]
 
 
-def _condition(table: GaitTable, condition: Condition) -> str:
+def _condition(table: StateTable, condition: Condition) -> str:
     if isinstance(condition, Stay):
         return f"in the phase for {number(condition.ticks * TICK)} s or longer"
     if isinstance(condition, Held):
@@ -274,8 +283,28 @@ def _letters(count: int) -> list[str]:
     return [f"{letter}{turn or ''}" for turn in turns for letter in alphabet][:count]
 
 
-def _settings(table: GaitTable, phase: str) -> str:
+def _asks(table: StateTable) -> list[str]:
+    """What can be asked for, and what becomes of a trip."""
+    if not isinstance(table, ModeTable):
+        return []
+    asks = f"Requests: {', '.join(table.requests)}. " if table.requests else ""
+    return [f"{asks}After a trip of the safety monitor: {table.hold}.\n"]
+
+
+def mode_words(mode: Mode) -> list[str]:
+    """What a mode sets, in words."""
+    told = f"the legs are told to {'walk' if mode.walk else 'stand'}"
+    told += f" and to {'step' if mode.step else 'wait for a step'}" if mode.walk or mode.step else ""
+    return [told, *([] if mode.posture is None else [f"both legs enter {mode.posture}"])]
+
+
+def _settings(table: StateTable, phase: str) -> str:
     """What a phase sets, with the rows of a side where it differs."""
+    if isinstance(table, ModeTable):
+        mode = table.phases[phase]
+        stays = f"minimum duration {mode.minimum_ticks} ms"
+        return f"{_text('; '.join([*mode_words(mode), stays])).capitalize()}.\n"
+    assert isinstance(table, GaitTable)  # there is no third kind
     common = table.phases[phase]
     rows = _impedance_rows(common, "")
     shares = [f"Gravity share {number(common.gravity_compensation)}"]

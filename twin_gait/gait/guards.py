@@ -11,9 +11,17 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.signals import DEVICE_NAMES, all_signal_names, signal_names, signal_of
+from twin_gait.gait.signals import (
+    DEVICE_NAMES,
+    MODE_SIGNALS,
+    all_signal_names,
+    mode_signal_names,
+    signal_names,
+    signal_of,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,17 +57,19 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseMembership:
-    """The other leg is in one of some phases.
+    """The other leg is in one of some phases; in a table of modes, one of some requests is made.
 
     Attributes:
-        phases: Names of the phases.
+        phases: Names of the phases, or of the requests.
+        of: What is looked at, as the table writes it.
     """
 
     phases: tuple[str, ...]
+    of: str = "other.phase"
 
     def __str__(self) -> str:
         """Write the membership as in the table."""
-        return f"other.phase in [{', '.join(self.phases)}]"
+        return f"{self.of} in [{', '.join(self.phases)}]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,44 +133,82 @@ def _bracketed(guard: Guard) -> str:
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _SIGNAL = r"[A-Za-z_][\w.]*"
 _COMPARISON = re.compile(rf"\s*({_SIGNAL})\s*(?:-\s*({_SIGNAL})\s*)?(<=|>=|<|>|==|=)\s*({_NUMBER})\s*")
-_MEMBERSHIP = re.compile(r"\s*other\.phase\s+in\s*\[([^\]]*)\]\s*")
+_MEMBERSHIP = re.compile(rf"\s*({_SIGNAL})\s+in\s*\[([^\]]*)\]\s*")
 
 
-def parse_guard(text: str, joints: Sequence[str], phases: Sequence[str]) -> Guard:
+class GuardWords(NamedTuple):
+    """What the guards of a kind of table may read.
+
+    Attributes:
+        of: What a membership looks at.
+        member: What its members are.
+        signals: From the joints to the names of all signals, in the order of the list of signals.
+        listed: From the joints to these in words.
+    """
+
+    of: str
+    member: str
+    signals: Callable[[Sequence[str]], list[str]]
+    listed: Callable[[Sequence[str]], str]
+
+
+LEG_WORDS = GuardWords(
+    "other.phase",
+    "phase",
+    all_signal_names,
+    lambda joints: (
+        f"{', '.join(signal_names(joints))}, the same with 'other.' in front, and {', '.join(DEVICE_NAMES)}"
+    ),
+)
+MODE_WORDS = GuardWords(
+    "request",
+    "request",
+    mode_signal_names,
+    lambda joints: (
+        f"{', '.join(signal.name for signal in MODE_SIGNALS)}, and with 'left.' or 'right.' in front "
+        f"{', '.join(signal_names(joints))}"
+    ),
+)
+
+
+def parse_guard(
+    text: str, joints: Sequence[str], phases: Sequence[str], words: GuardWords = LEG_WORDS
+) -> Guard:
     """Parse one guard string.
 
     Args:
-        text: For example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``
-            or ``"other.phase in [early_stance, middle_stance]"``.
+        text: For example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``,
+            ``"other.phase in [early_stance, middle_stance]"`` or ``"request in [walk]"``.
+        joints: Of the table.
+        phases: What a membership may name.
+        words: What the guards of the table may read.
 
     Raises:
         GaitTableError: If the text is not a guard, or names an unknown signal or phase.
     """
     membership = _MEMBERSHIP.fullmatch(text)
-    if membership:
-        members = tuple(name.strip() for name in membership.group(1).split(",") if name.strip())
+    if membership and membership.group(1) == words.of:
+        members = tuple(name.strip() for name in membership.group(2).split(",") if name.strip())
         if not members:
-            raise GaitTableError(f"guard {text!r}: expected at least one phase in the brackets")
+            raise GaitTableError(f"guard {text!r}: expected at least one {words.member} in the brackets")
         for name in members:
             if name not in phases:
-                raise GaitTableError(f"guard {text!r}: no phase {name!r}; there are {', '.join(phases)}")
-        return PhaseMembership(phases=members)
+                there = ", ".join(phases)
+                raise GaitTableError(f"guard {text!r}: no {words.member} {name!r}; there are {there}")
+        return PhaseMembership(phases=members, of=words.of)
     comparison = _COMPARISON.fullmatch(text)
     if not comparison:
         raise GaitTableError(
             f"guard {text!r}: expected 'signal < number', 'signal - signal > number' "
-            "or 'other.phase in [phase, …]'"
+            f"or '{words.of} in [{words.member}, …]'"
         )
     signal, minus, operator, number = comparison.groups()
     if operator not in ("<", ">"):
         raise GaitTableError(f"guard {text!r}: inequalities are strict; write '<' or '>'")
-    known = all_signal_names(joints)
+    known = words.signals(joints)
     for name in (signal, minus):
         if name is not None and name not in known:
-            raise GaitTableError(
-                f"guard {text!r}: no signal {name!r}; there are {', '.join(signal_names(joints))}, "
-                f"the same with 'other.' in front, and {', '.join(DEVICE_NAMES)}"
-            )
+            raise GaitTableError(f"guard {text!r}: no signal {name!r}; there are {words.listed(joints)}")
     if minus is not None and signal_of(signal).unit != signal_of(minus).unit:
         units = " and ".join(signal_of(name).unit.words for name in (signal, minus))
         raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units: {units}")

@@ -7,7 +7,7 @@ decided by the one evaluator in :mod:`twin_gait.core.guards`. Time is the tick c
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -16,8 +16,8 @@ from transitions import Machine
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import OTHER, LegSignals, all_signal_names, values_of_device, values_of_leg
-from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.gait.signals import OTHER, TIME, LegSignals, signal_scale, values_of_device, values_of_leg
+from twin_gait.gait.table import TICK, StateTable
 from twin_gait.vocabulary import Side
 
 
@@ -52,13 +52,14 @@ class GaitStateMachine:
     Attributes:
         table: The gait table.
         side: The leg.
+        owner: What messages call it.
         program: The table's compiled guards.
         entry_tick: Tick at which the present phase was entered.
     """
 
     def __init__(
         self,
-        table: GaitTable,
+        table: StateTable,
         side: Side,
         *,
         initial_phase: str | None = None,
@@ -77,10 +78,12 @@ class GaitStateMachine:
         """
         self.table = table
         self.side = side
+        self.owner = f"{side} leg"
         self.program = compile_guards(table) if program is None else program
         self.entry_tick = 0
         self._debounce = [0] * len(table.transitions)
-        self._names = all_signal_names(table.joints)
+        self._names = table.signals
+        self._scales = [(name, signal_scale(name)) for name in self._names]
         self._own_places = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
         initial = table.phase_names[0] if initial_phase is None else initial_phase
         table.phase_index(initial)
@@ -138,6 +141,24 @@ class GaitStateMachine:
         other_index = -1 if other_phase is None else self.table.phase_index(other_phase)
         return self.advance(tick, signals, other_index)
 
+    def take(self, tick: int, signals: Mapping[str, float], member: str | None = None) -> PhaseSwitch | None:
+        """Advance by one tick on signals by their names.
+
+        Args:
+            tick: Present tick.
+            signals: In the units of their names; what is missing is 0, the time in the phase is counted.
+            member: Phase of the other leg, or of the supervisor the request that is made, or None.
+
+        Returns:
+            The switch, or None if the phase stays.
+
+        Raises:
+            MeasurementError: If a signal is not finite.
+        """
+        given = {**signals, TIME: self.time_in_phase(tick)}
+        values = [scale * given.get(name, 0.0) for name, scale in self._scales]
+        return self.advance(tick, values, self.table.member_index(member))
+
     def advance(self, tick: int, signals: Sequence[float], other_phase: int) -> PhaseSwitch | None:
         """Advance by one tick on a list of signals.
 
@@ -165,6 +186,11 @@ class GaitStateMachine:
         item = self.table.transitions[index]
         return PhaseSwitch(tick, self.side, source, self.phase, item.cause, index)
 
+    def enter(self, phase: str, tick: int) -> None:
+        """Be in a phase from a tick on, whatever the table says: it is entered from outside."""
+        self.phase, self._index, self.entry_tick = phase, self.table.phase_index(phase), tick
+        self._debounce[:] = [0] * len(self._debounce)
+
     def _choose(self, ticks_in_phase: int, signals: Sequence[float], other_phase: int) -> int:
         """Index of the transition that is due, or ``NO_TRANSITION``; debounce is counted."""
         return next_transition(
@@ -174,18 +200,18 @@ class GaitStateMachine:
     def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
         names = self._names
         if len(signals) != len(names):
-            raise MeasurementError(f"{self.side} leg: expected {len(names)} signals, got {len(signals)}")
+            raise MeasurementError(f"{self.owner}: expected {len(names)} signals, got {len(signals)}")
         places = self._own_places if other_phase < 0 else range(len(names))
         broken = [place for place in places if not math.isfinite(signals[place])]
         if broken:
             name = names[broken[0]].replace(OTHER, "other leg's ")
             raise MeasurementError(
-                f"{self.side} leg: the {name} is {signals[broken[0]]}; expected a finite measurement"
+                f"{self.owner}: the {name} is {signals[broken[0]]}; expected a finite measurement"
             )
 
 
 def signal_list(
-    table: GaitTable,
+    table: StateTable,
     time_in_phase: float,
     own: LegSignals,
     other: LegSignals | None,

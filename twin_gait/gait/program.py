@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from twin_gait.core import guards as core
 from twin_gait.core.guards import (
     OP_ALL,
@@ -11,21 +13,22 @@ from twin_gait.core.guards import (
     GuardNode,
     GuardProgram,
     TransitionRule,
+    guard_holds,
 )
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership
-from twin_gait.gait.signals import all_signal_names, signal_scale
-from twin_gait.gait.table import GaitTable, Transition
+from twin_gait.gait.signals import signal_scale
+from twin_gait.gait.table import StateTable, Transition
 
 OPEN_RESULTS = 62  # results that wait to be joined are bits of a signed 64-bit integer
 DEVICE_BITS = 30  # of an int32_t, so that all of them may be shifted once more
 
 
-def compile_guards(table: GaitTable) -> GuardProgram:
+def compile_guards(table: StateTable) -> GuardProgram:
     """Compile the transitions of a table.
 
     Args:
-        table: The gait table.
+        table: Of gait or of modes.
 
     Returns:
         The program, with thresholds in SI units.
@@ -56,6 +59,20 @@ def compile_guards(table: GaitTable) -> GuardProgram:
     )
 
 
+def guard_is_open(guard: Guard, table: StateTable, signals: Sequence[float], member: int) -> bool:
+    """Whether a guard by itself is true, by the evaluator of programs.
+
+    Args:
+        table: That it is of.
+        signals: In SI, in the order of the list of the table.
+        member: Place among the members of the table, negative for none.
+    """
+    nodes: list[GuardNode] = []
+    comparisons: list[core.Comparison] = []
+    _emit(guard, table, nodes, comparisons)
+    return guard_holds(GuardProgram(0, [], [], nodes, comparisons), 0, len(nodes), signals, member)
+
+
 def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN_RESULTS) -> None:
     """Refuse a guard whose results the evaluator cannot hold."""
     waiting = most = 0
@@ -69,7 +86,7 @@ def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN
         )
 
 
-def require_bits(table: GaitTable, program: GuardProgram, bits: int = DEVICE_BITS) -> None:
+def require_bits(table: StateTable, program: GuardProgram, bits: int = DEVICE_BITS) -> None:
     """Refuse a table whose phases or waiting results are too many for whole numbers of so many bits.
 
     Args:
@@ -78,18 +95,20 @@ def require_bits(table: GaitTable, program: GuardProgram, bits: int = DEVICE_BIT
     Raises:
         GaitTableError: It has more.
     """
-    if len(table.phases) > bits:
-        raise GaitTableError(f"{len(table.phases)} phases; at most {bits} fit")
+    if len(table.members) > bits:
+        raise GaitTableError(f"{len(table.members)} {table.words.member}s; at most {bits} fit")
     for transition, rule in zip(table.transitions, program.transitions, strict=True):
         _check_size(transition, program.nodes[rule.first_node : rule.end_node], bits)
 
 
-def _emit(guard: Guard, table: GaitTable, nodes: list[GuardNode], comparisons: list[core.Comparison]) -> None:
+def _emit(
+    guard: Guard, table: StateTable, nodes: list[GuardNode], comparisons: list[core.Comparison]
+) -> None:
     if isinstance(guard, Comparison):
         comparisons.append(_comparison(guard, table))
         nodes.append(GuardNode(OP_COMPARE, len(comparisons) - 1))
     elif isinstance(guard, PhaseMembership):
-        mask = sum(1 << table.phase_index(phase) for phase in guard.phases)
+        mask = sum(1 << table.members.index(name) for name in guard.phases)
         nodes.append(GuardNode(OP_PHASE, mask))
     else:
         for inner in guard.guards:
@@ -97,8 +116,8 @@ def _emit(guard: Guard, table: GaitTable, nodes: list[GuardNode], comparisons: l
         nodes.append(GuardNode(OP_ALL if isinstance(guard, AllOf) else OP_ANY, len(guard.guards)))
 
 
-def _comparison(guard: Comparison, table: GaitTable) -> core.Comparison:
-    names = all_signal_names(table.joints)
+def _comparison(guard: Comparison, table: StateTable) -> core.Comparison:
+    names = table.signals
     sign = 1.0 if guard.operator == ">" else -1.0
     return core.Comparison(
         signal_a=names.index(guard.signal),

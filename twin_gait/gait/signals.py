@@ -17,6 +17,7 @@ from typing import NamedTuple
 from twin_gait.parameters.quantities import DEGREE
 
 OTHER = "other."  # in front of a signal of the other leg
+LEFT, RIGHT = "left.", "right."  # in front of a signal of a leg, for the supervisor
 
 HIGHEST_LOAD = 2.0  # [body weight]: walking loads a foot with 1.2 at most, running with 2 to 3
 LONGEST_STAY = 3600.0  # [s], for a phase without a time-out
@@ -138,19 +139,26 @@ TRUNK_PITCH = Signal(
     noise=0.5,
     room=1.0,
     first=0.0,
-    column="trunk_pitch_rad",
+    column="measured_trunk_pitch_rad",
 )
 WALK = Signal(  # what the legs are told: 1 to walk, 0 to stand
     "walk", Scope.DEVICE, NO_UNIT, "walk", "told to walk", _between(0.0, 1.0), room=0.25, first=1.0
 )
+STEP = Signal(  # likewise: 1 to take a step, 0 to wait for one
+    "step", Scope.DEVICE, NO_UNIT, "step", "told to step", _between(0.0, 1.0), room=0.25, first=1.0
+)
+LEGS_IN_SWING = Signal(  # of the supervisor alone
+    "legs_in_swing", Scope.DEVICE, NO_UNIT, "", "legs in swing", _between(0.0, 2.0), room=0.25, first=0.0
+)
 
 # In the order of the list of signals: joint by joint, then of the leg; all of the other leg; of the device.
-SIGNALS = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, TRUNK_PITCH, WALK)
+SIGNALS = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, TRUNK_PITCH, WALK, STEP)
 JOINT_SIGNALS, LEG_SIGNALS, DEVICE_SIGNALS = (
     tuple(signal for signal in SIGNALS if signal.scope is scope) for scope in Scope
 )
 DEVICE_NAMES = tuple(signal.name for signal in DEVICE_SIGNALS)  # both legs read the same
 TIME, OTHER_TIME = TIME_IN_PHASE.name, OTHER + TIME_IN_PHASE.name
+MODE_SIGNALS = (TIME_IN_PHASE, TRUNK_PITCH, LEGS_IN_SWING)  # of the supervisor, behind those of both legs
 
 
 def signal_names(joints: Sequence[str]) -> list[str]:
@@ -168,6 +176,13 @@ def all_signal_names(joints: Sequence[str]) -> list[str]:
     return [*own, *(OTHER + name for name in own), *DEVICE_NAMES]
 
 
+def mode_signal_names(joints: Sequence[str]) -> list[str]:
+    """Signals of the left leg, of the right one, then of the supervisor, in the order of its list."""
+    own = signal_names(joints)
+    legs = [side + name for side in (LEFT, RIGHT) for name in own]
+    return [*legs, *(signal.name for signal in MODE_SIGNALS)]
+
+
 def first_signals(joints: Sequence[str]) -> list[float]:
     """List of signals before anything is measured, in SI; also what it has of a leg that is not there."""
     return [signal_of(name).first for name in all_signal_names(joints)]
@@ -176,7 +191,8 @@ def first_signals(joints: Sequence[str]) -> list[float]:
 @cache
 def signal_of(name: str) -> Signal:
     """Declaration of a signal by its name in a table, which may have further words in front."""
-    return next(signal for signal in SIGNALS if f".{name}".endswith(f".{signal.name}"))
+    known = (*SIGNALS, LEGS_IN_SWING)
+    return next(signal for signal in known if f".{name}".endswith(f".{signal.name}"))
 
 
 def part_of(name: str) -> str:
@@ -208,6 +224,7 @@ class LegSignals(NamedTuple):
         foot_load: Normal force of the foot over body weight.
         walk: Command: 1 to walk, 0 to stand. A leg reads its own only.
         trunk_pitch: Of the trunk from upright in [rad], positive forward; read likewise.
+        step: Command: 1 to take a step, 0 to wait; read likewise.
     """
 
     angles: tuple[float, ...]
@@ -215,6 +232,7 @@ class LegSignals(NamedTuple):
     foot_load: float = 0.0
     walk: float = WALK.first
     trunk_pitch: float = TRUNK_PITCH.first
+    step: float = STEP.first
 
 
 def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:

@@ -11,12 +11,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, ClassVar, Protocol
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership, atoms
-from twin_gait.gait.signals import OTHER, all_signal_names
+from twin_gait.gait.guards import LEG_WORDS, AllOf, Comparison, Guard, GuardWords, PhaseMembership, atoms
+from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_scale
 from twin_gait.parameters import require
 from twin_gait.parameters.quantities import (
     DEGREE,
@@ -231,77 +231,76 @@ class Waiver(Parameters):
         require(bool(self.reason.strip()), "waive.reason", "why the finding is accepted", self.reason)
 
 
+class State(Protocol):
+    """What every phase of a state machine has.
+
+    Attributes:
+        minimum_ticks: It is not left before so many ticks.
+    """
+
+    @property
+    def minimum_ticks(self) -> int:
+        """Ticks before which it is not left."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class GaitTable:
-    """Per-phase impedances and transitions.
+class StateTable:
+    """The phases of a state machine and the transitions between them: of a leg, or of the supervisor.
 
     Attributes:
         name: What the table is called.
         joints: Joint names, in the order of the parameter arrays.
-        phases: Parameters per phase, in the order of the cycle.
+        phases: By name, in the order of the cycle; the machine begins in the first.
         transitions: In order of priority: of several open exits the first listed wins.
-        blending: How parameters fade at a switch.
-        side_phases: Parameters that differ on one side (hemiparesis).
-        scaling: Laws that adapt the table.
         description: What it is for and where its numbers come from.
-        cycles: Cycles of phases that are meant; empty for the phases in their order.
         waivers: Warnings of the check that the table lives with.
+        words: What its guards may read.
     """
 
     name: str
     joints: tuple[str, ...]
-    phases: Mapping[str, PhaseParameters]
+    phases: Mapping[str, State]
     transitions: tuple[Transition, ...]
-    blending: Blending = field(default_factory=Blending)
-    side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
-    scaling: Scaling = field(default_factory=Scaling)
     description: str = ""
-    cycles: tuple[tuple[str, ...], ...] = ()
     waivers: tuple[Waiver, ...] = ()
+
+    words: ClassVar[GuardWords] = LEG_WORDS
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
         _refuse(not self.joints, "joints: expected at least one joint, got none")
         for name in self.joints:
-            # Signals are joint.quantity, and those of the other leg begin with "other.".
-            odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." == OTHER
+            # Signals are joint.quantity, and those of a certain leg begin with "other." or its side.
+            odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." in (OTHER, LEFT, RIGHT)
             _refuse(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
         twice = sorted({name for name in self.joints if self.joints.count(name) > 1})
         _refuse(bool(twice), f"joints: {', '.join(twice)} is named twice")
         _refuse(not self.phases, "phases: expected at least one phase, got none")
         count = len(self.phases)
         _refuse(count > MOST_PHASES, f"phases: at most {MOST_PHASES} fit, got {count}")
-        for mapping in (self.phases, *self.side_phases.values()):
-            for phase, parameters in mapping.items():
-                self._check_phase(phase, parameters)
+        self._check_phases()
         for index, transition in enumerate(self.transitions):
             self._check_transition(f"transitions[{index}] ({transition.cause})", transition)
         self._check_closed()
-        for phase in self.scaling.stance_phases:
-            self._check_known(f"scaling.stance_phases: {phase}", phase)
-        for index, cycle in enumerate(self.cycles):
-            self._check_cycle(f"cycles[{index}]", cycle)
         for index, waiver in enumerate(self.waivers):
             self._check_waiver(f"waive[{index}]", waiver)
 
+    def _check_phases(self) -> None:
+        """What phases set fits together."""
+
     def _check_closed(self) -> None:
-        """Every phase is left, and reached from the first one."""
+        """Every phase is left, and reached from the first one; not those that are entered from outside."""
         for phase in self.phases:
             left = len(self.phases) == 1 or any(item.source == phase for item in self.transitions)
+            left = left or phase in self.entered
             _refuse(not left, f"phases.{phase}: no transition leaves it; add one to transitions")
-        reached, grown = {next(iter(self.phases))}, True
+        reached, grown = {next(iter(self.phases)), *self.entered}, True
         while grown:
             targets = {item.target for item in self.transitions if item.source in reached}
             grown = not targets <= reached
             reached |= targets
         for phase in self.phases:
             _refuse(phase not in reached, f"phases.{phase}: no chain of transitions reaches it")
-
-    def _check_cycle(self, place: str, cycle: tuple[str, ...]) -> None:
-        for phase in cycle:
-            self._check_known(place, phase)
-        short = len(cycle) < 2 or len(set(cycle)) < len(cycle)
-        _refuse(short, f"{place}: expected two or more different phases, got {', '.join(cycle)}")
 
     def _check_waiver(self, place: str, waiver: Waiver) -> None:
         if waiver.phase is not None:
@@ -316,22 +315,15 @@ class GaitTable:
     def _check_known(self, place: str, phase: str) -> None:
         _refuse(phase not in self.phases, f"{place}: no phase {phase!r}; there are {', '.join(self.phases)}")
 
-    def _check_phase(self, phase: str, parameters: PhaseParameters) -> None:
-        self._check_known("sides", phase)
-        missing = ", ".join(joint for joint in self.joints if joint not in parameters.joints)
-        _refuse(bool(missing), f"phases.{phase}: no impedance for {missing}")
-        unknown = ", ".join(joint for joint in parameters.joints if joint not in self.joints)
-        has = ", ".join(self.joints)
-        _refuse(bool(unknown), f"phases.{phase}: unknown joint {unknown}; the table has {has}")
-
     def _check_transition(self, place: str, item: Transition) -> None:
         self._check_known(place, item.source)
         self._check_known(place, item.target)
         _refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
-        known = all_signal_names(self.joints)
+        known = self.signals
         for atom in atoms(item.guard):
-            for phase in atom.phases if isinstance(atom, PhaseMembership) else ():
-                self._check_known(place, phase)
+            for member in atom.phases if isinstance(atom, PhaseMembership) else ():
+                absent = f"no {self.words.member} {member!r}; there are {', '.join(self.members)}"
+                _refuse(member not in self.members, f"{place}: {absent}")
             for name in (atom.signal, atom.minus) if isinstance(atom, Comparison) else ():
                 odd = name is not None and name not in known
                 _refuse(odd, f"{place}: no signal {name!r}; there are {', '.join(known)}")
@@ -351,6 +343,85 @@ class GaitTable:
         """Position of a phase in :attr:`phase_names`; raises GaitTableError if there is no such phase."""
         self._check_known("phase", phase)
         return self.phase_names.index(phase)
+
+    @property
+    def signals(self) -> list[str]:
+        """All signals that its guards may read; their positions are the indices in the guard program."""
+        return self.words.signals(self.joints)
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """What a membership in a guard may name: phases of the other leg, or requests."""
+        return self.phase_names
+
+    @property
+    def others(self) -> tuple[str | None, ...]:
+        """The :attr:`members` as a choice that is made; None alone where there are none."""
+        return self.members or (None,)
+
+    def member_index(self, name: str | None) -> int:
+        """Position of one of the :attr:`members`; -1 for none."""
+        return -1 if name is None else self.members.index(name)
+
+    def in_si(self, signals: Mapping[str, float]) -> list[float]:
+        """Values in the order of :attr:`signals` in SI, of those in the units of their names; else 0."""
+        return [signal_scale(name) * signals.get(name, 0.0) for name in self.signals]
+
+    @property
+    def entered(self) -> tuple[str, ...]:
+        """Phases that are entered from outside, and may be left likewise."""
+        return ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitTable(StateTable):
+    """Per-phase impedances and transitions.
+
+    Attributes:
+        phases: Parameters per phase, in the order of the cycle.
+        blending: How parameters fade at a switch.
+        side_phases: Parameters that differ on one side (hemiparesis).
+        scaling: Laws that adapt the table.
+        cycles: Cycles of phases that are meant; empty for the phases in their order.
+        postures: Phases that a supervisor may send both legs into, :mod:`twin_gait.gait.modes`.
+    """
+
+    phases: Mapping[str, PhaseParameters]
+    blending: Blending = field(default_factory=Blending)
+    side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
+    scaling: Scaling = field(default_factory=Scaling)
+    cycles: tuple[tuple[str, ...], ...] = ()
+    postures: tuple[str, ...] = ()
+
+    def _check_phases(self) -> None:
+        for mapping in (self.phases, *self.side_phases.values()):
+            for phase, parameters in mapping.items():
+                self._check_phase(phase, parameters)
+        for phase in self.scaling.stance_phases:
+            self._check_known(f"scaling.stance_phases: {phase}", phase)
+        for index, cycle in enumerate(self.cycles):
+            self._check_cycle(f"cycles[{index}]", cycle)
+        for phase in self.postures:
+            self._check_known("postures", phase)
+
+    def _check_cycle(self, place: str, cycle: tuple[str, ...]) -> None:
+        for phase in cycle:
+            self._check_known(place, phase)
+        short = len(cycle) < 2 or len(set(cycle)) < len(cycle)
+        _refuse(short, f"{place}: expected two or more different phases, got {', '.join(cycle)}")
+
+    def _check_phase(self, phase: str, parameters: PhaseParameters) -> None:
+        self._check_known("sides", phase)
+        missing = ", ".join(joint for joint in self.joints if joint not in parameters.joints)
+        _refuse(bool(missing), f"phases.{phase}: no impedance for {missing}")
+        unknown = ", ".join(joint for joint in parameters.joints if joint not in self.joints)
+        has = ", ".join(self.joints)
+        _refuse(bool(unknown), f"phases.{phase}: unknown joint {unknown}; the table has {has}")
+
+    @property
+    def entered(self) -> tuple[str, ...]:
+        """Phases that are entered from outside, and may be left likewise."""
+        return self.postures
 
     def is_swing(self, phase: str) -> bool:
         """Whether a phase is meant to be in the air, by its name and by what ``scaling`` has in stance."""

@@ -110,7 +110,7 @@ class PinocchioKernel:
         own, self._control = world.model.nv, control_model
         self._contacts = GroundContacts(world)
         airborne = [no_forces(chain.model) for chain in world.chains[:-1]]
-        parts = [slice(first, first + own) for first in range(0, len(world.start_q), own)]
+        parts = [slice(own * number, own * (number + 1)) for number in range(len(world.chains))]
         self._chains = list(zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True))
         self._guided = world.model.pelvis_index is not None
 

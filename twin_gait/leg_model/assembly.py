@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
-from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, LegJoints
+from twin_gait.leg_model.joints import ALL_GUIDES, GUIDES, LegJoints
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.leg_model.wearer import (
     DRAWN_FOOT,
@@ -135,9 +135,9 @@ class Assembly:
 
     def _read(self, turned: Collection[str] = ()) -> pin.Model:
         upward = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
-        guides = [(pin.JointModelPX(), FORWARD_JOINT), (upward, PELVIS_JOINT)]
-        free = {PelvisGuide.FIXED: guides[:0], PelvisGuide.VERTICAL: guides[1:], PelvisGuide.HARNESS: guides}
-        return build_model(self._path, free[self._pelvis], turned)
+        leaning = pin.JointModelRevoluteUnaligned(np.cross(self._up(), FORWARD))
+        joints = dict(zip(ALL_GUIDES, (pin.JointModelPX(), upward, leaning), strict=True))
+        return build_model(self._path, [(joints[name], name) for name in GUIDES[self._pelvis]], turned)
 
     def _check_names(self, model: pin.Model) -> None:
         joints = [name for name in model.names if name != "universe"]
@@ -158,7 +158,7 @@ class Assembly:
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
         wanted = {name for leg in self.legs.values() for _, name in leg.items()}
-        wanted |= {FORWARD_JOINT, PELVIS_JOINT, "universe"}
+        wanted |= {*ALL_GUIDES, "universe"}
         locked = [model.getJointId(name) for name in model.names if name not in wanted]
         if not locked:
             return model
@@ -213,7 +213,9 @@ class Assembly:
         radius = TRUNK_RADIUS_OF_GYRATION * length
         along = np.outer(self._up(), self._up())
         inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
-        self._append(self._id(PELVIS_JOINT), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia)
+        self._append(
+            self._id(GUIDES[self._pelvis][-1]), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia
+        )
 
     def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:
         self.model.appendBodyToJoint(joint, pin.Inertia(mass, lever, inertia), pin.SE3.Identity())

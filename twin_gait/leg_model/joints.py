@@ -6,10 +6,19 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from twin_gait.parameters.quantities import Parameters
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 PELVIS_JOINT = "pelvis_vertical"
 FORWARD_JOINT = "pelvis_forward"
+PITCH_JOINT = "pelvis_pitch"
+ALL_GUIDES = FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
+# Joints between world and pelvis, from the world on; the pitch is positive as the trunk leans forward.
+GUIDES = {
+    PelvisGuide.FIXED: (),
+    PelvisGuide.VERTICAL: (PELVIS_JOINT,),
+    PelvisGuide.HARNESS: (FORWARD_JOINT, PELVIS_JOINT),
+    PelvisGuide.FREE: ALL_GUIDES,
+}
 
 
 class Bodies(StrEnum):

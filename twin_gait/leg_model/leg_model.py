@@ -16,7 +16,14 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.assembly import Assembly
-from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, Bodies, LegJoints
+from twin_gait.leg_model.joints import (
+    FORWARD_JOINT,
+    GUIDES,
+    PELVIS_JOINT,
+    PITCH_JOINT,
+    Bodies,
+    LegJoints,
+)
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
@@ -31,6 +38,7 @@ class LegModel:
         legs: Joint names per side, as in the URDF.
         sizes: Device sizes after fitting to the wearer, or None if the URDF was left as it is.
         urdf_path: The file.
+        patient: The wearer, or None.
     """
 
     def __init__(
@@ -72,7 +80,7 @@ class LegModel:
         if not legs:
             raise ParameterError("legs: expected at least one leg, got none")
         self.urdf_path = find_urdf(urdf)
-        self.pelvis = pelvis
+        self.pelvis, self.patient = pelvis, patient
         self.up_axis = up_axis
         assembly = Assembly(self.urdf_path, legs, pelvis, up_axis)
         self.legs = assembly.legs
@@ -126,16 +134,28 @@ class LegModel:
     @property
     def pelvis_index(self) -> int | None:
         """Position of the vertical pelvis coordinate, or None if the pelvis is fixed."""
-        if self.pelvis is PelvisGuide.FIXED:
-            return None
-        return int(self.model.joints[self._joint_id(PELVIS_JOINT)].idx_v)
+        return self._guide_index(PELVIS_JOINT)
 
     @property
     def forward_index(self) -> int | None:
         """Position of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards."""
-        if self.pelvis is not PelvisGuide.HARNESS:
+        return self._guide_index(FORWARD_JOINT)
+
+    @property
+    def pitch_index(self) -> int | None:
+        """Position of the pitch of pelvis and trunk, forwards positive, or None if the pelvis is guided."""
+        return self._guide_index(PITCH_JOINT)
+
+    def _guide_index(self, name: str) -> int | None:
+        if name not in GUIDES[self.pelvis]:
             return None
-        return int(self.model.joints[self._joint_id(FORWARD_JOINT)].idx_v)
+        return int(self.model.joints[self._joint_id(name)].idx_v)
+
+    @property
+    def trunk_joint(self) -> str | None:
+        """Name of the joint that carries pelvis and trunk, or None if the pelvis is fixed."""
+        guides = GUIDES[self.pelvis]
+        return guides[-1] if guides else None
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
         """Lower and upper limit of a joint from the URDF in [rad]."""

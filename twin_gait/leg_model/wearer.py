@@ -16,13 +16,16 @@ THIGH_LENGTH = 0.245
 FOOT_LENGTH = 0.152
 FOOT_HEIGHT = 0.039
 HIP_BREADTH = 0.191
+SHOULDER_BREADTH = 0.258  # twice the way from the middle to a shoulder
+UPPER_ARM_LENGTH = 0.186
+FOREARM_LENGTH = 0.146  # elbow to wrist
 # From the heel along the foot, as shares of its length: the ankle (gait2d: 0.06 of 0.21 m) and the head of
 # the second metatarsal (an assumption; the tables do not say where it lies).
 ANKLE_IN_FOOT = 0.25
 METATARSAL_IN_FOOT = 0.72
 # Greater trochanter to shoulder: (0.818 - 0.530) H; centre of mass and radius of gyration of head,
 # arms and trunk as shares of it: Winter (2009), table 4.1.
-TRUNK_LENGTH = 0.288
+SHOULDER_HEIGHT = TRUNK_LENGTH = 0.288
 TRUNK_CENTRE_OF_MASS = 0.626
 TRUNK_RADIUS_OF_GYRATION = 0.496
 

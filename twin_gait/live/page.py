@@ -25,7 +25,7 @@ from twin_gait.live.protocol import (
     read_message,
 )
 from twin_gait.live.session import LiveSession
-from twin_gait.runs.run_page import belt_speed_of, describe, slope_of
+from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
 from twin_gait.viewer.live.figure import LiveFigure
 from twin_gait.viewer.live.page import panel_page
 from twin_gait.viewer.live.server import LiveServer, Panel
@@ -64,10 +64,9 @@ class LivePage:
             drives=experiment.joints,
             title=f"twin_gait live · {experiment.name}",
             subtitle=describe(experiment.patient, self._belt_speed),
-            patient=experiment.patient,
-            slope=slope_of(experiment),
-            around=experiment.scenario.surroundings,
             phases=experiment.table.phase_names,
+            modes=modes_of(experiment),
+            **setting_of(experiment),
         )
         self.server = LiveServer(
             panel_page(),

@@ -74,7 +74,7 @@ class WalkMeasures:
         strides: How many count.
         stride_time: In [s].
         cadence: Steps a minute.
-        step_length: Way of the belt from a heel strike of the other foot to the next of this one, in [m].
+        step_length: Way over the ground from a heel strike of the other foot to the next of this one, in [m].
         load_peak: Largest vertical force of a stride over carried weight.
         loading_peak: Largest vertical force of the mean stride before the trough, over carried weight.
         trough: Least vertical force of the mean stride from 18 to 45 % of it, over carried weight.
@@ -171,7 +171,7 @@ def walk_measures(
         strides=len(bounds),
         stride_time=_mean(times),
         cadence=cadence(times),
-        step_length=walkway.belt_speed * _mean(steps),
+        step_length=_ground_speed(log, bounds, leg.tick, walkway) * _mean(steps),
         load_peak=_mean(stride_extremes(load, bounds)[:, 1]),
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
@@ -197,8 +197,18 @@ WALK_COLUMNS = (
     "_foot_pressure_place",
     "_foot_clearance_m",
     "guide_force_N",
+    "pelvis_forward_m",
     "pelvis_forward_velocity_m_per_s",
 )
+
+
+def _ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Walkway) -> float:
+    """Mean speed over the ground in [m] / [s]: of a belt, or of the pelvis where there is none."""
+    if walkway.belt_speed != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
+        return walkway.belt_speed
+    first, last = bounds[0, 0], min(bounds[-1, 1], len(log) - 1)
+    way = log["pelvis_forward_m"].to_numpy()
+    return float((way[last] - way[first]) / (tick * (last - first)))
 
 
 def _mean(values: np.ndarray) -> float:

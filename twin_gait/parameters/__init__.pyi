@@ -1,3 +1,7 @@
+from .crutches import ArmParameters as ArmParameters
+from .crutches import CrutchParameters as CrutchParameters
+from .drives import ACCELEROMETER_NOISE as ACCELEROMETER_NOISE
+from .drives import GYROSCOPE_NOISE as GYROSCOPE_NOISE
 from .drives import HARD_TORQUE_LIMIT as HARD_TORQUE_LIMIT
 from .drives import HIP_ACTUATOR as HIP_ACTUATOR
 from .drives import KNEE_ACTUATOR as KNEE_ACTUATOR
@@ -8,6 +12,7 @@ from .drives import BatteryParameters as BatteryParameters
 from .drives import ElectronicsParameters as ElectronicsParameters
 from .drives import LimitParameters as LimitParameters
 from .drives import SensorParameters as SensorParameters
+from .drives import TrunkSensorParameters as TrunkSensorParameters
 from .friction import HIP_FRICTION as HIP_FRICTION
 from .friction import KNEE_FRICTION as KNEE_FRICTION
 from .friction import AsymmetricFriction as AsymmetricFriction

@@ -9,13 +9,17 @@ from typing import Annotated
 
 from twin_gait.parameters.quantities import (
     COUNT,
+    DEGREE,
     NOT_NEGATIVE,
     POSITIVE,
     SHARE,
+    Acceleration,
     Angle,
+    AngularVelocity,
     Current,
     Energy,
     Inertia,
+    Length,
     Parameters,
     Power,
     Range,
@@ -147,12 +151,44 @@ OFFSETS = Range(
 )
 
 
+# Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
+# unit (InvenSense MPU-6050, data sheet rev. 3.4, sections 6.1 and 6.2).
+GYROSCOPE_NOISE = 0.005 * DEGREE * math.sqrt(500.0)  # [rad] / [s]
+ACCELEROMETER_NOISE = 400e-6 * 9.81 * math.sqrt(500.0)  # [m] / [s²]
+
+
 @dataclass(frozen=True, kw_only=True)
-class SensorParameters(Parameters):
-    """Encoders and the velocity estimates of the firmware.
+class TrunkSensorParameters(Parameters):
+    """Inertial unit in the backpack, and the filter that finds the pitch of a free trunk from it.
 
     Attributes:
-        ideal: True for angles that are exact but for the offset; the velocity filters stay.
+        height: Of the unit above the hips, along the trunk, in [m] (an assumption).
+        behind: Of it behind the line from hips to shoulders in [m] (an assumption).
+        gyroscope_noise: Standard deviation of a sample at 1 kHz in [rad] / [s]; white.
+        gyroscope_bias: What it reads in excess in [rad] / [s] (an assumption: 0.1 deg/s, as after a
+            calibration at rest).
+        accelerometer_noise: Standard deviation of a sample of each axis in [m] / [s²]; white.
+        accelerometer_bias: What the axis forwards reads in excess in [m] / [s²] (an assumption: 5 mg,
+            likewise).
+        time_constant: With which the pitch follows the accelerometer in [s] (an assumption).
+    """
+
+    height: Length = 0.2
+    behind: Length = 0.15
+    gyroscope_noise: Annotated[AngularVelocity, NOT_NEGATIVE] = GYROSCOPE_NOISE
+    gyroscope_bias: AngularVelocity = 0.1 * DEGREE
+    accelerometer_noise: Annotated[Acceleration, NOT_NEGATIVE] = ACCELEROMETER_NOISE
+    accelerometer_bias: Acceleration = 0.005 * 9.81
+    time_constant: Annotated[Time, POSITIVE] = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorParameters(Parameters):
+    """Encoders and the velocity estimates of the firmware, and the inertial unit on the trunk.
+
+    Attributes:
+        ideal: True for angles that are exact but for the offset, and a pitch that is exact; the velocity
+            filters stay.
         encoder_counts: Counts per motor turn (an assumption).
         angle_noise: Standard deviation of white noise on the motor-side angle, seen at the joint, in [rad].
         offset: Calibration error of the joints in [rad], from the start: what an encoder reads in excess of
@@ -160,6 +196,7 @@ class SensorParameters(Parameters):
         fast_time_constant: Of ``velocity_fast`` in [s].
         decimation: Of ``velocity_slow``: every so many ticks one encoder difference.
         window: Samples in the moving average of ``velocity_slow``.
+        trunk: Inertial unit of a trunk that is free.
     """
 
     ideal: bool = True
@@ -171,3 +208,4 @@ class SensorParameters(Parameters):
     fast_time_constant: Annotated[Time, NOT_NEGATIVE] = 0.005
     decimation: Annotated[int, COUNT] = 10
     window: Annotated[int, COUNT] = 10
+    trunk: TrunkSensorParameters = field(default_factory=TrunkSensorParameters)

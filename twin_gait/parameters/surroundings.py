@@ -140,7 +140,8 @@ class SupportParameters(Parameters):
     def __post_init__(self) -> None:
         """Check the ranges, and that the pelvis can move."""
         super().__post_init__()
-        require(self.guide is not PelvisGuide.FIXED, "guide", "vertical or harness", str(self.guide))
+        moving = self.guide in (PelvisGuide.VERTICAL, PelvisGuide.HARNESS)
+        require(moving, "guide", "vertical or harness (a free trunk walks overground)", str(self.guide))
 
 
 @dataclass(frozen=True, kw_only=True)

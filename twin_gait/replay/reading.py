@@ -33,8 +33,8 @@ def _phase_key(side: Side) -> str:
     return f"{side}_phase"
 
 
-# Signals of the device by quantity, their columns without the unit.
-_OF_DEVICE = {signal.column.rpartition("_")[0]: signal for signal in DEVICE_SIGNALS if signal.column}
+# Signals of the device by quantity.
+_OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
 
 QUANTITIES = (
     TIME,

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from twin_gait.gait.table import GaitTable, Transition
+from twin_gait.gait.table import StateTable, Transition
 
 GAP = 7.0  # [px] between a box and an arrow, or an arrow and its label
 # Bends of an arrow over its length, to the left of its direction, which on the ring is outwards. A
@@ -91,7 +91,7 @@ class ArrowGroup(NamedTuple):
     transitions: tuple[Transition, ...]
 
 
-def arrow_groups(table: GaitTable) -> list[ArrowGroup]:
+def arrow_groups(table: StateTable) -> list[ArrowGroup]:
     """Collect the transitions that share an arrow, in the order of the table."""
     found: dict[tuple[int, int, bool], list[Transition]] = {}
     for item in table.transitions:

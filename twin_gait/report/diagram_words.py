@@ -7,9 +7,9 @@ import textwrap
 from collections.abc import Sequence
 
 from twin_gait.gait.documents import number
-from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
-from twin_gait.gait.signals import OTHER, part_of, signal_of
-from twin_gait.gait.table import TICK, GaitTable, JointImpedance, Transition
+from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
+from twin_gait.gait.table import TICK, JointImpedance, StateTable, Transition
 
 
 def readable(name: str) -> str:
@@ -33,15 +33,16 @@ def damping_words(joint: JointImpedance, digits: int = 10) -> str:
 
 def signal_words(signal: str) -> tuple[str, str]:
     """Name of a signal in words, and its unit: ``("other hip velocity", "°/s")``."""
-    leg = "other " if signal.startswith(OTHER) else ""
-    part, declared = part_of(signal.removeprefix(OTHER)), signal_of(signal)
-    return f"{leg}{readable(part) if part else ''}{declared.words}", declared.unit.symbol
+    leg = next((front for front in (OTHER, LEFT, RIGHT) if signal.startswith(front)), "")
+    part, declared = part_of(signal.removeprefix(leg)), signal_of(signal)
+    return f"{leg.replace('.', ' ')}{readable(part) if part else ''}{declared.words}", declared.unit.symbol
 
 
 def guard_words(guard: Guard) -> str:
     """A guard with readable names and units: ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``."""
     if isinstance(guard, PhaseMembership):
-        return f"other leg in {' or '.join(readable(name) for name in guard.phases)}"
+        names = " or ".join(readable(name) for name in guard.phases)
+        return f"other leg in {names}" if guard.of == LEG_WORDS.of else f"{guard.of} {names}"
     if isinstance(guard, (AllOf, AnyOf)):
         return _joiner(guard).join(_bracketed(inner) for inner in guard.guards)
     left, unit = signal_words(guard.signal)
@@ -76,7 +77,7 @@ def condition_lines(transition: Transition, width: int) -> list[str]:
     return [part for line in lines for part in textwrap.wrap(line, width)]
 
 
-def state_diagram_mermaid(table: GaitTable) -> str:
+def state_diagram_mermaid(table: StateTable) -> str:
     """Write the state diagram in Mermaid's ``stateDiagram-v2``."""
     names = _mermaid_names(table.phase_names)
     lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]

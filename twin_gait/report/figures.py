@@ -16,6 +16,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
+from twin_gait.report.crutch_figure import draw_crutches
 from twin_gait.report.run_figures import (
     draw_angles,
     draw_currents,
@@ -42,6 +43,7 @@ FIGURES: dict[str, _Drawing] = {
     "torques": draw_torques,
     "currents": draw_currents,
     "feet": draw_feet,
+    "crutches": draw_crutches,
     "phase_portrait": draw_portrait,
     "energy": draw_energy,
 }
@@ -68,6 +70,7 @@ _LACKS = {
     "gait_cycle": "a leg made no whole stride",
     "ground_forces": "no strides on a belt",
     "feet": "it is not on the ground",
+    "crutches": "it has none",
 }
 
 

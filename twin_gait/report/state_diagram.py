@@ -8,8 +8,9 @@ import re
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
-from twin_gait.gait.documents import number
-from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters
+from twin_gait.gait.documents import mode_words, number
+from twin_gait.gait.modes import ModeTable
+from twin_gait.gait.table import GaitTable, JointImpedance, State, StateTable
 from twin_gait.palette import phase_colour
 from twin_gait.report.diagram_layout import (
     Arrow,
@@ -35,6 +36,7 @@ _LEGEND = (
     "Solid: the guard opens. Dashed: time-out. First listed cause wins.",
     "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation",
 )
+_MODE_LEGEND = (_LEGEND[0], "A trip of the safety monitor leads from every mode to {}.")
 _SHAPES = """
   text { font: 13px system-ui, "Segoe UI", "DejaVu Sans", Arial, sans-serif;
          paint-order: stroke; stroke-width: 3px; stroke-linejoin: round }
@@ -63,7 +65,7 @@ _LIGHT, _DARK = _theme("#1a1a1a", "#595959", "#ffffff"), _theme("#f0f0f0", "#b0b
 _STYLE = f"{_SHAPES}{_LIGHT}\n  @media (prefers-color-scheme: dark) {{{_DARK}\n  }}\n"
 
 
-def phase_colours(table: GaitTable) -> dict[str, str]:
+def phase_colours(table: StateTable) -> dict[str, str]:
     """Colour of each phase; a phase with a name of its own takes one that the others leave.
 
     Returns:
@@ -79,7 +81,7 @@ def phase_colours(table: GaitTable) -> dict[str, str]:
     return usual
 
 
-def state_diagram_svg(table: GaitTable) -> str:
+def state_diagram_svg(table: StateTable) -> str:
     """Draw the phases on a ring in the order of the cycle, with an arrow for each way out.
 
     Returns:
@@ -103,14 +105,14 @@ def state_diagram_svg(table: GaitTable) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _frame(table: GaitTable, content: list[Rectangle]) -> tuple[float, float, float, float]:
+def _frame(table: StateTable, content: list[Rectangle]) -> tuple[float, float, float, float]:
     """Left, top, width and height of the whole drawing, title and legend included."""
     left, top, width, height = bounds(content, _MARGIN)
     least = max(_LEAST_WIDTH, 2.0 * _MARGIN + _TITLE_CHARACTER * len(table.name))
     return left, top - _HEAD, max(width, least), height + _HEAD + _FOOT
 
 
-def _head(table: GaitTable, frame: tuple[float, float, float, float]) -> Iterator[str]:
+def _head(table: StateTable, frame: tuple[float, float, float, float]) -> Iterator[str]:
     """What stands before the arrows: style, ground, title and legend."""
     left, top, width, height = frame
     size = f'width="{width:.0f}" height="{height:.0f}"'
@@ -126,11 +128,17 @@ def _head(table: GaitTable, frame: tuple[float, float, float, float]) -> Iterato
     )
     yield f'<rect class="ground" x="{left:.0f}" y="{top:.0f}" {size} rx="10"/>'
     yield _line(left + _MARGIN, top + _HEAD - 6.0, table.name, "title")
-    for row, text in enumerate(_LEGEND):
+    for row, text in enumerate(_legend(table)):
         yield _line(left + _MARGIN, top + height - _FOOT + 12.0 + LINE * row, text, "faint")
 
 
-def _box(table: GaitTable, position: int, box: Rectangle) -> Iterator[str]:
+def _legend(table: StateTable) -> tuple[str, ...]:
+    if isinstance(table, ModeTable):
+        return tuple(text.format(readable(table.hold)) for text in _MODE_LEGEND)
+    return _LEGEND
+
+
+def _box(table: StateTable, position: int, box: Rectangle) -> Iterator[str]:
     """A phase: colour, name, and what it sets."""
     phase = table.phase_names[position]
     colour = phase_colours(table)[phase]
@@ -147,29 +155,35 @@ def _box(table: GaitTable, position: int, box: Rectangle) -> Iterator[str]:
             yield _line(x + column, y + 43.0 + SMALL_LINE * row, cell, style)
 
 
-def _columns(table: GaitTable) -> list[float]:
+def _columns(table: StateTable) -> list[float]:
     """Where the columns of a box begin, shifted for long names of joints."""
     rows = [row for phase in table.phases for row in _box_lines(table, phase) if len(row) > 1]
-    longest = max(len(row[0]) for row in rows)
+    longest = max((len(row[0]) for row in rows), default=0)
     shift = _CHARACTER * max(0, longest - _NAME_CHARACTERS)
     return [_COLUMNS[0], *(column + shift for column in _COLUMNS[1:])]
 
 
-def _box_width(table: GaitTable) -> float:
+def _box_width(table: StateTable) -> float:
     name = max(len(readable(phase)) for phase in table.phases)
     return max(_BOX_WIDTH + _columns(table)[1] - _COLUMNS[1], 80.0 + 1.3 * _CHARACTER * name)
 
 
-def _box_lines(table: GaitTable, phase: str) -> list[tuple[str, ...]]:
+def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
     """Rows of cells in a phase's box; a row of one cell is a remark."""
+    if isinstance(table, ModeTable):
+        words = [*mode_words(table.phases[phase]), *_stay(table.phases[phase])]
+        return [(text,) for text in words]
+    assert isinstance(table, GaitTable)  # there is no third kind
     common = table.phases[phase]
     rows: list[tuple[str, ...]] = [("", "k", "θ0", "damping", "G")]
     rows += [(readable(name), *_cells(joint)) for name, joint in common.joints.items()]
-    remarks = _remarks(common)
+    share = number(common.gravity_compensation, _DIGITS)
+    words = [f"gravity share {share}"] if common.gravity_compensation > 0.0 else []
+    remarks = ", ".join([*words, *_stay(common)])
     for side, own in table.side_phases.items():
         if phase in own:
             rows += [(f"{side} {readable(name)}", *_cells(item)) for name, item in own[phase].joints.items()]
-    return [*rows, *((text,) for text in remarks)]
+    return [*rows, *([(remarks,)] if remarks else [])]
 
 
 def _cells(joint: JointImpedance) -> tuple[str, ...]:
@@ -181,13 +195,8 @@ def _cells(joint: JointImpedance) -> tuple[str, ...]:
     )
 
 
-def _remarks(phase: PhaseParameters) -> list[str]:
-    words = []
-    if phase.gravity_compensation > 0.0:
-        words.append(f"gravity share {number(phase.gravity_compensation, _DIGITS)}")
-    if phase.minimum_ticks > 0:
-        words.append(f"at least {duration(phase.minimum_ticks)}")
-    return [", ".join(words)] if words else []
+def _stay(phase: State) -> list[str]:
+    return [f"at least {duration(phase.minimum_ticks)}"] if phase.minimum_ticks > 0 else []
 
 
 def _arrow_path(curve: Arrow, group: ArrowGroup) -> str:

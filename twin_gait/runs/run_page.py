@@ -22,7 +22,9 @@ from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, held_rows, phase_changes
 from twin_gait.viewer.page import recorded_page
+from twin_gait.viewer.staging import Setting
 from twin_gait.viewer.surroundings import Belt
+from twin_gait.vocabulary import Surroundings
 
 MOST_RUNS = 2
 
@@ -104,9 +106,6 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             title=run.name,
             subtitle=describe(run.experiment.patient, belt),
             belt_speed=belt_motion_of(run.experiment, run.log),
-            slope=slope_of(run.experiment),
-            around=run.experiment.scenario.surroundings,
-            patient=run.experiment.patient,
             frames_per_second=frames_per_second,
             moments=moments,
             notes=run.notes,
@@ -114,6 +113,8 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             outcome=run.outcome,
             walk=run.walk,
             network=run.network,
+            modes=modes_of(run.experiment),
+            **setting_of(run.experiment),
         )
     except ViewerError as error:
         raise ViewerError(f"{run.name.split(' · ')[-1]}: {error}") from error
@@ -125,10 +126,24 @@ def belt_speed_of(experiment: Experiment) -> float:
     return 0.0 if walking is None else walking.belt.cruise
 
 
-def slope_of(experiment: Experiment) -> float:
-    """By which the ground rises forwards in [rad]; 0 on the bench."""
-    walking = experiment.scenario.walking
-    return 0.0 if walking is None else walking.slope
+def setting_of(experiment: Experiment) -> Setting:
+    """What the viewer draws around the figure."""
+    world, walking = experiment.scenario, experiment.scenario.walking
+    carried = walking is not None and walking.support_share > 0.0
+    return Setting(
+        around=world.surroundings,
+        patient=experiment.patient,
+        slope=0.0 if walking is None else walking.slope,
+        ropes=carried or world.surroundings is not Surroundings.WALKWAY,
+        crutches=getattr(world, "crutches", None),
+        chair=getattr(world, "chair", None),
+    )
+
+
+def modes_of(experiment: Experiment) -> Sequence[str]:
+    """Names of the operating modes in the order of their codes, or nothing."""
+    modes = getattr(experiment, "modes", None)
+    return () if modes is None else tuple(modes.phases)
 
 
 def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:

@@ -28,6 +28,7 @@ from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.network_words import summary_of_traffic
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import with_units
+from twin_gait.runs.crutch_summary import crutch_summary
 from twin_gait.runs.leg_summary import blend_length, reference_error, side_in_brief, summarise_side
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -92,6 +93,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "safety": _safety(run),
         **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
         **_guide(run),
+        **crutch_summary(run),
         **interaction_summary(run, skip_strides),
         **_energy(run),
     }

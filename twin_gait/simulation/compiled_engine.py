@@ -25,7 +25,7 @@ from twin_gait.simulation.machine_code import NativeFunction
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
-from twin_gait.simulation.rows import Switch
+from twin_gait.simulation.rows import Switch, noise_width
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic, bus_traffic
 from twin_gait.simulation.watching import trip_of
@@ -303,7 +303,7 @@ def bound_to(pattern: Pattern) -> dict[str, Any]:
         **pattern.structure,
         **pattern.functions,
         **bound_kernel(pattern.bodies),
-        **compiled_rows(pattern.row, *(pattern.episode[name].shape[0] for name in ("joints", "limbs"))),
+        **compiled_rows(pattern.row, noise_width(pattern.episode), pattern.episode["limbs"].shape[0]),
     }
 
 
@@ -319,12 +319,12 @@ def bound_kernel(bodies: Bodies) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def compiled_rows(row: np.dtype[Any], joints: int, limbs: int) -> dict[str, Any]:
+def compiled_rows(row: np.dtype[Any], noises: int, limbs: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, rows_at
 
     logs, switches = rows_at(row), rows_at(_SWITCHES)
-    readings, efforts = numbers_at(joints), numbers_at(limbs)
+    readings, efforts = numbers_at(noises), numbers_at(limbs)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
@@ -10,12 +11,13 @@ import numpy as np
 from twin_gait.control import Trip
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.episode import DIVERGED, FELL
+from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic
 
+POSTURE = "posture"  # cause of a switch that the operating mode asks for; it is no transition of the table
 # A joint that turns faster than this is no longer physical: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
 
@@ -49,7 +51,10 @@ def log_layout(problem: Problem) -> LogLayout:
         feet=tuple(side for side in legs if problem.world.contact_frames.get(side)),
         pelvis=problem.world.model.pelvis_index is not None,
         forward=problem.world.model.forward_index is not None,
+        free=problem.world.model.pitch_index is not None,
+        crutches=problem.sides[: len(problem.world.arms)],
         braced=problem.world.braces is not None,
+        supervised=problem.experiment.modes is not None,
     )
 
 
@@ -64,9 +69,14 @@ def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str
             RunStatus.DIVERGED,
             f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step",
         )
-    if status == FELL:
-        height = problem.world.fall_height
-        return RunStatus.FELL, f"the pelvis fell below {height:.2f} m at {ticks * TICK:.3f} s"
+    world = problem.world
+    fall = {
+        FELL: f"the pelvis fell below {world.fall_height or 0.0:.2f} m",
+        TIPPED: f"the trunk leaned by more than {math.degrees(world.fall_pitch):.0f} deg",
+        LET_GO: f"a hand let go of its crutch, more than {world.longest_reach:.2f} m from the shoulder",
+    }.get(status)
+    if fall is not None:
+        return RunStatus.FELL, f"{fall} at {ticks * TICK:.3f} s"
     return RunStatus.COMPLETED, ""
 
 
@@ -81,7 +91,9 @@ def switches_of(
     names, sides = problem.table.phase_names, problem.sides
     causes = [item.cause for item in problem.table.transitions]
     return tuple(
-        PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
+        PhaseSwitch(
+            tick, sides[leg], names[source], names[target], causes[chosen] if chosen >= 0 else POSTURE, chosen
+        )
         for tick, leg, source, target, chosen in switches
     )
 

@@ -7,23 +7,28 @@ left knee, right hip, …). With braces the coordinates are those of the device,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
 from twin_gait.core.actuator import Motor
+from twin_gait.core.arm_policy import Habit, Sense
+from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.can_bus import Bus
 from twin_gait.core.can_codec import SignalLayout
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
+from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
+from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
 from twin_gait.simulation.log import WorkRow
 from twin_gait.simulation.rows import Efforts, Recording
 
-COMPLETED, FELL, DIVERGED = 0, 1, 2
+COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
 
 
 @dataclass(slots=True)
@@ -111,16 +116,33 @@ class Supply:
 
 
 @dataclass(slots=True)
+class Asked:
+    """A request of the schedule.
+
+    Attributes:
+        tick: In which it is made, -1 for none.
+        request: Its code.
+    """
+
+    tick: int = -1
+    request: int = 0
+
+
+@dataclass(slots=True)
 class Ends:
     """What ends a run.
 
     Attributes:
         fall_height: Height of the pelvis below which the wearer has fallen, in [m].
         diverged_velocity: In [rad] / [s].
+        fall_pitch: Pitch of the trunk beyond which the wearer has fallen, in [rad].
+        longest_reach: Length of arm and crutch beyond which a hand has let go, in [m].
     """
 
     fall_height: float
     diverged_velocity: float
+    fall_pitch: float = math.inf
+    longest_reach: float = math.inf
 
 
 @dataclass(slots=True)
@@ -208,10 +230,11 @@ class Episode:
         catch_dissipation: In [s] / [m].
         watching: Whether the safety monitor is on.
         first_fault: First tick with a fault.
+        requests: That are made of the supervisor, with room for more; none without one.
         limbs: Hip and knee of the wearer, leg by leg.
         ankles: Place of the ankle of each leg in the coordinates; none without.
         passive: Places of the joints that are not controlled, in the order of the log.
-        status: ``COMPLETED``, ``FELL`` or ``DIVERGED``.
+        status: ``COMPLETED``, ``DIVERGED``, or how the wearer fell: ``FELL``, ``TIPPED`` or ``LET_GO``.
         contact_power: Of the contact forces in [W].
         last_contact_power: Of the step before.
         q: Coordinates in [rad] and [m].
@@ -224,6 +247,12 @@ class Episode:
         points: Of the soles.
         braced: Coordinates of the device in the order of the log's braces.
         brace_work: Work of the braces since the start in [J].
+        trunk: If it is free.
+        trunk_unit: On it, unless its pitch is known exactly.
+        arms: That hold a crutch.
+        habit: How they are used.
+        sense: What the person feels.
+        swing_phases: 1 for phases in which a leg swings.
     """
 
     step: float
@@ -261,8 +290,15 @@ class Episode:
     braces: list[Brace]
     braced: list[int]
     faults: list[Fault]
+    requests: list[Asked]
     efforts: Efforts
     recording: Recording
+    trunk: Trunk
+    trunk_unit: TrunkUnit
+    arms: list[Arm]
+    habit: Habit
+    sense: Sense
+    swing_phases: list[float]
     works: WorkRow = field(default_factory=WorkRow)
     brace_work: float = 0.0
     status: int = COMPLETED

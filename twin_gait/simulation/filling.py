@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from twin_gait.control.controller import Controller, Plan
@@ -15,16 +16,19 @@ from twin_gait.control.gait_controller import (
     WatchedSupply,
 )
 from twin_gait.control.joint_board import BoardState, Limits, Rates
+from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
-from twin_gait.core.estimation import new_delay_line
+from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
+from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
-from twin_gait.gait.signals import first_signals
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import first_signals, signal_of
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
@@ -32,6 +36,7 @@ from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
+    Asked,
     Ends,
     Episode,
     Joint,
@@ -43,7 +48,7 @@ from twin_gait.simulation.episode import (
     Supply,
     Wire,
 )
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
 from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
@@ -78,6 +83,8 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "POINTS_PER_FOOT": n_points // legs,
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
         "FORWARD": -1 if model.forward_index is None else model.forward_index,
+        "PITCH": -1 if model.pitch_index is None else model.pitch_index,
+        "CRUTCHES": len(problem.world.arms),
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
         "POWERED_ANKLES": JointName.ANKLE in experiment.joints,
@@ -88,12 +95,14 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         ),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),
+        "SUPERVISED": experiment.modes is not None,
         "INERTIA_WANTED": control.inertia_compensation > 0.0,
         "WEARER": problem.wearer.acts,
         **problem.controller.constants(),
         "DELAYED": control.delay_ticks > 0,
         "SLOPED": problem.world.slope != 0.0,
         "NETWORKED": experiment.network is not None,
+        "INERTIAL": has_inertial_unit(experiment),
         "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
     }
 
@@ -151,9 +160,18 @@ def new_episode(
         braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
+        requests=_requests(problem),
         efforts=Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
+        trunk=ABSENT if world.trunk is None else copied(world.trunk),
+        trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
+        arms=[copied(arm) for arm in world.arms],
+        habit=ABSENT if world.habit is None else copied(world.habit),
+        sense=ABSENT if world.sense is None else copied(world.sense),
+        swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
+        if world.arms
+        else [],
         recording=Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
@@ -266,7 +284,43 @@ def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
         ),
         model=_control_model(problem, bodies),
         memory=memory_of(problem.controller, problem.plan),
+        supervisor=_supervisor(problem),
     )
+
+
+def _supervisor(problem: Problem) -> Supervisor:
+    """The supervisor; where there is none, nothing is left of it in the record."""
+    modes, table, initial = problem.experiment.modes, problem.table, problem.experiment.initial_mode
+    if modes is None:
+        absent: Supervisor = ABSENT
+        return absent
+    modes = replace(modes, joints=table.joints)  # in whose places the signals stand
+    program = compile_guards(modes)
+    return Supervisor(
+        program=_padded(program),
+        modes=[
+            ModeCommand(
+                NO_POSTURE if mode.posture is None else table.phase_index(mode.posture),
+                float(mode.walk),
+                float(mode.step),
+            )
+            for mode in modes.phases.values()
+        ],
+        hold=modes.phase_index(modes.hold),
+        swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
+        signals=[signal_of(name).first for name in modes.signals],
+        debounce=[0] * _capacity(program.n_transitions),
+        mode=0 if initial is None else modes.phase_index(initial),
+    )
+
+
+def _requests(problem: Problem) -> list[Asked]:
+    """Requests of the schedule, with room, so that schedules of like length share one loop."""
+    modes, requests = problem.experiment.modes, problem.experiment.requests
+    if modes is None:
+        return []
+    asked = [Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
+    return asked + [Asked() for _ in range(_capacity(len(asked)) - len(asked))]
 
 
 def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJoint:
@@ -353,7 +407,12 @@ def _limits(problem: Problem) -> Limits:
 
 def _ends(problem: Problem) -> Ends:
     height = problem.world.fall_height
-    return Ends(-math.inf if height is None else float(height), DIVERGED_VELOCITY)
+    return Ends(
+        -math.inf if height is None else float(height),
+        DIVERGED_VELOCITY,
+        problem.world.fall_pitch,
+        problem.world.longest_reach,
+    )
 
 
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
@@ -367,6 +426,13 @@ def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
         inertia,
         inertia_gain=problem.experiment.control.inertia_compensation,
     )
+
+
+def _trunk_unit(problem: Problem) -> TrunkUnit:
+    """The unit, whose estimate is right at the start."""
+    sensor, place = problem.experiment.sensors.trunk, problem.world.model.pitch_index
+    gain, pitch = first_order_gain(TICK, sensor.time_constant), float(problem.world.start_q[place])
+    return taken_from(TrunkUnit, sensor, gain=gain, pitch=pitch)
 
 
 def _imposed_motion(problem: Problem) -> ImposedMotion:

@@ -14,16 +14,16 @@ from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.rows import Switch
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
-# place of the pelvis' height and of its fore-aft motion, -1 without; how far behind a coordinate of the
-# device that of the wearer stands, 0 if they are one.
-POINTS_PER_FOOT, PELVIS, FORWARD, SHIFT = 0, -1, -1, 0
+# place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
+# coordinate of the device that of the wearer stands, 0 if they are one; crutches.
+POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES = 0, -1, -1, -1, 0, 0
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
 # Whether legs have ankles, those are controlled, some joint is not, the integration is Runge-Kutta's, there
-# are faults, the wearer acts, commands come late, the ground rises, boards
-# and gait controller talk over a bus, and the springs are in the gait controller.
+# are faults, the wearer acts, commands come late, the ground rises, boards and gait controller talk over a
+# bus, the springs are in the gait controller, and an inertial unit finds the pitch of the trunk.
 ANKLES = POWERED_ANKLES = PASSIVE = False
-RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = False
+RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
 
 
 def dynamics(
@@ -126,7 +126,10 @@ def switch_row(e: Episode, number: int) -> Switch:
 
 
 def noise_row(e: Episode, tick: int) -> Sequence[float]:
-    """What the encoders read in excess of the angles in a tick in [rad], noise and offset, by joint."""
+    """What sensors read in excess in a tick: encoders in [rad], noise and offset, by joint.
+
+    Behind them, of an inertial unit, noise of gyroscope in [rad] / [s] and of accelerometer in [m] / [s²].
+    """
     raise NotImplementedError
 
 

@@ -32,6 +32,7 @@ from numba.extending import intrinsic
 
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiling import Manner, Pruning, distinct, jit, numbers_at
+from twin_gait.simulation.rows import noise_width
 from twin_gait.simulation.views import INTEGER, LanesView, RecordView, make_view
 
 # Tests set this: LLVM then says on the standard error of which loop over lanes it makes no vectors. Without
@@ -164,7 +165,7 @@ IN_LOCKSTEP = Manner(InLanes, 3, True)
 def bound_in_lanes(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is."""
     row_of = rows_beside(row)
-    readings, efforts = (numbers_at(episode[name].shape[0]) for name in ("joints", "limbs"))
+    readings, efforts = numbers_at(noise_width(episode)), numbers_at(episode["limbs"].shape[0])
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)

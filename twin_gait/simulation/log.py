@@ -106,8 +106,8 @@ class PelvisRow:
     pelvis_height: float = column("m", "above the belt")
     pelvis_velocity: float = column("m/s", "upwards")
     support_force: float = column("N", "of body-weight support and harness, upwards")
-    guide_force: float = column("N", "forward force of the guide, or of the harness")
-    guide_moment: float = column("N m", "pitching moment of the guide")
+    guide_force: float = column("N", "forward force of the guide; of harness, arms, seat on a free pelvis")
+    guide_moment: float = column("N m", "pitching moment of the guide; of harness, arms, seat")
 
 
 @dataclass(slots=True)
@@ -116,6 +116,28 @@ class ForwardRow:
 
     pelvis_forward: float = column("m", "in front of where the harness lets it rest")
     pelvis_forward_velocity: float = column("m/s", "of it")
+
+
+@dataclass(slots=True)
+class TrunkRow:
+    """Columns of a trunk that is free."""
+
+    trunk_pitch: float = column("rad", "of pelvis and trunk from upright, forwards positive")
+    trunk_pitch_velocity: float = column("rad/s", "of it")
+    measured_trunk_pitch: float = column("rad", "as the gait controller has it")
+
+
+@dataclass(slots=True)
+class CrutchRow:
+    """Columns of an arm and its crutch."""
+
+    crutch_forward: float = column("m", "place of the tip")
+    crutch_height: float = column("m", "of the tip over the ground")
+    crutch_normal_force: float = column("N", "of the ground on the tip, upwards")
+    crutch_friction_force: float = column("N", "of the ground on the tip, forwards positive")
+    arm_push: float = column("N", "of the arm along the line from shoulder to tip, away from the shoulder")
+    shoulder_moment: float = column("N m", "of the shoulder, which turns the crutch forwards")
+    arm_power: float = column("W", "that the arm gives to trunk and crutch")
 
 
 @dataclass(slots=True)
@@ -164,6 +186,15 @@ class ForwardBraceRow:
     pelvis_forward_brace_force: float = column("N", "of the device on the wearer, forwards")
 
 
+@dataclass(slots=True)
+class SupervisorRow:
+    """Columns of the operating modes; codes are places in their table."""
+
+    mode: float = column("code", "operating mode, counted from 0")
+    request: float = column("code", "made in this tick, counted from 1; 0 for none")
+    refused: float = column("code", "the same where nothing has answered it")
+
+
 @dataclass(slots=True, kw_only=True)
 class LogRow:
     """A row of the log: numbers only, so that the rows are a table."""
@@ -175,6 +206,8 @@ class LogRow:
     feet: list[FootRow]
     pelvis: PelvisRow
     forward: ForwardRow
+    trunk: TrunkRow
+    crutches: list[CrutchRow]
     bus_voltage: float = column("V", "of the drives")
     battery_power: float = column("W", "that the battery gives; below 0 motors charge it")
     kinetic_energy: float = column("J", "of bodies and rotors")
@@ -186,6 +219,7 @@ class LogRow:
     braces: list[BraceRow]
     pelvis_brace: PelvisBraceRow
     forward_brace: ForwardBraceRow
+    supervisor: SupervisorRow
 
 
 def columns_of(row: type) -> dict[str, tuple[str, str]]:
@@ -247,6 +281,8 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
         names[model.pelvis_index] = (f"{own}pelvis_height_m", f"{own}pelvis_velocity_m_per_s")
     if model.forward_index is not None:
         names[model.forward_index] = (f"{own}pelvis_forward_m", f"{own}pelvis_forward_velocity_m_per_s")
+    if model.pitch_index is not None:
+        names[model.pitch_index] = ("trunk_pitch_rad", "trunk_pitch_velocity_rad_per_s")
     return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
 
 
@@ -258,7 +294,8 @@ def unit_of(name: str) -> str:
     """
     if name.endswith("_phase"):
         return "name"
-    if name in (item for item, (unit, _) in columns_of(LogRow).items() if unit == "code"):
+    known = columns_of(LogRow) | columns_of(SupervisorRow)
+    if name in (item for item, (unit, _) in known.items() if unit == "code"):
         return "code"
     units = {f"_{suffix}": unit for unit, suffix in _SUFFIXES.items()}
     return units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
@@ -272,11 +309,14 @@ def meaning_of(name: str) -> str:
         FootRow,
         PelvisRow,
         ForwardRow,
+        TrunkRow,
+        CrutchRow,
         WorkRow,
         BraceWorkRow,
         BraceRow,
         PelvisBraceRow,
         ForwardBraceRow,
+        SupervisorRow,
         LogRow,
     )
     known = {
@@ -297,7 +337,10 @@ class LogLayout:
         feet: Legs with foot contact.
         pelvis: Whether the pelvis moves.
         forward: Whether it moves fore-aft too.
+        free: Whether it pitches too.
+        crutches: Sides with one.
         braced: Whether braces bind the wearer to the device.
+        supervised: Whether it has operating modes.
     """
 
     legs: Mapping[Side, Sequence[JointName]]
@@ -305,7 +348,10 @@ class LogLayout:
     feet: tuple[Side, ...]
     pelvis: bool
     forward: bool = False
+    free: bool = False
+    crutches: tuple[Side, ...] = ()
     braced: bool = False
+    supervised: bool = False
 
     def row(self) -> LogRow:
         """An empty row."""
@@ -317,10 +363,13 @@ class LogLayout:
             feet=[FootRow() for _ in self.feet],
             pelvis=PelvisRow() if self.pelvis else ABSENT,
             forward=ForwardRow() if self.forward else ABSENT,
+            trunk=TrunkRow() if self.free else ABSENT,
+            crutches=[CrutchRow() for _ in self.crutches],
             brace_work=BraceWorkRow() if self.braced else ABSENT,
             braces=[BraceRow() for _ in (*self._joints, *self._passive) if self.braced],
             pelvis_brace=PelvisBraceRow() if self.braced and self.pelvis else ABSENT,
             forward_brace=ForwardBraceRow() if self.braced and self.forward else ABSENT,
+            supervisor=SupervisorRow() if self.supervised else ABSENT,
         )
 
     @property
@@ -343,6 +392,7 @@ class LogLayout:
             "passive": self._passive,
             "orthoses": self._orthoses,
             "feet": [f"{side}_foot" for side in self.feet],
+            "crutches": [str(side) for side in self.crutches],
             "braces": [*self._joints, *self._passive],
         }
         row, names = self.row(), [f"{side}_phase" for side in self.legs]

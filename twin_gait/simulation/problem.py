@@ -18,8 +18,9 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.simulation.plan import plan_of, starting_at
+from twin_gait.simulation.rows import UNIT_READINGS
 from twin_gait.simulation.wearer import Wearer, wearer_of
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World
 
 
@@ -53,7 +54,7 @@ class Problem:
         phase_rows: k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
         offset: Calibration error of each encoder in [rad], shape ``(n_joints,)``.
         noise: What an encoder reads in excess of the angle in every tick, noise and offset, in [rad], shape
-            ``(n_ticks, n_joints)`` or ``(1, n_joints)``.
+            ``(n_ticks, n_joints)`` or ``(1, n_joints)``; with an inertial unit 3 more columns of its noise.
         resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
         fast_gain: Gain of the fast velocity filter.
         wearer: What the wearer does at the joints.
@@ -137,7 +138,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         joints=joints,
         phase_rows=np.array(rows),
         offset=offset,
-        noise=_noise(experiment, len(joints)) + offset,
+        noise=_noise(experiment, offset),
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         wearer=wearer_of(experiment, table, world.model.sides),
@@ -171,8 +172,21 @@ def _inertia_of(model: LegModel) -> InertiaAt:
     return inertia
 
 
-def _noise(experiment: Experiment, n_joints: int) -> np.ndarray:
-    if experiment.sensors.ideal or experiment.sensors.angle_noise == 0.0:
-        return np.zeros((1, n_joints))
-    generator = np.random.default_rng(experiment.seed)
-    return experiment.sensors.angle_noise * generator.standard_normal((experiment.n_ticks, n_joints))
+def has_inertial_unit(experiment: Experiment) -> bool:
+    """Whether the pitch of the trunk is found by an inertial unit, not known exactly."""
+    return experiment.scenario.pelvis is PelvisGuide.FREE and not experiment.sensors.ideal
+
+
+def _noise(experiment: Experiment, offset: np.ndarray) -> np.ndarray:
+    sensors, n_ticks = experiment.sensors, experiment.n_ticks
+    encoders = offset[None, :]
+    if not sensors.ideal and sensors.angle_noise > 0.0:
+        generator = np.random.default_rng(experiment.seed)
+        encoders = sensors.angle_noise * generator.standard_normal((n_ticks, len(offset))) + offset
+    if not has_inertial_unit(experiment):
+        return encoders
+    # A stream of its own: the encoders' noise stays what it is without the unit.
+    unit, generator = sensors.trunk, np.random.default_rng((experiment.seed, 2))
+    scale = unit.gyroscope_noise, unit.accelerometer_noise, unit.accelerometer_noise
+    readings = scale * generator.standard_normal((n_ticks, UNIT_READINGS))
+    return np.hstack([np.broadcast_to(encoders, (n_ticks, len(offset))), readings])

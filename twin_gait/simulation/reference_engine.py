@@ -120,9 +120,11 @@ class ReferenceEngine:
 
     def advance(self, e: Episode, number: int, tick: int) -> None:
         """Note the transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
-        legs = e.controller.legs
+        legs, machine = e.controller.legs, self.machines[number]
         other = legs[1 - number].before if len(legs) == 2 else -1
-        switch = self.machines[number].advance(tick, e.controller.signals, other)
+        if legs[number].entry_tick != machine.entry_tick:  # sent into a posture by the supervisor
+            machine.enter(machine.table.phase_names[legs[number].before], legs[number].entry_tick)
+        switch = machine.advance(tick, e.controller.signals, other)
         legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
     def log_row(self, e: Episode, tick: int) -> LogRow:

@@ -7,6 +7,17 @@ Compiled code finds them by the address, plain code as the engine hands them; se
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+UNIT_READINGS = 3  # of an inertial unit: gyroscope, accelerometer forwards and up
+
+
+def noise_width(episode: np.dtype[Any]) -> int:
+    """Entries of a row of sensor noise, by the dtype of the episode."""
+    assert episode.names is not None
+    return int(episode["joints"].shape[0]) + ("trunk_unit" in episode.names) * UNIT_READINGS
 
 
 @dataclass(slots=True)

@@ -22,6 +22,7 @@ from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import RunEvent, Verdict, gait_verdict, run_events
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
+from twin_gait.simulation.answers import Answer, answers_in
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
@@ -195,6 +196,14 @@ class Run:
         """From when to when in [s] the legs walk evenly: as the experiment has it, and not in a safe hold."""
         first, last = self.experiment.steady
         return first, last if self.trip is None else min(last, self.trip.time)
+
+    @cached_property
+    def answers(self) -> tuple[Answer, ...]:
+        """What became of the requests; see :mod:`twin_gait.simulation.answers`. Nothing without modes."""
+        modes, initial = self.experiment.modes, self.experiment.initial_mode
+        if modes is None:
+            return ()
+        return tuple(answers_in(self.log, modes, self.table, initial, self.body_weight))
 
     @property
     def events(self) -> tuple[RunEvent, ...]:

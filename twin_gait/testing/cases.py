@@ -16,7 +16,7 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.feasibility import Requirement
-from twin_gait.gait.table import GaitTable
+from twin_gait.gait.table import GaitTable, StateTable
 from twin_gait.testing import edges, timing
 from twin_gait.testing.driver import MachineFactory, Refusal, machine_of, play
 from twin_gait.testing.exits import Exit, Scenario, comfortable, decisive, fires, scenario, yields
@@ -64,7 +64,7 @@ class TransitionTest:
             self.check(self.machine)
 
 
-def transition_tests(table: GaitTable, machine: MachineFactory | None = None) -> list[TransitionTest]:
+def transition_tests(table: StateTable, machine: MachineFactory | None = None) -> list[TransitionTest]:
     """Write the tests of a gait table.
 
     For every transition: fires just past each threshold and holds just below and on it, each condition
@@ -72,7 +72,7 @@ def transition_tests(table: GaitTable, machine: MachineFactory | None = None) ->
     of the next phase, bad measurements refused. What is expected is worked out from the table alone.
 
     Args:
-        table: The gait table.
+        table: Of gait or of modes.
         machine: Builds the machine under test in a phase that it has entered at tick 0; the package's own
             machine for this table if None.
 
@@ -137,21 +137,23 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
     steps = comfortable(leave, [Requirement(leave.item.guard)], fires) or last
     alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
     if yields(leave, alone):
-        yield _playing(table, scenario(leave, "holds without another leg", alone))
+        absent = "another leg" if table.words.member == "phase" else f"a {table.words.member}"
+        yield _playing(table, scenario(leave, f"holds without {absent}", alone))
     refusal = Refusal(table, leave.phase, steps)
     spoilt = len(steps) * len(table.joints)
     yield "refuses signals that are NaN or infinite", refusal.broken_signals, 12 * spoilt
-    yield "refuses missing signals", refusal.missing_signals, 5 * spoilt
+    if isinstance(table, GaitTable):
+        yield "refuses missing signals", refusal.missing_signals, 5 * spoilt
 
 
-def _playing(table: GaitTable, item: Scenario) -> Shown:
+def _playing(table: StateTable, item: Scenario) -> Shown:
     return item.what, lambda factory: play(table, item, factory), len(item.steps)
 
 
 # ---------------------------------------------------------------------- an approved text
 
 
-def approval_text(table: GaitTable) -> str:
+def approval_text(table: StateTable) -> str:
     """Write everything that a gait table says as Markdown.
 
     Args:

@@ -15,7 +15,7 @@ from twin_gait.core.guards import GuardProgram, next_transition
 from twin_gait.firmware import Library, TranslationUnit, print_units
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import compile_guards, require_bits
-from twin_gait.gait.table import GaitTable
+from twin_gait.gait.table import StateTable
 from twin_gait.testing.driver import MachineFactory
 from twin_gait.vocabulary import Side
 
@@ -25,7 +25,7 @@ _ARGUMENTS = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int32, ctypes.c_void_p, c
 class CompiledMachine(GaitStateMachine):
     """A state machine whose transitions are chosen in C."""
 
-    def __init__(self, table: GaitTable, program: GuardProgram, choose: Callable[..., int], phase: str):
+    def __init__(self, table: StateTable, program: GuardProgram, choose: Callable[..., int], phase: str):
         """Begin in a phase.
 
         Args:
@@ -43,8 +43,8 @@ class CompiledMachine(GaitStateMachine):
         return self._in_c(self.phase_index, ticks_in_phase, measured, other_phase, self._counters)
 
 
-def compiled_machines(tables: Sequence[GaitTable]) -> list[MachineFactory]:
-    """Machines of gait tables in C, built together.
+def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
+    """Machines of tables of gait or of modes in C, built together.
 
     Raises:
         GaitTableError: A table has more phases or conditions than the device's whole numbers have bits.
@@ -59,7 +59,7 @@ def compiled_machines(tables: Sequence[GaitTable]) -> list[MachineFactory]:
     choose = library.handle.next_transition
     choose.argtypes = _ARGUMENTS
 
-    def factory(table: GaitTable, program: GuardProgram, name: str) -> MachineFactory:
+    def factory(table: StateTable, program: GuardProgram, name: str) -> MachineFactory:
         there: Any = ctypes.byref(ctypes.c_char.in_dll(library.handle, name))
         return partial(CompiledMachine, table, program, partial(choose, there))
 

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.modes import ModeMachine, ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
-    DEVICE_NAMES,
     OTHER,
     OTHER_TIME,
     TIME,
     LegSignals,
     leg_signals,
-    signal_names,
     signal_scale,
 )
-from twin_gait.gait.table import GaitTable
+from twin_gait.gait.table import StateTable
 from twin_gait.testing.exits import Scenario
 from twin_gait.testing.reference import Steps, Vector
 from twin_gait.vocabulary import Side
@@ -30,11 +29,16 @@ _BROKEN = (math.nan, math.inf, -math.inf)
 class Machine(Protocol):
     """What the kit asks of a machine: :class:`~twin_gait.gait.GaitStateMachine` is one.
 
+    Of a gait table it asks ``step``, of a table of modes ``take``.
+
     Attributes:
         phase: Present phase.
     """
 
     phase: str
+
+    def take(self, tick: int, signals: Mapping[str, float], member: str | None = None) -> PhaseSwitch | None:
+        """Advance by one tick on signals in the units of their names, and a request; as ``step``."""
 
     def step(
         self,
@@ -50,10 +54,11 @@ class Machine(Protocol):
 MachineFactory = Callable[[str], Machine]  # from the phase that the leg has entered at tick 0
 
 
-def machine_of(table: GaitTable) -> MachineFactory:
+def machine_of(table: StateTable) -> MachineFactory:
     """The package's own machine for a table; the guards are compiled once."""
     program = compile_guards(table)
-    return lambda phase: GaitStateMachine(table, Side.LEFT, initial_phase=phase, program=program)
+    kind = ModeMachine if isinstance(table, ModeTable) else GaitStateMachine
+    return lambda phase: kind(table, Side.LEFT, initial_phase=phase, program=program)
 
 
 class _Legs(NamedTuple):
@@ -64,8 +69,12 @@ class _Legs(NamedTuple):
     other_phase: str | None
     other_time: float
 
+    def taken_by(self, machine: Machine, tick: int) -> PhaseSwitch | None:
+        """What the machine does."""
+        return machine.step(tick, *self)
 
-def _legs(table: GaitTable, vector: Vector) -> _Legs:
+
+def _legs(table: StateTable, vector: Vector) -> _Legs:
     """Signals of both legs; what a vector does not name is 0."""
 
     def leg(prefix: str) -> LegSignals:
@@ -77,18 +86,35 @@ def _legs(table: GaitTable, vector: Vector) -> _Legs:
     return _Legs(leg(""), other, vector.other_phase, vector.signals.get(OTHER_TIME, 0.0))
 
 
-def play(table: GaitTable, scenario: Scenario, factory: MachineFactory) -> None:
+class _Asked(NamedTuple):
+    """What a machine of modes is given in a tick, in the units of the table."""
+
+    signals: Mapping[str, float]
+    request: str | None
+
+    def taken_by(self, machine: Machine, tick: int) -> PhaseSwitch | None:
+        """What the machine does."""
+        return machine.take(tick, self.signals, self.request)
+
+
+def _given(table: StateTable, vector: Vector) -> _Legs | _Asked:
+    if isinstance(table, ModeTable):
+        return _Asked(vector.signals, vector.other_phase)
+    return _legs(table, vector)
+
+
+def play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
     """Drive a machine through a scenario.
 
     Raises:
         AssertionError: At the first tick in which the machine does something else.
     """
     machine, phase = factory(scenario.phase), scenario.phase
-    legs: dict[int, _Legs] = {}
+    given: dict[int, _Legs | _Asked] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
-        if id(vector) not in legs:
-            legs[id(vector)] = _legs(table, vector)
-        switch = machine.step(tick, *legs[id(vector)])
+        if id(vector) not in given:
+            given[id(vector)] = _given(table, vector)
+        switch = given[id(vector)].taken_by(machine, tick)
         wanted = None
         if index is not None:
             item = table.transitions[index]
@@ -120,19 +146,20 @@ class Refusal(NamedTuple):
         steps: Good steps that take the exit; the last one is spoilt.
     """
 
-    table: GaitTable
+    table: StateTable
     phase: str
     steps: Steps
 
     def broken_signals(self, factory: MachineFactory) -> None:
         """Each signal in turn is NaN or infinite; raises AssertionError if that is accepted."""
         vector = self.steps[-1].vector
-        own = [name for name in signal_names(self.table.joints) if name != TIME]
-        others = own if vector.other_phase is not None else []
-        for name in [*own, *(OTHER + name for name in others), *DEVICE_NAMES]:
+        alone = vector.other_phase is None
+        for name in self.table.signals:
+            if name == TIME or (alone and name.startswith(OTHER)) or name == OTHER_TIME:
+                continue
             for value in _BROKEN:
                 spoilt = vector._replace(signals={**vector.signals, name: value})
-                self._refuses(factory, _legs(self.table, spoilt), f"{name} = {value}")
+                self._refuses(factory, _given(self.table, spoilt), f"{name} = {value}")
 
     def missing_signals(self, factory: MachineFactory) -> None:
         """A joint or a whole leg is missing; raises AssertionError if that is accepted."""
@@ -145,12 +172,12 @@ class Refusal(NamedTuple):
             self._refuses(factory, legs._replace(other=bad), f"the other leg: {text}")
         self._refuses(factory, legs._replace(other=None), "the other leg has a phase but no signals")
 
-    def _refuses(self, factory: MachineFactory, legs: _Legs, text: str) -> None:
+    def _refuses(self, factory: MachineFactory, given: _Legs | _Asked, text: str) -> None:
         machine = factory(self.phase)
         for tick, vector in self.steps[:-1]:
-            machine.step(tick, *_legs(self.table, vector))
+            _given(self.table, vector).taken_by(machine, tick)
         try:
-            machine.step(self.steps[-1].tick, *legs)
+            given.taken_by(machine, self.steps[-1].tick)
         except MeasurementError:
             assert machine.phase == self.phase, f"{text}: refused, but the phase is now {machine.phase}"
             return

@@ -123,10 +123,12 @@ def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps | None) -> S
 
 
 def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterator[Scenario | str]:
-    for phase in leave.table.phase_names:
+    words = leave.table.words.member
+    for phase in leave.table.members:
         inside = phase in atom.phases
-        what = f"{'fires' if inside else 'holds'} while the other leg is in {phase}"
-        requirements = [*entry.requirements, Requirement(PhaseMembership(phases=(phase,)))]
+        when = f"while the other leg is in {phase}" if words == "phase" else f"on the {words} {phase}"
+        what = f"{'fires' if inside else 'holds'} {when}"
+        requirements = [*entry.requirements, Requirement(replace(atom, phases=(phase,)))]
         yield shown(leave, what, comfortable(leave, requirements, *((fires,) if inside else (stays, yields))))
 
 
@@ -177,7 +179,7 @@ def _pairs(first: Exit, second: Exit) -> Iterator[_Pair]:
     others = [item for item in first.rivals if item.index != second.index]
     for below in (len(first.table.transitions), second.index, first.index):
         rest = tuple(Requirement(item.item.guard, False) for item in others if item.index < below)
-        yield _Pair(first, second, rest, first.table.phase_names)
+        yield _Pair(first, second, rest, first.table.others)
     yield _Pair(first, second, tuple(Requirement(item.item.guard, False) for item in others), (None,))
 
 

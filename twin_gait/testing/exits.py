@@ -20,7 +20,7 @@ from twin_gait.gait.feasibility import (
 )
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER_TIME, TIME
-from twin_gait.gait.table import TICK, GaitTable, Transition
+from twin_gait.gait.table import TICK, StateTable, Transition
 from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, is_pure_time_out, outcomes
 
 LONGEST_RUN = 20_000  # ticks; a longer debounce or time-out is not driven through tick by tick
@@ -121,7 +121,7 @@ def find(
 class Exit:
     """A transition, by its index in a gait table, with what its phase says about it."""
 
-    table: GaitTable
+    table: StateTable
     index: int
 
     @cached_property
@@ -198,7 +198,7 @@ class Exit:
         self, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
     ) -> Iterator[Vector]:
         """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg."""
-        for phases in (self.table.phase_names, (None,)):
+        for phases in (self.table.others, (None,)):
             for closing in self.closings(window):
                 found = find(phases, [*requirements, *closing], window, pinned)
                 if found is not None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pytest
 
 if TYPE_CHECKING:
-    from twin_gait.gait.table import GaitTable
+    from twin_gait.gait.table import StateTable
     from twin_gait.testing.cases import TransitionTest
     from twin_gait.testing.driver import MachineFactory
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Request(NamedTuple):
     """A table to be tested."""
 
-    table: GaitTable
+    table: StateTable
     machine: MachineFactory | None  # what is tested; None is the package's own
     approved: Path | None  # file with its approved text
     approve: bool  # whether that file is to be written instead of compared
@@ -87,13 +87,13 @@ def _check_options(tables: list[str], approved: list[str], approve: bool, in_c: 
         raise pytest.UsageError("--gait-table: a file is named twice; name each once")
 
 
-def _load(name: str, in_c: bool) -> tuple[GaitTable, MachineFactory | None]:
-    from twin_gait.configuration.gait_table_file import load_gait_table
+def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
+    from twin_gait.configuration.mode_table_file import load_state_table
     from twin_gait.exceptions import TwinGaitError
     from twin_gait.gait.program import compile_guards
 
     try:
-        table = load_gait_table(name)
+        table = load_state_table(name)
         compile_guards(table)
     except TwinGaitError as error:
         raise pytest.UsageError(f"--gait-table: {error}") from error
@@ -103,7 +103,7 @@ def _load(name: str, in_c: bool) -> tuple[GaitTable, MachineFactory | None]:
         raise pytest.UsageError(f"--machine c: {name}: {error}") from error
 
 
-def _in_c(table: GaitTable) -> MachineFactory:
+def _in_c(table: StateTable) -> MachineFactory:
     from twin_gait.testing.compiled import compiled_machines
 
     (machine,) = compiled_machines([table])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, TIME, signal_scale
-from twin_gait.gait.table import TICK, GaitTable, Transition
+from twin_gait.gait.table import TICK, StateTable, Transition
 
 
 class Vector(NamedTuple):
@@ -19,7 +19,7 @@ class Vector(NamedTuple):
 
     Attributes:
         signals: Value per name in the units of the table; names that do not matter are 0.
-        other_phase: Phase of the other leg, or None without another leg.
+        other_phase: Phase of the other leg, or None without another leg; of modes the request, or None.
     """
 
     signals: Mapping[str, float]
@@ -68,12 +68,12 @@ def is_pure_time_out(item: Transition) -> bool:
     return item.time_out_ticks is not None and item.guard == AllOf(guards=())
 
 
-def exits(table: GaitTable, phase: str) -> list[int]:
+def exits(table: StateTable, phase: str) -> list[int]:
     """Indices of the transitions that leave a phase, in their order of priority."""
     return [index for index, item in enumerate(table.transitions) if item.source == phase]
 
 
-def outcomes(table: GaitTable, phase: str, steps: Sequence[Step]) -> list[int | None]:
+def outcomes(table: StateTable, phase: str, steps: Sequence[Step]) -> list[int | None]:
     """Transition that a leg takes at each step, or None; it has entered the phase at tick 0."""
     entry, open_ticks, taken = 0, dict[int, int](), list[int | None]()
     for tick, vector in steps:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.guards import AllOf, Comparison
-from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.gait.table import TICK, StateTable
 from twin_gait.testing.exits import (
     LONGEST_RUN,
     Exit,
@@ -147,7 +147,7 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
     gate = max(leave.gate, table.phases[phase].minimum_ticks)
     for first in leave.starts(leave.debounce, gate=gate) or [gate]:
         window = Window(first, first + leave.debounce - 1)
-        found = find(table.phase_names, [Requirement(leave.item.guard), *guarded], window)
+        found = find(table.others, [Requirement(leave.item.guard), *guarded], window)
         steps = () if found is None else constant(found, *window)
         if steps and not any(index is not None for index in outcomes(table, phase, steps)):
             yield Scenario(f"holds in {phase}, which it does not leave", phase, steps, (None,) * len(steps))
@@ -188,12 +188,12 @@ def _cuts(leave: Exit, cutter: Exit) -> Iterator[Steps]:
         Requirement(item.item.guard, False) for item in leave.rivals if item.index != cutter.index
     ]
     for start in (tick for tick in starts if tick >= 1):
-        vector = find(leave.table.phase_names, requirements, Window(start, start + ticks - 1))
+        vector = find(leave.table.others, requirements, Window(start, start + ticks - 1))
         if vector is not None:
             yield constant(vector, start, start + ticks - 1)
 
 
-def _way(table: GaitTable, start: str, end: str) -> list[Steps] | None:
+def _way(table: StateTable, start: str, end: str) -> list[Steps] | None:
     """Steps that lead from one phase to another, phase by phase."""
     found: dict[str, list[Steps]] = {start: []}
     waits = [start]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
@@ -13,21 +13,21 @@ from twin_gait.leg_model import LegModel
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.palette import phase_colour
-from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Recorder, Track, rgb, set_animation
-from twin_gait.viewer.motion import LegMotion, Motion, held_rows, read_motion, shown_joints
+from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
 from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data
 from twin_gait.viewer.scene import Scene
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.viewer.surroundings import Belt
-from twin_gait.vocabulary import HOLD, Side, Surroundings
+from twin_gait.vocabulary import HOLD, Side
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
 _BELT_LOOK = 0.04  # [s] between two looks at a belt that starts and stops
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
-_CURVE_DECIMALS, _FORCE_DECIMALS = 4, 2  # of angles in [deg] and torques in [N m], and of forces in [N]
+_CURVE_DECIMALS = 4  # of angles in [deg] and torques in [N m]
+_DECIMALS_OF = {"force": 2, "crutch": 2}  # of forces in [N]
 
 
 def recorded_run(
@@ -38,15 +38,14 @@ def recorded_run(
     frames_per_second: float,
     subtitle: str = "",
     belt_speed: Belt = 0.0,
-    slope: float = 0.0,
-    around: Surroundings | None = None,
-    patient: Patient | None = None,
     moments: Sequence[float] = (),
     notes: Sequence[str] = (),
     events: Sequence[RunEvent] = (),
     outcome: str = "",
     walk: Sequence[Sequence[str]] = (),
     network: Sequence[Sequence[str]] = (),
+    modes: Sequence[str] = (),
+    **setting: Unpack[Setting],
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
@@ -60,25 +59,25 @@ def recorded_run(
         subtitle: Line below the heading; any text.
         belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
             bench.
-        slope: By which the belt rises forwards in [rad].
-        around: What is drawn around the figure; None guesses it from the model.
-        patient: The wearer to draw, or None.
         moments: Further moments to have a frame of, in [s].
         notes: What else a reader has to know.
         events: Events of the run; each has a frame too.
         outcome: How it ended, in a word.
         walk: A table of measures, a head and rows of texts.
         network: Likewise, of what a bus carried.
+        modes: Names of the operating modes in the order of their codes.
+        setting: What is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`.
 
     Raises:
         ModelError: If the URDF cannot be read.
         ViewerError: If the log does not fit the model.
     """
     moments = [*moments, *(event.time for event in events)]
+    slope = setting.get("slope", 0.0)
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments, slope=slope)
     recorder = Recorder()
     drives = shown_joints(log, model.sides[0])
-    scene = build_scene(recorder, model, drives=drives, around=around, patient=patient, slope=slope)
+    scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
     scene.apply(scene.state_at(motion, 0, belt_speed))
     recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))
@@ -94,6 +93,7 @@ def recorded_run(
         network=network,
         view=scene.view,
         phases=motion.phase_names,
+        modes=modes,
         legs=[_leg(side, leg) for side, leg in motion.legs.items()],
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
@@ -122,17 +122,21 @@ def _frames(motion: Motion) -> dict[str, Any]:
     """Times in [ms], curves and phases, as the script of the page reads them."""
     legs = []
     for leg in motion.legs.values():
-        spells = leg.phases
-        phases = spells and {"starts": np.round(spells.starts, 3).tolist(), "codes": spells.codes.tolist()}
         series = {
             name: {
                 "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
-                "values": _numbers(curve.values, _FORCE_DECIMALS if name == "force" else _CURVE_DECIMALS),
+                "values": _numbers(curve.values, _DECIMALS_OF.get(name, _CURVE_DECIMALS)),
             }
             for name, curve in leg.curves.items()
         }
-        legs.append({"series": series, "phases": phases})
-    return {"times": _milliseconds(motion.times).tolist(), "legs": legs}
+        legs.append({"series": series, "phases": _spells(leg.phases)})
+    return {
+        "times": _milliseconds(motion.times).tolist(), "legs": legs, "modes": _spells(motion.modes),
+    }  # fmt: skip
+
+
+def _spells(spells: PhaseSpells | None) -> dict[str, Any] | None:
+    return spells and {"starts": np.round(spells.starts, 3).tolist(), "codes": spells.codes.tolist()}
 
 
 def _milliseconds(times: np.ndarray) -> np.ndarray:

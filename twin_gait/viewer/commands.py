@@ -87,6 +87,18 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
     }
 
 
+def draw_lightly(window: Window, path: str, shape: Shape, material: Material, *, casts: bool = False) -> None:
+    """Draw a mesh on which no shadow falls.
+
+    Args:
+        path: Place in the scene.
+        casts: Whether it casts one.
+    """
+    window.send(set_object(path, shape, material))
+    window.send(set_property(f"{path}/<object>", "receiveShadow", False))
+    window.send(set_property(f"{path}/<object>", "castShadow", casts))
+
+
 def set_transform(path: str, placement: np.ndarray) -> Command:
     """Command that places a group.
 

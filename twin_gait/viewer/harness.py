@@ -68,12 +68,14 @@ class Rope:
         joint: Joint that carries its lower end.
         lower: Lower end in the frame of that joint in [m], shape ``(3,)``.
         upper: Upper end in the scene in [m], shape ``(3,)``.
+        on_rail: Whether the upper end follows along x.
     """
 
     path: str
     joint: str
     lower: np.ndarray
     upper: np.ndarray
+    on_rail: bool = False
 
     def state(self, figure: Figure, q: np.ndarray) -> dict[tuple[str, str], Any]:
         """Where the rope is when the figure stands in a posture.
@@ -82,7 +84,8 @@ class Rope:
             q: Coordinates, shape ``(nq,)``.
         """
         lower = figure.world_point(q, self.joint, self.lower)
-        span = self.upper - lower
+        upper = np.array([lower[0], *self.upper[1:]]) if self.on_rail else self.upper
+        span = upper - lower
         length = float(np.linalg.norm(span))
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), span / length)
         return {

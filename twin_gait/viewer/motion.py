@@ -24,6 +24,7 @@ _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page s
 # Parts of the commanded torque, by the words of the log columns; the last two only where they are used.
 _PARTS = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
 _RARE_PARTS = _PARTS[3:]
+MODE = "mode"  # column
 
 
 class Footing(NamedTuple):
@@ -62,8 +63,8 @@ class LegMotion:
         phases: Its phases, or None if the log has none.
         curves: Angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so
             on, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal
-            force of the foot in [N] as ``force``; each with the frames and the points between them that its
-            shape takes.
+            forces of foot and crutch in [N] as ``force`` and ``crutch``; each with the frames and the points
+            between them that its shape takes.
         footing: Ground force, or None off the ground.
         torques: Torque of each motor in [N m] by the name of its joint, positive in increasing angle;
             shape ``(n,)`` each, empty where the log has none.
@@ -84,6 +85,8 @@ class Motion:
         q: Coordinates of the model, shape ``(n, nv)``.
         legs: Per side.
         phase_names: Phases in the order of their codes; after them a hold, if there is one.
+        columns: Numbers of the log by its columns, shape ``(n,)`` each.
+        modes: Operating modes by their codes, or None.
         duration: Time of the last frame in [s].
     """
 
@@ -91,6 +94,8 @@ class Motion:
     q: np.ndarray
     legs: Mapping[Side, LegMotion]
     phase_names: tuple[str, ...]
+    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
+    modes: PhaseSpells | None = None
 
     @property
     def duration(self) -> float:
@@ -150,7 +155,11 @@ def read_motion(
         )
         for side in model.sides
     }
-    return Motion(clock[rows] - clock[0], q[rows], legs, names)
+    columns = {str(name): values.to_numpy()[rows] for name, values in log.select_dtypes("number").items()}
+    modes = None
+    if MODE in log:
+        modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock)
+    return Motion(clock[rows] - clock[0], q[rows], legs, names, columns, modes)
 
 
 def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
@@ -219,6 +228,10 @@ def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[st
     if (codes < 0).any():
         unknown = str(column.iloc[int(np.argmax(codes < 0))])
         raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
+    return _changes(codes, clock)
+
+
+def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
     first = np.concatenate(([0], np.flatnonzero(np.diff(codes)) + 1))
     return PhaseSpells(clock[first] - clock[0], codes[first])
 
@@ -256,7 +269,7 @@ def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
-    return columns | {"force": f"{side}_foot_normal_force_N"}
+    return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
 
 
 def _torques(log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:

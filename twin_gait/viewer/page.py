@@ -28,6 +28,7 @@ from twin_gait.palette import (
     phase_colour,
 )
 from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.surroundings import FLOOR
 from twin_gait.vocabulary import JointName, Side
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ SCRIPTS = (
     "start.js",
 )  # fmt: skip
 FOOTNOTE = "Simulation, not a medical device"
-FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
 # A recorded page may run what it holds and load nothing.
 RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -80,6 +80,7 @@ def page_data(
     view: View,
     phases: Sequence[str],
     legs: Sequence[Mapping[str, Any]],
+    modes: Sequence[str] = (),
     arrows: bool,
     duration: float | None = None,
     notes: Sequence[str] = (),
@@ -91,6 +92,7 @@ def page_data(
     Args:
         mode: ``recorded``, ``live`` or ``model``.
         legs: See :func:`leg_entry`.
+        modes: Operating modes in the order of their codes.
         duration: In [s], or None if there is no end.
         notes: What else the card is to say.
     """
@@ -101,12 +103,13 @@ def page_data(
         "notes": [*map(_unicode, notes), *_notes(missing_meshes)],
         "view": asdict(view),
         "phases": _phase_entries(phases),
+        "modes": [_unicode(_words(name)) for name in modes],
         "events": event_entries(events),
         "parts": _part_entries(legs),
         "legs": list(legs),
         "arrow": {"label": _arrow_label(), "colour": GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries(legs) if legs else [],
-        "floor": FLOOR,
+        "floor": FLOOR,  # what a dark page darkens
         "duration": duration,
         "footnote": FOOTNOTE,
         **more,
@@ -142,10 +145,14 @@ def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     for code, name in enumerate(names):
         colour = phase_colour(name, code)
         short = initials[code] if unique and initials[code] else str(code + 1)
-        label = _unicode(name.replace("_", " ").capitalize())
+        label = _unicode(_words(name))
         entries.append({"name": _unicode(name), "label": label, "short": _unicode(short),
                         "colour": colour, "ink": _ink_on(colour)})  # fmt: skip
     return entries
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").capitalize()
 
 
 def _ink_on(colour: str) -> str:

@@ -5,35 +5,33 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
-from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.palette import GROUND_FORCE_COLOUR, phase_colour
-from twin_gait.viewer import shapes, surroundings, trail
+from twin_gait.palette import phase_colour
+from twin_gait.viewer import surroundings, trail
 from twin_gait.viewer.arcs import TorqueArc
 from twin_gait.viewer.commands import (
     FULL_TORQUE,
-    METRES_PER_NEWTON,
     Material,
     Window,
+    draw_lightly,
     rgb,
-    set_object,
     set_property,
 )
 from twin_gait.viewer.figure import Figure, Motor
+from twin_gait.viewer.forces import arrow_state, draw_arrow
 from twin_gait.viewer.harness import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.trail import StrideTrail
 from twin_gait.viewer.visuals import Visuals
+from twin_gait.viewer.walkway import Trolley, draw_rail
 from twin_gait.vocabulary import Side
 
-FORCE_ROOT = "/meshcat/forces"
-_LONGEST_ARROW = 1.2  # [m]
 _IDLE = (0.55, 0.60, 0.66)  # covers of motors before a phase is known
 _FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
 RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
@@ -60,6 +58,13 @@ class View:
     field_of_view: float = _FIELD_OF_VIEW
 
 
+class Element(Protocol):
+    """What is drawn beside the figure and moves or changes."""
+
+    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
+        """What it shows in a frame of a motion."""
+
+
 class Scene:
     """A scene that has been drawn and can be moved.
 
@@ -71,6 +76,7 @@ class Scene:
         arrows: Place of the ground force per leg.
         arcs: Arrows of the motor torque per leg, by joint.
         ropes: Ropes of the body-weight support, maybe none.
+        elements: What else moves.
         trails: Paths of the feet per stride, once a motion is known.
         legs: Joint names per leg.
     """
@@ -83,6 +89,7 @@ class Scene:
         self.arrows: dict[Side, str] = {}
         self.arcs: dict[Side, dict[str, TorqueArc]] = {}
         self.ropes: list[Rope] = []
+        self.elements: list[Element] = []
         self.trails: list[StrideTrail] = []
         self.legs: dict[Side, LegJoints] = {}
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
@@ -108,22 +115,26 @@ class Scene:
             if name in drives
         }
 
-    def draw_ropes(self, joint: str, hooks: Sequence[np.ndarray], height: float) -> None:
-        """Draw ropes that go straight up, the mast and the bar.
+    def draw_ropes(
+        self, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool = False
+    ) -> None:
+        """Draw ropes that go straight up, the bar, and the mast or the rail.
 
         Args:
             hooks: Lower ends in the frame of the joint in [m], shape ``(3,)`` each.
             height: Of the upper ends in [m].
+            on_rail: Whether the upper ends follow along x.
         """
         neutral = pin.neutral(self.figure.model)
         for number, hook in enumerate(hooks):
             x, y, _ = self.figure.world_point(neutral, joint, hook)
             path = f"{ROPES}/{number}"
-            self._window.send(set_object(path, rope_shape(), ROPE))
-            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
-            self._window.send(set_property(f"{path}/<object>", "receiveShadow", False))
-            self.ropes.append(Rope(path, joint, hook, np.array([x, y, height])))
-        surroundings.draw_mast(self._window, np.array([rope.upper for rope in self.ropes]))
+            draw_lightly(self._window, path, rope_shape(), ROPE)
+            self.ropes.append(Rope(path, joint, hook, np.array([x, y, height]), on_rail))
+        if on_rail:
+            self.elements.append(Trolley(joint, hooks[0]))
+        draw = draw_rail if on_rail else surroundings.draw_mast
+        draw(self._window, np.array([rope.upper for rope in self.ropes]))
         self.apply(self.rope_state(neutral))
 
     def draw_trails(self, motion: Motion) -> None:
@@ -149,9 +160,7 @@ class Scene:
         return trail.trail_shape(motion.times[frames], points, phases, motion.phase_names)
 
     def _draw_trail(self, path: str, shape: Shape) -> None:
-        self._window.send(set_object(path, shape, trail.MATERIAL))
-        for name in ("castShadow", "receiveShadow"):
-            self._window.send(set_property(f"{path}/<object>", name, False))
+        draw_lightly(self._window, path, shape, trail.MATERIAL)
         self.apply({(path, "visible"): False})
 
     def _motor(self, joint: str, leg: LegJoints, visuals: Visuals) -> Motor:
@@ -169,16 +178,7 @@ class Scene:
 
     def draw_arrow(self, side: Side) -> None:
         """Draw the arrow of the ground force on a foot, hidden."""
-        path = f"{FORCE_ROOT}/{side}"
-        self._window.send(
-            set_object(
-                path, shapes.arrow(), Material(colour=rgb(GROUND_FORCE_COLOUR), roughness=0.8, glow=0.2)
-            )
-        )
-        for name in ("castShadow", "receiveShadow"):
-            self._window.send(set_property(f"{path}/<object>", name, False))
-        self._window.send(set_property(path, "visible", False))
-        self.arrows[side] = path
+        self.arrows[side] = draw_arrow(self._window, str(side))
 
     def posture_state(self, q: np.ndarray) -> State:
         """Positions and quaternions of all joint groups.
@@ -216,24 +216,8 @@ class Scene:
         return state
 
     def force_state(self, side: Side, force: np.ndarray, point: np.ndarray) -> State:
-        """Arrow of the ground force on a foot.
-
-        Args:
-            force: Forward and upward in [N], shape ``(2,)``.
-            point: Where it acts in [m], shape ``(3,)``.
-        """
-        path = self.arrows[side]
-        forward, upward = float(force[0]), float(force[1])
-        visible = upward > CONTACT_FORCE
-        length = float(np.clip(np.hypot(forward, upward) * METRES_PER_NEWTON, 1e-3, _LONGEST_ARROW))
-        width = float(np.clip(length / 0.2, 0.3, 1.0))
-        half = 0.5 * np.arctan2(forward, upward) if visible else 0.0
-        return {
-            (path, "visible"): visible,
-            (path, "position"): [float(value) for value in point],
-            (path, "quaternion"): [0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
-            (path, "scale"): [width, width, length],
-        }
+        """Arrow of the ground force on a foot, as :func:`~twin_gait.viewer.forces.arrow_state` has it."""
+        return arrow_state(self.arrows[side], force, point)
 
     def state_at(self, motion: Motion, frame: int, belt_speed: surroundings.Belt) -> State:
         """Everything that a frame of a motion shows.
@@ -253,6 +237,8 @@ class Scene:
                 state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
         for stride in self.trails:
             state |= stride.state(time)
+        for element in self.elements:
+            state |= element.state(self.figure, motion, frame)
         if belt_speed != 0.0:
             offset = surroundings.belt_offset(time, belt_speed)
             state[surroundings.BELT, "position"] = [offset, 0.0, 0.0]

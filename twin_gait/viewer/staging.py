@@ -3,26 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints, LegModel
-from twin_gait.leg_model.joints import PELVIS_JOINT
-from twin_gait.parameters import Patient
+from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.bench import draw_bench
 from twin_gait.viewer.body import draw_wearer
+from twin_gait.viewer.chair import Chair, DrawnChair
 from twin_gait.viewer.commands import Window, set_transform
+from twin_gait.viewer.crutches import DrawnCrutches
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.forces import FORCE_ROOT
 from twin_gait.viewer.harness import draw_harness
-from twin_gait.viewer.scene import FORCE_ROOT, RIGHT_SIDE, Scene, View
+from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
+from twin_gait.viewer.walkway import DrawnWalkway
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 
 _BAR_ABOVE_HEAD = 0.08  # [m]
+_TO_CRUTCHES = 0.12  # from the hips to the middle of wearer and crutches [m]
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
+
+
+class Setting(TypedDict, total=False):
+    """What is drawn with a leg model.
+
+    Attributes:
+        around: What stands around it. None guesses it from the model: with a guided pelvis it stands on a
+            treadmill, one leg alone hangs on a bench.
+        patient: The wearer, or None.
+        slope: By which the treadmill rises forwards in [rad].
+        ropes: Whether a harness holds the wearer; on the ground it does if nothing is said.
+        crutches: In the hands of the wearer, or None.
+        chair: Behind the wearer, or None.
+    """
+
+    around: Surroundings | None
+    patient: Patient | None
+    slope: float
+    ropes: bool
+    crutches: CrutchParameters | None
+    chair: Chair | None
 
 
 def build_scene(
@@ -30,19 +57,14 @@ def build_scene(
     model: LegModel,
     *,
     drives: Collection[str] = (JointName.HIP, JointName.KNEE),
-    around: Surroundings | None = None,
-    patient: Patient | None = None,
-    slope: float = 0.0,
+    **setting: Unpack[Setting],
 ) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     Args:
         model: The model.
         drives: Joints with a motor.
-        around: What is drawn around it. None guesses it from the model: with a guided pelvis it stands on a
-            treadmill, one leg alone hangs on a bench.
-        patient: The wearer to draw, or None.
-        slope: By which the treadmill rises forwards in [rad].
+        setting: See :class:`Setting`.
 
     Raises:
         ModelError: If the URDF cannot be read.
@@ -53,19 +75,22 @@ def build_scene(
     scene = _start(window, model.model, visuals, model.legs, model.up_axis)
     for side, leg in model.legs.items():
         scene.draw_covers(side, leg, drives, visuals)
-    trunk = PELVIS_JOINT if model.pelvis is not PelvisGuide.FIXED else FIXED_JOINT
+    trunk, patient = model.trunk_joint or FIXED_JOINT, setting.get("patient")
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
     for side, leg in model.legs.items():
         scene.draw_arcs(side, leg, drives, visuals)
     top, bottom = _extent(scene.figure, model.legs)
-    around = around or _around(model)
-    if around is Surroundings.TREADMILL:
-        _surround_walker(window, scene, model.legs, top - bottom, slope)
+    around = setting.get("around") or _around(model)
+    if around in (Surroundings.TREADMILL, Surroundings.WALKWAY):
+        if around is Surroundings.WALKWAY:
+            assert model.forward_index is not None  # it walks
+            scene.elements.append(DrawnWalkway(window, model.forward_index))
+        else:
+            _put_on_treadmill(window, setting.get("slope", 0.0))
+        _surround_walker(scene, model.legs, top - bottom)
         if patient is not None and len(model.legs) > 1:
-            hooks = draw_harness(scene.figure, patient, trunk)
-            scene.draw_ropes(trunk, hooks, _BAR_ABOVE_HEAD + patient.height)
-            scene.view = _whole_walker(scene, patient)
+            _equip_walker(window, scene, patient, trunk, setting | {"around": around})
     elif around is Surroundings.STAND:
         _surround_bench_leg(window, scene, model.legs, top, bottom)
     else:
@@ -114,21 +139,32 @@ def _start(
     return Scene(window, figure, visuals)
 
 
-def _surround_walker(
-    window: Window, scene: Scene, legs: Mapping[Side, LegJoints], height: float, slope: float
-) -> None:
+def _put_on_treadmill(window: Window, slope: float) -> None:
     window.send(set_transform(FORCE_ROOT, surroundings.tilted(slope)))
+    surroundings.draw_treadmill(window, slope)
+
+
+def _surround_walker(scene: Scene, legs: Mapping[Side, LegJoints], height: float) -> None:
     for side, leg in legs.items():
         if leg.contact_frames:
             scene.draw_arrow(side)
-    surroundings.draw_treadmill(window, slope)
     scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
 
 
-def _whole_walker(scene: Scene, patient: Patient) -> View:
-    """From the treadmill's foot to the bar."""
+def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, setting: Setting) -> None:
+    """Draw harness, crutches and chair, and see all of it, from the treadmill's foot to the bar."""
     low, high = -0.13, _BAR_ABOVE_HEAD + patient.height + 0.07
-    return View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
+    scene.view = View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
+    if setting.get("ropes", True):
+        hooks = draw_harness(scene.figure, patient, trunk)
+        on_rail = setting.get("around") is Surroundings.WALKWAY
+        scene.draw_ropes(trunk, hooks, _BAR_ABOVE_HEAD + patient.height, on_rail=on_rail)
+    crutches, chair = setting.get("crutches"), setting.get("chair")
+    if crutches is not None:
+        scene.elements.append(DrawnCrutches(window, scene.figure, crutches, patient, trunk))
+        scene.view = replace(scene.view, target=(_TO_CRUTCHES, *scene.view.target[1:]))
+    if chair is not None:
+        scene.elements.append(DrawnChair(window, chair))
 
 
 def _surround_bench_leg(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,13 +18,14 @@ ROOT = "/meshcat/surroundings"
 TREADMILL = f"{ROOT}/treadmill"
 BELT = f"{TREADMILL}/belt"
 BELT_MARK_SPACING = 0.20  # [m]
+FLOOR = f"{ROOT}/floor"
 BELT_TOP = -0.014  # [m]: as deep as the soles of the shipped walks press into the soft ground of the model
 
 RUBBER = Material(colour=(0.21, 0.23, 0.26), roughness=0.95)
 DECK = Material(colour=(0.80, 0.83, 0.87), roughness=0.8)
 STEEL = Material(colour=(0.66, 0.70, 0.76), roughness=0.8)
 _FLOOR = Material(colour=(0.85, 0.875, 0.90), roughness=0.95)
-_MARK = Material(colour=(0.42, 0.46, 0.52), roughness=0.95)
+MARK = Material(colour=(0.42, 0.46, 0.52), roughness=0.95)
 
 _BELT_LENGTH, _BELT_WIDTH = 1.80, 0.70
 _RAIL_WIDTH = 0.06
@@ -98,8 +99,8 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
     inner = _BELT_LENGTH - _END_LENGTH
     # The first is under the cover of the end before and after the jump, and so is the last.
     at = np.arange(-0.5 * inner + 0.085, 0.5 * inner + 0.01, BELT_MARK_SPACING)
-    marks = [_mark(float(x)) for x in at]
-    window.send(set_object(f"{BELT}/marks", shapes.merged(marks), _MARK))
+    marks = [plate((float(x), 0.0), 0.012, _BELT_WIDTH - 0.04) for x in at]
+    window.send(set_object(f"{BELT}/marks", shapes.merged(marks), MARK))
     window.send(set_property(f"{BELT}/marks/<object>", "castShadow", False))
     draw_floor(window, -_DECK_HEIGHT - 0.5 * _BELT_LENGTH * abs(np.sin(slope)))
 
@@ -118,7 +119,7 @@ def draw_mast(window: Window, hooks: np.ndarray) -> None:
     mast = shapes.tube(_rounded_corner(foot, elbow, end, _MAST_BEND), _MAST_RADIUS, columns=14)
     low, high = reach[np.argmin(reach[:, 1])], reach[np.argmax(reach[:, 1])]
     bar = shapes.tube(np.array([middle + low, middle, middle + high]), 0.016, columns=12)
-    hanger = shapes.moved(shapes.cylinder(0.012, 0.06), _translation(0.5 * (middle + end)))
+    hanger = shapes.moved(shapes.cylinder(0.012, 0.06), translation(0.5 * (middle + end)))
     place(window, "mast", shapes.merged([mast, bar, hanger]), STEEL)
 
 
@@ -148,7 +149,7 @@ def box(size: Triple, centre: Triple, edge: float = 0.012) -> Shape:
         centre: Its middle in [m].
         edge: Radius of the rounding in [m].
     """
-    return shapes.moved(shapes.rounded_box(size, edge), _translation(centre))
+    return shapes.moved(shapes.rounded_box(size, edge), translation(centre))
 
 
 def place(
@@ -168,9 +169,22 @@ def place(
     """
     path = f"{ROOT}/{name}"
     window.send(set_object(path, shape, material))
-    window.send(set_transform(path, _translation(centre)))
+    window.send(set_transform(path, translation(centre)))
     window.send(set_property(f"{path}/<object>", "receiveShadow", under_shadows))
     window.send(set_property(f"{path}/<object>", "castShadow", not under_shadows))
+
+
+def plate(middle: Sequence[float] | np.ndarray, length: float, width: float) -> Shape:
+    """Make a rectangle on the ground, a hair above it.
+
+    Args:
+        middle: Along x and y in [m].
+        length: Along x in [m].
+        width: Along y in [m].
+    """
+    corners = 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
+    vertices = np.column_stack((corners + middle, np.full(4, BELT_TOP + 0.0016)))
+    return Shape(vertices, np.tile([0.0, 0.0, 1.0], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 def _rail(side: float) -> Shape:
@@ -191,14 +205,6 @@ def _hood() -> Shape:
     return box(size, (0.5 * _BELT_LENGTH - 0.5 * length, 0.0, 0.5 * height), 0.02)
 
 
-def _mark(x: float) -> Shape:
-    """Line across the belt, a hair above it."""
-    half_x, half_y, z = 0.006, 0.5 * _BELT_WIDTH - 0.02, BELT_TOP + 0.0016
-    corners = np.array([[-half_x, -half_y], [half_x, -half_y], [half_x, half_y], [-half_x, half_y]])
-    vertices = np.column_stack((corners + np.array([x, 0.0]), np.full(4, z)))
-    return Shape(vertices, np.tile([0.0, 0.0, 1.0], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))
-
-
 def _rounded_corner(start: np.ndarray, corner: np.ndarray, end: np.ndarray, bend: float) -> np.ndarray:
     """Path from start to end around a corner, which is cut off at a distance of ``bend`` by a parabola."""
     before = corner + bend * (start - corner) / np.linalg.norm(start - corner)
@@ -208,7 +214,8 @@ def _rounded_corner(start: np.ndarray, corner: np.ndarray, end: np.ndarray, bend
     return np.concatenate((start[None], curve, end[None]))
 
 
-def _translation(centre: Triple | np.ndarray) -> np.ndarray:
+def translation(centre: Triple | np.ndarray) -> np.ndarray:
+    """Placement without a turn, shape ``(4, 4)``."""
     placement = np.eye(4)
     placement[:3, 3] = centre
     return placement

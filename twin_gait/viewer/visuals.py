@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.leg_model.joints import PELVIS_JOINT
+from twin_gait.leg_model.joints import ALL_GUIDES
 from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, read_urdf
 from twin_gait.viewer import shapes
 from twin_gait.viewer.meshes import Colour, mesh_patches, read_obj
@@ -89,7 +89,8 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     nominal, geometry = _nominal(model, urdf, text)
     stretches = {name: _stretch(nominal, model, name) for name in nominal.names}
     growths = {name: _growth(nominal, model, name) for name in nominal.names}
-    carrier = {FIXED_JOINT: PELVIS_JOINT} if model.existJointName(PELVIS_JOINT) else {}
+    guides = [name for name in ALL_GUIDES if model.existJointName(name)]
+    carrier = {FIXED_JOINT: guides[-1]} if guides else {}
     shapes_by_colour: dict[tuple[str, tuple[float, ...]], list[Shape]] = {}
     discs = []
     for item in geometry.geometryObjects:

@@ -153,6 +153,10 @@ class Scenario(Parameters, ABC):
         """Leg with which a cycle begins; the other is half a cycle behind."""
         return sides[0]
 
+    def without_aids(self) -> Self | None:
+        """The same world for hands that hold nothing; None where they hold nothing anyway."""
+        return None
+
     @property
     def walking(self) -> Walking | None:
         """How legs walk on the ground; None in the air."""

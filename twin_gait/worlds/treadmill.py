@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, Self
 
@@ -16,11 +16,10 @@ from twin_gait.parameters import BeltProfile, ContactParameters, SupportParamete
 from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE, Adjustment, Posture, Scenario, Walking
+from twin_gait.worlds.standing import FALL_SHARE, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
-# A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
-FALL_SHARE = 0.75
 SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
 RAMPS = Range(0.0, above=True, endless=True, words="a time above 0")
 SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most, up or down")
@@ -164,7 +163,7 @@ class Treadmill(Scenario):
             postures[side] = {**angles, JointName.HIP: hip}
             phases[side] = self.leading_phase if leads else self.trailing_phase
         q = start_posture(model, postures, ankle_rest)
-        q[pelvis] = _stand_on_both_feet(model, q, math.tan(self.slope))
+        q[pelvis] = stand_on_both_feet(model, q, math.tan(self.slope))
         return World(
             model=model,
             plant=plant,
@@ -181,45 +180,3 @@ class Treadmill(Scenario):
             fall_height=FALL_SHARE * q[pelvis],
             contact_frames=frames,
         )
-
-
-def _stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
-    """Bend the ankle of the foot that reaches lower until both feet stand on the belt.
-
-    Args:
-        rise: Of the belt, height over way.
-    """
-    reach = {side: _lowest_point(model, side, q, rise) for side in model.sides}
-    lower, higher = sorted(model.sides, key=lambda side: reach[side])
-    if model.legs[lower].ankle is None:
-        return -reach[lower]
-    ankle = model.index(lower, JointName.ANKLE)
-    rest = float(q[ankle])
-    limit = model.position_limits(lower, JointName.ANKLE)[1]
-
-    def gap(angle: float) -> float:
-        bent = q.copy()
-        bent[ankle] = angle
-        return _lowest_point(model, lower, bent, rise) - reach[higher]
-
-    # Dorsiflexion lifts the toe; if even the stop does not level the feet, one starts in the air.
-    q[ankle] = _bisect(gap, rest, limit) if gap(rest) < 0.0 < gap(limit) else rest
-    return -min(_lowest_point(model, side, q, rise) for side in model.sides)
-
-
-def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Root of a function that is negative at one end and positive at the other.
-
-    Written out because importing scipy.optimize takes longer than a compiled run.
-    """
-    while True:
-        middle = 0.5 * (low + high)
-        if middle in (low, high):
-            return middle
-        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
-
-
-def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> float:
-    """Least height of a foot over a belt through the origin, vertically."""
-    points = (model.frame_position(q, name) for name in model.legs[side].contact_frames)
-    return min(float(point[2] - rise * point[0]) for point in points)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
 
+from twin_gait.core.arm_policy import Habit, Sense
+from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Spring, free_coordinate
+from twin_gait.core.trunk import Trunk
 from twin_gait.leg_model import Bodies, LegJoints, LegModel
 from twin_gait.parameters import (
     ActuatorParameters,
@@ -85,6 +89,12 @@ class World:
         fall_height: Pelvis height in [m] below which the wearer has fallen, or None.
         imposed_motion: Imposed motion of a joint of the device, or None.
         braces: What binds the wearer to the device, or None if they are one.
+        trunk: Of a wearer whose pelvis is free, or None.
+        arms: That hold a crutch, by side; the coordinates of their tips follow all others.
+        habit: How the wearer uses them, or None.
+        sense: What the wearer feels, or None.
+        fall_pitch: Of the trunk, beyond which the wearer has fallen, in [rad].
+        longest_reach: Of arm and crutch in [m].
     """
 
     model: LegModel
@@ -103,6 +113,12 @@ class World:
     imposed_motion: ImposedMotion | None = None
     contact_frames: Mapping[Side, tuple[str, ...]] = field(default_factory=dict)
     braces: Braces | None = None
+    trunk: Trunk | None = None
+    arms: tuple[Arm, ...] = ()
+    habit: Habit | None = None
+    sense: Sense | None = None
+    fall_pitch: float = math.inf
+    longest_reach: float = math.inf
 
     @property
     def chains(self) -> tuple[LegModel, ...]:

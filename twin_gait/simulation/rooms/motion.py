@@ -5,7 +5,17 @@ from __future__ import annotations
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import RK4, SHIFT, WITH_FRICTION, dynamics, lanes, side_by_side
+from twin_gait.simulation.interface import (
+    CRUTCHES,
+    PITCH,
+    RK4,
+    SHIFT,
+    WITH_FRICTION,
+    dynamics,
+    lanes,
+    side_by_side,
+)
+from twin_gait.simulation.rooms.upper_body import move_tips, pull_harness, push_crutches
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -29,6 +39,10 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
     """
     if WITH_FRICTION:
         side_by_side(e, WITH_FRICTION, staged, _friction_arguments, geared_friction_torque, _keep_friction)
+    if CRUTCHES > 0:
+        for one in lanes(e):
+            q, v = _state(one, staged)
+            push_crutches(one, q, v)
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)
@@ -48,9 +62,17 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
                 brace.torque = brace_torque(brace, q[i], v[i], q[i + SHIFT], v[i + SHIFT])
                 one.torque[i] -= brace.torque
                 one.torque[i + SHIFT] += brace.torque
+    if PITCH >= 0:
+        for one in lanes(e):
+            q, v = _state(one, staged)
+            pull_harness(one, q, v)
     for one in lanes(e):
         q, v = _state(one, staged)
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
+    if CRUTCHES > 0:
+        for one in lanes(e):
+            q, v = _state(one, staged)
+            move_tips(one, q, v)
 
 
 def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, ...]:

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from twin_gait.control.gait_controller import LEGS, begin_tick, enter_phase, fade, write_signals
+from twin_gait.control.gait_controller import (
+    LEGS,
+    begin_tick,
+    enter_phase,
+    fade,
+    is_sent,
+    send_to_posture,
+    supervise,
+    write_signals,
+)
 from twin_gait.core.guards import (
     NO_TRANSITION,
     OP_COMPARE,
@@ -35,6 +44,17 @@ def decide(e: Episode, tick: int) -> None:
                     _switch(one, number, tick)
     for number in range(LEGS):
         _blend(e, number, tick)
+
+
+def choose_modes(e: Episode, tick: int) -> None:
+    """Let the supervisor choose the mode, and send the legs into its posture."""
+    for one in each(e):
+        supervise(one.controller, one.rates, tick)
+        for number in range(LEGS):
+            if is_sent(one.controller, number):
+                supervisor = one.controller.supervisor
+                _note(one, number, tick, supervisor.modes[supervisor.mode].posture, NO_TRANSITION)
+                send_to_posture(one.controller, number, tick)
 
 
 def advance(e: Episode, number: int, tick: int) -> None:
@@ -103,13 +123,18 @@ def _blend(e: Episode, number: int, tick: int) -> None:
 
 def _switch(e: Episode, number: int, tick: int) -> None:
     """Note a transition, and take it."""
-    leg = e.controller.legs[number]
+    chosen = e.controller.legs[number].chosen
+    _note(e, number, tick, e.controller.program.transitions[chosen].target, chosen)
+    enter_phase(e.controller, number, tick)
+
+
+def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> None:
+    """Note a switch of a leg."""
     if e.recording.n_switches < e.recording.most_switches:
         row = switch_row(e, e.recording.n_switches)
         row.tick = tick
         row.leg = number
-        row.source = leg.phase
-        row.target = e.controller.program.transitions[leg.chosen].target
-        row.transition = leg.chosen
+        row.source = e.controller.legs[number].phase
+        row.target = target
+        row.transition = transition
     e.recording.n_switches += 1
-    enter_phase(e.controller, number, tick)

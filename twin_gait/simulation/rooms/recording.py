@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from twin_gait.control.gait_controller import SUPERVISED
+from twin_gait.core.arms import Arm
 from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
+    CRUTCHES,
     FORWARD,
     PASSIVE,
     PELVIS,
+    PITCH,
     POINTS_PER_FOOT,
     POWERED_ANKLES,
     SHIFT,
@@ -15,9 +19,10 @@ from twin_gait.simulation.interface import (
     log_row,
     observe,
 )
-from twin_gait.simulation.log import JointRow, LogRow, PassiveRow
+from twin_gait.simulation.log import CrutchRow, JointRow, LogRow, PassiveRow
 from twin_gait.simulation.rooms.motion import acceleration
 from twin_gait.simulation.rooms.sensors import normal_force, point_force
+from twin_gait.simulation.rooms.upper_body import energy_of_tips
 
 
 def record(e: Episode, tick: int) -> None:
@@ -50,6 +55,16 @@ def _record_whole(e: Episode, row: LogRow) -> None:
     if FORWARD >= 0:
         row.forward.pelvis_forward = e.q[FORWARD]
         row.forward.pelvis_forward_velocity = e.v[FORWARD]
+    if PITCH >= 0:
+        row.trunk.trunk_pitch = e.q[PITCH]
+        row.trunk.trunk_pitch_velocity = e.v[PITCH]
+        row.trunk.measured_trunk_pitch = e.controller.common.trunk_pitch
+    if CRUTCHES > 0:
+        of_tips = energy_of_tips(e)
+        kinetic += of_tips[0]
+        potential += of_tips[1]
+        for number in range(CRUTCHES):
+            _record_crutch(e, e.arms[number], row.crutches[number])
     row.bus_voltage = e.supply.bus_voltage
     row.battery_power = e.supply.power
     row.kinetic_energy = kinetic
@@ -62,8 +77,24 @@ def _record_whole(e: Episode, row: LogRow) -> None:
     row.works.patient_work = e.works.patient_work
     row.safety_state = 1.0 if e.controller.trip.tick >= 0 else 0.0
     row.trip_cause = float(e.controller.trip.cause)
+    if SUPERVISED:
+        supervisor = e.controller.supervisor
+        row.supervisor.mode = float(supervisor.mode)
+        row.supervisor.request = float(supervisor.request)
+        row.supervisor.refused = float(supervisor.refused)
     if SHIFT > 0:
         _record_braces(e, row)
+
+
+def _record_crutch(e: Episode, arm: Arm, out: CrutchRow) -> None:
+    """Write place and load of a tip, and what the arm does."""
+    out.crutch_forward = e.q[arm.place]
+    out.crutch_height = e.q[arm.place + 1]
+    out.crutch_normal_force = arm.tip.upward
+    out.crutch_friction_force = arm.tip.forward
+    out.arm_push = arm.push
+    out.shoulder_moment = arm.moment
+    out.arm_power = arm.power
 
 
 def _record_joint(e: Episode, number: int, out: JointRow) -> None:

@@ -6,9 +6,14 @@ from twin_gait.control.gait_controller import hear_trunk
 from twin_gait.control.joint_board import model_friction, read_encoder, sample_velocity
 from twin_gait.core.contact import along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
+from twin_gait.core.inertial import follow_pitch, trunk_specific_force
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
     FAULTY,
+    FORWARD,
+    INERTIAL,
+    PELVIS,
+    PITCH,
     POINTS_PER_FOOT,
     SLOPED,
     contact_forces,
@@ -33,13 +38,30 @@ def measure(e: Episode, tick: int) -> None:
         _measure_slowly(e, tick)
     if POINTS_PER_FOOT > 0:
         _measure_loads(e, tick)
+    if INERTIAL:
+        for one in lanes(e):
+            _measure_pitch(one, tick)
     for one in lanes(e):
         hear_trunk(one.controller, trunk_pitch(one))
 
 
 def trunk_pitch(one: Episode) -> float:
-    """Pitch of the trunk in [rad]: none, as the pelvis is guided."""
+    """Pitch of the trunk as it is known in [rad], forwards positive; none if the pelvis is guided."""
+    if INERTIAL:
+        return one.trunk_unit.pitch
+    if PITCH >= 0:
+        return one.q[PITCH]
     return 0.0
+
+
+def _measure_pitch(one: Episode, tick: int) -> None:
+    """Let the inertial unit of the trunk feel the last accelerations; at rest at the start."""
+    unit, noise, first = one.trunk_unit, noise_row(one, tick), len(one.joints)
+    rate = one.v[PITCH]
+    ahead, up = trunk_specific_force(
+        unit, one.q[PITCH], rate, one.a[PITCH], one.a[FORWARD], one.a[PELVIS], one.gravity
+    )
+    follow_pitch(unit, rate + noise[first], ahead + noise[first + 1], up + noise[first + 2], one.rates.period)
 
 
 def _reading(one: Episode, number: int, tick: int) -> float:

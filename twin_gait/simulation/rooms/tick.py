@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 
-from twin_gait.control.gait_controller import CONTROLLED, change_demands
-from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, Episode
-from twin_gait.simulation.interface import NETWORKED, PELVIS, SHIFT, each, lanes
+from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
+from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
+from twin_gait.simulation.interface import CRUTCHES, NETWORKED, PELVIS, PITCH, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
 from twin_gait.simulation.rooms.network import exchange, tell
-from twin_gait.simulation.rooms.phases import decide
+from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
 from twin_gait.simulation.rooms.surroundings import catch, command
+from twin_gait.simulation.rooms.upper_body import use_crutches
 from twin_gait.simulation.rooms.wearer import push
 
 
@@ -49,6 +50,8 @@ def think(e: Episode, tick: int) -> None:
     tell(e, tick)
     if e.watching:
         watch(e, tick)
+    if SUPERVISED:
+        choose_modes(e, tick)
     walking = False
     for one in lanes(e):
         walking |= one.controller.trip.tick < 0
@@ -68,6 +71,9 @@ def act(e: Episode, tick: int) -> bool:
     if NETWORKED:
         exchange(e, tick)
     push(e, tick)
+    if CRUTCHES > 0:
+        for one in each(e):
+            use_crutches(one, tick)
     for one in lanes(e):
         catch(one, tick)
     if e.recording.on:
@@ -88,6 +94,13 @@ def status_of(e: Episode) -> int:
     if PELVIS >= 0:
         if e.q[PELVIS + SHIFT] < e.ends.fall_height:
             status = FELL
+    if PITCH >= 0:
+        if abs(e.q[PITCH]) > e.ends.fall_pitch:
+            status = TIPPED
+    if CRUTCHES > 0:
+        for number in range(CRUTCHES):
+            if e.arms[number].length > e.ends.longest_reach:
+                status = LET_GO
     for i in range(len(e.q)):
         if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.ends.diverged_velocity):
             status = DIVERGED

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
 from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.live.window import LiveWindow
 from twin_gait.viewer.motion import (
+    MODE,
     Footing,
     LegMotion,
     Motion,
@@ -23,8 +23,8 @@ from twin_gait.viewer.motion import (
     leg_columns,
 )
 from twin_gait.viewer.page import leg_entry, page_data
-from twin_gait.viewer.staging import build_scene
-from twin_gait.vocabulary import HOLD, JointName, Side, Surroundings
+from twin_gait.viewer.staging import Setting, build_scene
+from twin_gait.vocabulary import HOLD, JointName, Side
 
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
@@ -59,35 +59,32 @@ class LiveFigure:
         drives: Sequence[JointName],
         title: str,
         subtitle: str = "",
-        patient: Patient | None = None,
-        slope: float = 0.0,
-        around: Surroundings | None = None,
         phases: Sequence[str] = (),
+        modes: Sequence[str] = (),
+        **setting: Unpack[Setting],
     ) -> None:
         """Draw.
 
         Args:
             drives: Joints with a motor.
-            patient: The wearer to draw, or None.
-            slope: By which the belt rises forwards in [rad].
-            around: What is drawn around the figure; None guesses it from the model.
+            modes: Names of the operating modes in the order of their codes.
+            setting: What is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`.
 
         Raises:
             ModelError: If the URDF cannot be read.
             ViewerError: If a mesh cannot be read.
         """
         self.window = LiveWindow()
-        self._model, self._phases, self._slope = model, (*phases, HOLD), slope
+        self._model, self._phases, self._slope = model, (*phases, HOLD), setting.get("slope", 0.0)
         self._drives = tuple(drives)
-        self._scene = build_scene(
-            self.window, model, drives=drives, around=around, patient=patient, slope=slope
-        )
+        self._scene = build_scene(self.window, model, drives=drives, **setting)
+        self._forces = {"force": bool(self._scene.arrows), "crutch": setting.get("crutches") is not None}
         self._time, self._travelled = 0.0, 0.0
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
         self.page = page_data(
             mode="live", title=title, subtitle=subtitle, missing_meshes=self._scene.missing_meshes,
-            view=self._scene.view, phases=self._phases, arrows=bool(self._scene.arrows),
+            view=self._scene.view, phases=self._phases, modes=modes, arrows=bool(self._scene.arrows),
             legs=[leg_entry(side, ["phase", *columns]) for side, columns in self._columns.items()],
         )  # fmt: skip
         self.window.describe(self.page)
@@ -115,10 +112,12 @@ class LiveFigure:
         if not np.isfinite(posture).all():
             return  # a walk that diverged stays as it was last seen
         legs = {side: self._leg(side, time, posture, row) for side in self._model.sides}
-        motion = Motion(np.array([time]), posture[None, :], legs, self._phases)
+        columns = {name: np.array([value]) for name, value in row.items() if not isinstance(value, str)}
+        motion = Motion(np.array([time]), posture[None, :], legs, self._phases, columns)
         self._scene.apply(self._scene.state_at(motion, 0, belt_speed) | self._belt(time, belt_speed))
         numbers = [self._numbers(side, row) for side in self._model.sides]
         sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}
+        sample |= {"mode": int(row[MODE])} if MODE in row else {}
         self.window.sample(sample)
 
     def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
@@ -155,10 +154,11 @@ class LiveFigure:
         return self._phases.index(HOLD if held else row[f"{side}_phase"])
 
     def _read_out(self, side: Side) -> dict[str, str]:
-        forces = bool(self._scene.arrows)
         columns = leg_columns(side, self._drives).items()
         return {
-            key: column for key, column in columns if not key.endswith(_UNUSED) and (forces or key != "force")
+            key: column
+            for key, column in columns
+            if not key.endswith(_UNUSED) and self._forces.get(key, True)
         }
 
     def _numbers(self, side: Side, row: Mapping[str, Any]) -> dict[str, float]:

@@ -11,13 +11,14 @@
 //   {mode: "recorded", runs: [RUN, ...]}, {mode: "live"} or {mode: "model", runs: [RUN]}
 // RUN, and what describes a live scene:
 //   {title, subtitle, notes: [text], view: {target, direction, width, height, field_of_view},
-//    phases: [{name, label, short, colour, ink}], legs: [{side, label, colour, dark, shows: [key]}],
+//    phases: [{name, label, short, colour, ink}], modes: [label], legs: [{side, label, colour, dark, shows: [key]}],
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote,
 //    strides: {side, starts: [s]} or null, events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word,
 //    walk: [[label, left, right, healthy]], a head and rows of texts, or nothing; network: likewise, of the frames of a bus}
 // A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
-//   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: {starts: [s], codes: [n]} or null}]}
+//   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: SPELLS or null}],
+//    modes: SPELLS or null}, SPELLS being {starts: [s], codes: [n]}
 // where times are those of frames, and a series has the frames and what lies between them (steps from point to point),
 // and the commands of meshcat's viewer, each after its length in four bytes, lowest first.
 // That of a model holds `scene` and `joints`, see twin_gait/viewer/urdf_page.py.
@@ -27,10 +28,10 @@
 //   {type: "page", path: "", page: DESCRIPTION}      what is shown from now on; starts the curves anew
 //   {type: "sample", path: "", sample: SAMPLE}       one moment
 // SAMPLE: {time: s, legs: [{phase: code, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}],
-// events: all of the run so far}, legs in the order of the description; curves are all that has been since the last
+// events: all of the run so far, mode: code}, legs in the order of the description; curves are all that has been since the last
 // sample.
 // Keys of values, JOINT being hip, knee or ankle: JOINT [deg]; JOINT_torque [N m]; JOINT_ before impedance,
-// friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force [N].
+// friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force, crutch [N].
 // A key that `shows` does not name is not read out; one that is not sent shows as a dash.
 //
 // For a further script: window.twinGait = {show(sample), take(bytes), page(), stage, plots, theme, tell,

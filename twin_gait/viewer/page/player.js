@@ -64,7 +64,7 @@ const player = {
   async add(page, name) {
     const frames = JSON.parse(new TextDecoder().decode(await inflate(page.frames)));
     const legs = page.legs.map((leg, index) => ({ ...leg, phases: frames.legs[index].phases, series: unfolded(frames.legs[index].series) }));
-    const run = { name, page, legs, times: frames.times.map((t) => t / 1000) };
+    const run = { name, page, legs, modes: frames.modes, times: frames.times.map((t) => t / 1000) };
     const stage = new Stage(name ? `Scene of run ${name}` : "Scene");
     const head = new Readout(stage.head, name);
     this.runs.push(run);
@@ -236,7 +236,8 @@ const player = {
       for (const [key, series] of Object.entries(leg.series)) values[key] = value_at(series, at) ?? NaN;
       return values;
     });
-    return { time: at, legs, events: run.page.events.filter((event) => event.time <= at + 5e-4), stride: this.stride(run, at) };
+    const mode = run.modes ? spell(run.modes, at) : undefined;
+    return { time: at, legs, mode, events: run.page.events.filter((event) => event.time <= at + 5e-4), stride: this.stride(run, at) };
   },
 
   // Where in which stride a run is, in words, if runs are compared so.

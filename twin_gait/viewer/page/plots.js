@@ -45,7 +45,10 @@ const plots = {
     const sets = [
       { name: "Angles and motor torques", panels: [...each("", "°"), ...each("_torque", "N·m", "motor torque")] },
       ...(this.runs[0] ? this.runs[0].legs.map((leg) => this.split(leg)) : []),
-      { name: "Ground force", panels: [{ label: "Ground force on the foot", unit: "N", lines: this.lines("force") }] },
+      { name: "Ground force", panels: [
+        { label: "Ground force on the foot", unit: "N", lines: this.lines("force") },
+        { label: "Ground force on the crutch", unit: "N", lines: this.lines("crutch") },
+      ] },
     ];
     for (const set of sets) set.panels = set.panels.filter((panel) => panel.lines.length);
     return sets.filter((set) => set.panels.length);

@@ -13,10 +13,11 @@ class Readout {
     const title = make("h1", "title", page.title);
     if (this.name) title.prepend(make("span", "badge", this.name));
     this.clock = make("p", "clock");
+    this.mode = make("p", "mode");
     this.table = make("table", "read");
     this.alarm = make("ul", "alarm");
     this.alarm.setAttribute("role", "status");
-    this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.alarm, this.table,
+    this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.mode, this.alarm, this.table,
       make("p", "notes", page.notes.join(" ")));
     for (const [title, table] of [["The walk in numbers", page.walk], ["The bus in numbers", page.network]]) {
       if (table?.length) this.card.append(Readout.measures(title, table));
@@ -49,7 +50,7 @@ class Readout {
       rows.push([joint, `${label} angle`, 1, "°"], [`${joint}_torque`, "motor torque", 1, " N·m"]);
       for (const part of page.parts) rows.push([`${joint}_${part.key}`, part.label, 1, " N·m", part.colour]);
     }
-    rows.push(["force", "Ground force", 0, " N"]);
+    rows.push(["force", "Ground force", 0, " N"], ["crutch", "Crutch force", 0, " N"]);
     return rows.filter(([key]) => page.legs.some((leg) => leg.shows.includes(key)));
   }
 
@@ -96,6 +97,7 @@ class Readout {
     this.clock.textContent = `${sample.time.toFixed(3)} s` +
       (page.duration === null ? "" : ` of ${page.duration.toFixed(2)} s${page.outcome ? `, ${page.outcome}` : ""}`);
     if (sample.stride) this.clock.textContent += `; ${sample.stride}`;
+    this.mode.textContent = page.modes?.[sample.mode] ?? "";
     this.warn(sample.events ?? []);
     sample.legs.forEach((leg, index) => {
       for (const [key, , digits, unit] of this.rows) {

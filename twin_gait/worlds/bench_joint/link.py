@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
-from twin_gait.parameters import FrictionLaw, StopParameters
+from twin_gait.parameters import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, FrictionLaw, StopParameters
 from twin_gait.parameters.quantities import (
     COUNT,
     NOT_NEGATIVE,
@@ -115,11 +115,10 @@ class InertialSensor(StrEnum):
     ACCELEROMETER = "accelerometer"  # the specific force along the path of the unit
 
 
-# Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
-# unit (MPU-6050 data sheet, from memory).
+# Noise of a sample at 1 kHz.
 INERTIAL_NOISE: Mapping[InertialSensor, float] = {
-    InertialSensor.GYROSCOPE: math.radians(0.005) * math.sqrt(500.0),  # [rad] / [s]
-    InertialSensor.ACCELEROMETER: 400e-6 * 9.81 * math.sqrt(500.0),  # [m] / [s²]
+    InertialSensor.GYROSCOPE: GYROSCOPE_NOISE,
+    InertialSensor.ACCELEROMETER: ACCELEROMETER_NOISE,
 }
 
 

@@ -1,0 +1,131 @@
+"""Does a walk with crutches carry ten metres, for whom, and what do the arms do for it?
+
+The preset ``overground`` for wearers of 55 to 95 kg and 1.60 to 1.90 m with noise on the encoders, each with
+three seeds; what the arms give beside published ranges; and the same walks without arms. A minute; page:
+docs/overground.md.
+"""
+
+# %%
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from gallery import form_of
+
+from twin_gait import Experiment, Run, load_experiment, simulate, summarise
+
+MASSES, HEIGHTS, SEEDS = (55, 65, 75, 85, 95), (1.60, 1.70, 1.80, 1.90), (1, 2)
+WAY, SPEEDS = 10.0, (0.2, 0.42)  # [m], [m/s]
+NOISE = 0.02  # [deg], of the encoders from tick to tick (an assumption)
+
+# What others give for people with a complete injury in an exoskeleton with crutches. "recalled" was not
+# found again, and is worth as much.
+PUBLISHED = {
+    "speed [m/s]": (
+        "0.13 to 0.55",
+        "measured: Wu et al. 2018; Hartigan et al. 2015; Tefertiller et al. 2018",
+    ),
+    "step length [m]": ("0.29 to 0.41", "measured: Wu et al. 2018, from ways and steps"),
+    "mean load of a crutch [% of weight]": ("10 to 20", "recalled, low confidence"),
+    "peak load of a crutch [% of weight]": ("20 to 40", "recalled, low confidence"),
+    "lean of the trunk [deg]": ("5 to 20", "recalled, low confidence"),
+    "electric energy [J/m]": ("530", "recalled: Farris et al. 2011, 117 W at 0.22 m/s"),
+}
+
+
+# %%
+def experiment(mass: float, height: float, seed: int) -> Experiment:
+    """The shipped walk with another wearer, for as long as ten metres take at the least speed."""
+    settings = [
+        f"patient.mass_kg={mass}",
+        f"patient.height_m={height}",
+        f"sensors.angle_noise_deg={NOISE}",
+        f"seed={seed}",
+        f"duration_s={WAY / SPEEDS[0]}",
+    ]
+    return load_experiment("overground", settings).experiment
+
+
+def time_to(run: Run, way: float) -> float | None:
+    """When the pelvis has come so far, in [s]; None if it never has."""
+    place = run.log["pelvis_forward_m"].to_numpy()
+    there = np.flatnonzero(place - place[0] >= way)
+    return float(run.log["time_s"].iloc[there[0]]) if len(there) else None
+
+
+def row_of(mass: float, height: float, seed: int, run: Run) -> dict[str, object]:
+    """How one wearer fares."""
+    time = time_to(run, WAY)
+    speed = None if time is None else WAY / time
+    return {
+        "mass [kg]": mass,
+        "height [m]": height,
+        "seed": seed,
+        "10 m in [s]": "-" if time is None else f"{time:.1f}",
+        "speed [m/s]": "-" if speed is None else f"{speed:.2f}",
+        "reaches": speed is not None and SPEEDS[0] <= speed <= SPEEDS[1],
+        "ends": run.reason or str(run.status),
+    }
+
+
+def beside_published(run: Run) -> list[dict[str, str]]:
+    """The walk of the preset itself beside what is published."""
+    found = summarise(run)
+    free, arms = found["free_trunk"], list(found["free_trunk"]["arms"].values())
+    steps = [side["walk"]["step_length_m"] for side in found["sides"].values()]
+    ours = {
+        "speed [m/s]": f"{free['speed_m_per_s']:.2f}",
+        "step length [m]": f"{np.mean(steps):.2f}",
+        "mean load of a crutch [% of weight]": f"{100 * np.mean([arm['mean_share'] for arm in arms]):.0f}",
+        "peak load of a crutch [% of weight]": f"{100 * max(arm['peak_share'] for arm in arms):.0f}",
+        "lean of the trunk [deg]": f"{free['lean_lowest_deg']:.0f} to {free['lean_highest_deg']:.0f}",
+        "electric energy [J/m]": f"{free['battery_energy_per_metre_J']:.0f}",
+    }
+    return [
+        {"": name, "simulated": value, "published": PUBLISHED[name][0], "label": PUBLISHED[name][1]}
+        for name, value in ours.items()
+    ]
+
+
+def draw(run: Run) -> plt.Figure:
+    """Way, lean and loads of the crutches."""
+    figure, axes = plt.subplots(3, 1, figsize=(7, 7), sharex=True, layout="constrained")
+    time = run.log["time_s"]
+    axes[0].plot(time, run.log["pelvis_forward_m"])
+    axes[0].set_ylabel("way of the pelvis [m]")
+    axes[1].plot(time, np.degrees(run.log["trunk_pitch_rad"]))
+    axes[1].set_ylabel("lean of the trunk [°]")
+    for side in run.sides:
+        axes[2].plot(time, run.log[f"{side}_crutch_normal_force_N"], label=f"{side} crutch", linewidth=0.8)
+    axes[2].set_ylabel("load [N]")
+    axes[2].set_xlabel("time [s]")
+    axes[2].legend(frameon=False)
+    return figure
+
+
+# %%
+if __name__ == "__main__":
+    form = form_of("overground")
+    walk = simulate(load_experiment("overground").experiment)
+    draw(walk).savefig(form.out / "overground.png", dpi=110)
+    comparison = beside_published(walk)
+    for line in comparison:
+        print(line)
+    free = summarise(walk)["free_trunk"]
+    print("without arms:", free["without_arms"])
+    grid = [(m, h, s) for m in MASSES for h in HEIGHTS for s in SEEDS]
+    cases = [row_of(*case, simulate(experiment(*case))) for case in (grid[:1] if form.quick else grid)]
+    for case in cases:
+        print(case)
+    reached = [bool(case.pop("reaches")) for case in cases]
+    print(f"{sum(reached)} of {len(cases)} walk {WAY:g} m at {SPEEDS[0]:g} to {SPEEDS[1]:g} m/s")
+    form.keep(
+        {
+            "comparison": comparison,
+            "without_arms": free["without_arms"],
+            "arms": free["arms"],
+            "cases": cases,
+            "reached": sum(reached),
+            "share_percent": 100.0 * sum(reached) / len(cases),
+        }
+    )

@@ -1,0 +1,291 @@
+"""Arms that hold crutches: their force against virtual work, its limits, and what the policy may do when."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from twin_gait.core.arm_policy import LOWERED, PLANTED, SWUNG, Habit, Sense, move_arm, new_sense, plant_crutch
+from twin_gait.core.arms import Arm, Grip, arm_force, turn_grip
+from twin_gait.core.estimation import delayed_sample, new_delay_line
+from twin_gait.core.plant import Stop
+from twin_gait.core.trunk import Harness, harness_pull, pitching_moment
+
+SHOULDER = 0.5  # [m] above the hips
+HABIT = Habit(
+    lean=0.1,
+    push=80.0,
+    push_per_lean=600.0,
+    push_per_rate=150.0,
+    turn=5.0,
+    stiffness=4000.0,
+    damping=400.0,
+    turning_stiffness=60.0,
+    turning_damping=12.0,
+    swing_stiffness=300.0,
+    swing_damping=20.0,
+    yielding=0.01,
+    lift_ahead=0.15,
+    reach=0.35,
+    clearance=0.06,
+    swing_ticks=40,
+    planted_ticks=20,
+    lowering=0.00025,
+    touch=15.0,
+    longest=1.43,
+)
+
+
+def arm_of(delay: int = 0, **limits: float) -> Arm:
+    grip = Grip(80.0, -5.0, 1.4, 0.0, 4000.0, 400.0, 60.0, 12.0)
+    turn_grip(grip, 0.3)
+    wide = {"push_limit": 1e6, "pull_limit": 1e6, "moment_limit": 1e6, **limits}
+    return Arm(9, 0.5, grip=grip, felt_ahead=new_delay_line(delay), felt_load=new_delay_line(delay), **wide)
+
+
+def strut(state: np.ndarray) -> np.ndarray:
+    """Length of the strut, and angle against the trunk, of (x, z, θ) of the hips and (x, z) of the tip."""
+    x, z, pitch, tip_x, tip_z = state
+    away = complex(tip_x - x - SHOULDER * math.sin(pitch), tip_z - z - SHOULDER * math.cos(pitch))
+    # In polar coordinates that begin below, forwards positive; the trunk leans against them.
+    return np.array([abs(away), np.angle(away * 1j) + pitch])
+
+
+def jacobian(state: np.ndarray) -> np.ndarray:
+    """By central differences, shape ``(2, 5)``."""
+    steps = 1e-6 * np.eye(5)
+    return np.array([(strut(state + step) - strut(state - step)) / 2e-6 for step in steps]).T
+
+
+def forces(arm: Arm, state: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    """What the arm does on the five coordinates, as the room of the upper body puts it together."""
+    (x, z, pitch, tip_x, tip_z), (vx, vz, turning, ux, uz) = state, rates
+    sine, cosine, ahead, up = math.sin(pitch), math.cos(pitch), tip_x - x, tip_z - z
+    seen = ux - vx - up * turning, uz - vz + ahead * turning
+    fx, fz = arm_force(arm, sine, cosine, ahead - SHOULDER * sine, up - SHOULDER * cosine, *seen)
+    return np.array([-fx, -fz, -pitching_moment(ahead, up, fx, fz), fx, fz])
+
+
+states = st.tuples(
+    st.floats(-0.5, 0.5), st.floats(0.7, 1.1), st.floats(-0.5, 0.9), st.floats(-0.4, 1.0), st.floats(0.0, 0.2)
+).map(np.array)
+speeds = st.tuples(*[st.floats(-2.0, 2.0)] * 5).map(np.array)
+
+
+@given(state=states, rates=speeds)
+def test_an_arm_does_the_work_of_its_push_and_its_moment(state: np.ndarray, rates: np.ndarray) -> None:
+    """Virtual work: Q = P ∂ℓ/∂q + M ∂φ/∂q, with the law of P and M in ℓ, φ and their rates."""
+    arm = arm_of()
+    found, grip = forces(arm, state, rates), arm.grip
+    (length, angle), turned = strut(state), jacobian(state)
+    lengthening, turning = turned @ rates
+    push = 80.0 + 4000.0 * (1.4 - length) - 400.0 * lengthening
+    away = 0.3 - angle
+    moment = -5.0 + length * (60.0 * 1.4 * math.sin(away) - 12.0 * length * turning)
+    assert_allclose([arm.push, arm.moment, arm.length], [push, moment, length], rtol=1e-7, atol=1e-5)
+    assert_allclose(arm.aside, 1.4 * math.sin(grip.angle - angle), atol=1e-9)
+    assert_allclose(found, push * turned[0] + moment * turned[1], rtol=1e-7, atol=1e-4)
+
+
+@given(state=states, rates=speeds)
+def test_no_arm_pushes_or_turns_beyond_its_limits(state: np.ndarray, rates: np.ndarray) -> None:
+    arm = arm_of(push_limit=300.0, pull_limit=50.0, moment_limit=20.0)
+    free = arm_of()
+    fx, fz = forces(arm, state, rates)[3:]
+    forces(free, state, rates)
+    assert arm.push == min(max(free.push, -50.0), 300.0)
+    assert arm.moment == min(max(free.moment, -20.0), 20.0)
+    assert_allclose(math.hypot(fx, fz), math.hypot(arm.push, arm.moment / arm.length), rtol=1e-12)
+
+
+def test_an_arm_that_hangs_pushes_down_and_its_moment_forwards() -> None:
+    arm = arm_of()
+    arm.grip.turn, arm.grip.stiffness, arm.grip.turning_stiffness = 7.0, 0.0, 0.0
+    assert_allclose(arm_force(arm, 0.0, 1.0, 0.0, -1.4, 0.0, 0.0), (5.0, -80.0), atol=1e-12)
+
+
+@given(state=states, rates=speeds)
+def test_a_trunk_that_turns_as_a_whole_with_its_crutch_feels_no_damping(
+    state: np.ndarray, rates: np.ndarray
+) -> None:
+    x, z, _, tip_x, tip_z = state
+    vx, vz, turning = rates[:3]
+    along = np.array([vx, vz, turning, vx + (tip_z - z) * turning, vz - (tip_x - x) * turning])
+    still, turned = arm_of(), arm_of()
+    assert_allclose(forces(turned, state, along), forces(still, state, np.zeros(5)), atol=1e-9)
+
+
+# ------------------------------------------------------------------ the harness
+
+
+@given(pitch=st.floats(-0.5, 1.0), fx=st.floats(-100.0, 100.0), fz=st.floats(-100.0, 100.0))
+def test_the_pitching_moment_is_what_a_force_does_as_the_trunk_turns(
+    pitch: float, fx: float, fz: float
+) -> None:
+    def place(angle: float) -> np.ndarray:
+        return SHOULDER * np.array([math.sin(angle), math.cos(angle)])
+
+    way = (place(pitch + 1e-6) - place(pitch - 1e-6)) / 2e-6
+    assert_allclose(pitching_moment(*place(pitch), fx, fz), way @ [fx, fz], atol=1e-6)
+
+
+def test_the_harness_pulls_with_its_share_and_locks_from_below_only() -> None:
+    harness = Harness(0.4, 300.0, 90.0, Stop(0.0, 0.0, 0.0, 0.0))
+    assert harness_pull(harness, 1.2, -0.5) == 300.0 + 45.0
+    harness.stop = Stop(1.3, math.inf, 1e4, 2.0)
+    assert_allclose(harness_pull(harness, 1.2, -0.5), 345.0 + 1e4 * 0.1 * (1.0 + 2.0 * 0.5))
+    assert harness_pull(harness, 1.4, -0.5) == 345.0 == harness.pull
+
+
+# ------------------------------------------------------------------ the policy
+
+
+def planted(delay: int = 0, ticks: int = 0) -> Arm:
+    arm = arm_of(delay)
+    arm.length = 1.4
+    plant_crutch(HABIT, arm)
+    arm.since = ticks
+    return arm
+
+
+def sense_of(lean: float = 0.1, rate: float = 0.0, stepping: float = 0.0) -> Sense:
+    sense = new_sense(0, lean)
+    sense.lean, sense.lean_rate, sense.stepping = lean, rate, stepping
+    return sense
+
+
+NEAR, FAR = 0.1, 0.3
+
+
+@pytest.mark.parametrize("lean", [-0.1, 0.1, 0.2, 5.0])
+def test_a_planted_crutch_is_pushed_more_the_more_the_trunk_leans(lean: float) -> None:
+    arm, other = planted(), planted()
+    arm.push_limit = 400.0
+    move_arm(HABIT, sense_of(lean, 0.2), arm, other, FAR, 80.0)
+    assert_allclose(arm.grip.push, min(max(80.0 + 600.0 * (lean - 0.1) + 150.0 * 0.2, 0.0), 400.0))
+    assert arm.grip.turn == -5.0
+
+
+def test_loaded_muscles_yield_with_their_time_constant() -> None:
+    """A strut held elsewhere: (1 - α)^n of the way is left."""
+    arm, other = planted(), planted()
+    turn_grip(arm.grip, 0.3)
+    for _ in range(50):
+        arm.length, arm.aside = 1.3, arm.grip.length * math.sin(arm.grip.angle - 0.28)
+        move_arm(HABIT, sense_of(), arm, other, FAR, 80.0)
+    left = 0.99**50
+    assert_allclose(arm.grip.length - 1.3, 0.1 * left, rtol=1e-12)
+    assert_allclose(arm.grip.angle - 0.28, 0.02 * left, rtol=0.05)  # aside over length is no arc
+    assert (arm.grip.sine, arm.grip.cosine) == pytest.approx(
+        (math.sin(arm.grip.angle), math.cos(arm.grip.angle))
+    )
+
+
+@pytest.mark.parametrize(
+    ("ticks", "others_ticks", "others", "stepping", "ahead", "lifts"),
+    [
+        (20, 30, PLANTED, 0.0, NEAR, True),
+        (19, 30, PLANTED, 0.0, NEAR, False),
+        (20, 20, PLANTED, 0.0, NEAR, False),
+        (20, 30, SWUNG, 0.0, NEAR, False),
+        (20, 30, LOWERED, 0.0, NEAR, False),
+        (20, 30, PLANTED, 1.0, NEAR, False),
+        (20, 30, PLANTED, 0.0, FAR, False),
+    ],
+)
+def test_a_crutch_is_lifted_when_it_is_near_and_nothing_else_is_in_the_air(
+    ticks: int, others_ticks: int, others: int, stepping: float, ahead: float, lifts: bool
+) -> None:
+    arm, other = planted(ticks=ticks), planted(ticks=others_ticks)
+    other.doing = others
+    move_arm(HABIT, sense_of(stepping=stepping), arm, other, ahead, 80.0)
+    assert arm.doing == (SWUNG if lifts else PLANTED)
+    assert other.doing == others
+    if lifts:
+        assert_allclose(arm.grip.length, 1.4 - 0.06)
+        assert arm.grip.push == arm.grip.turn == 0.0
+
+
+def test_a_swing_goes_by_minimum_jerk_to_the_reach_whatever_the_trunk_does() -> None:
+    arm, other = planted(ticks=20), planted(ticks=30)
+    move_arm(HABIT, sense_of(0.1), arm, other, NEAR, 80.0)
+    start = arm.grip.angle - 0.1
+    for tick in range(1, 41):
+        lean = 0.1 + 0.01 * tick
+        move_arm(HABIT, sense_of(lean), arm, other, NEAR, 0.0)
+        s = tick / 40.0
+        share = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5
+        assert_allclose(arm.grip.angle - lean, start + share * (0.35 - start), atol=1e-12)
+        assert arm.doing == (SWUNG if tick < 40 else LOWERED)
+
+
+def test_a_crutch_is_lowered_at_its_speed_and_planted_as_it_is_when_it_carries() -> None:
+    arm, other = planted(), planted(ticks=99)
+    arm.doing, arm.grip.length = LOWERED, 1.3
+    for tick in range(1, 30):
+        move_arm(HABIT, sense_of(), arm, other, FAR, 14.9)
+        assert_allclose(arm.grip.length, 1.3 + 0.00025 * tick)
+    arm.length, arm.aside = 1.31, arm.grip.length * math.sin(0.01)
+    angle = arm.grip.angle - 0.01
+    move_arm(HABIT, sense_of(), arm, other, FAR, 15.1)
+    assert (arm.doing, arm.since, arm.grip.length) == (PLANTED, 0, 1.31)
+    assert_allclose(arm.grip.angle, angle, atol=1e-4)
+    assert (arm.grip.stiffness, arm.grip.turning_damping) == (4000.0, 12.0)
+
+
+def test_no_crutch_is_lowered_beyond_the_length_of_the_arm() -> None:
+    arm, other = planted(), planted()
+    arm.doing, arm.grip.length = LOWERED, 1.4299
+    for _ in range(5):
+        move_arm(HABIT, sense_of(), arm, other, FAR, 0.0)
+    assert arm.grip.length == 1.43
+
+
+def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
+    """Whatever is felt; each is lifted many times."""
+    arms, lifted = [planted(ticks=20), planted(ticks=30)], [0, 0]
+    habit = replace(HABIT, swing_ticks=5, planted_ticks=3)
+    for _ in range(3000):
+        sense = sense_of(*rng.uniform(-0.2, 0.4, 2), stepping=float(rng.random() < 0.2))
+        for number, arm in enumerate(arms):
+            before = arm.doing
+            move_arm(habit, sense, arm, arms[1 - number], rng.uniform(0.0, 0.4), rng.uniform(0.0, 30.0))
+            lifted[number] += before == PLANTED != arm.doing
+        assert PLANTED in (arms[0].doing, arms[1].doing)
+    assert min(lifted) > 50
+
+
+@pytest.mark.parametrize("delay", [0, 1, 25])
+def test_nothing_is_felt_before_the_delay_has_passed(delay: int) -> None:
+    """A step of all that is felt changes what the person does after the delay, not before."""
+
+    def course(step: float) -> list[tuple[float, ...]]:
+        arm, other, sense = planted(delay, 99), planted(delay, 99), new_sense(delay, 0.1)
+        arm.felt_ahead = new_delay_line(delay, FAR)
+        found = []
+        for tick in range(60):
+            changed = step if tick >= 10 else 0.0
+            sense.lean = delayed_sample(sense.felt_lean, tick, 0.1 + changed)
+            sense.lean_rate = delayed_sample(sense.felt_rate, tick, changed)
+            ahead = delayed_sample(arm.felt_ahead, tick, FAR - 3.0 * changed)
+            load = delayed_sample(arm.felt_load, tick, 80.0)
+            move_arm(HABIT, sense, arm, other, ahead, load)
+            found.append((arm.doing, arm.since, *astuple(arm.grip)))
+        return found
+
+    quiet, stepped = course(0.0), course(0.1)
+    first = next(tick for tick in range(60) if quiet[tick] != stepped[tick])
+    assert first == 10 + delay
+    assert {doing for doing, *_ in quiet} == {PLANTED} != {doing for doing, *_ in stepped}
+
+
+def test_who_has_leant_for_a_while_feels_that_from_the_start() -> None:
+    sense = new_sense(20, 0.14)
+    assert [delayed_sample(sense.felt_lean, tick, 9.0) for tick in range(22)] == [0.14] * 20 + [9.0] * 2
+    assert [delayed_sample(sense.felt_rate, tick, 9.0) for tick in range(22)] == [0.0] * 20 + [9.0] * 2

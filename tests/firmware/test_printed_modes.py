@@ -1,0 +1,46 @@
+"""The supervisor in C: over requests, postures and a trip it does what the simulation does, bit for bit."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from firmware_tools import require_tools
+
+from twin_gait import load_experiment
+from twin_gait.configuration.experiments import resolved_document
+from twin_gait.firmware.project import print_project
+from twin_gait.firmware.vectors import record_vectors
+
+TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
+REQUESTS = "walk@0.2s, sit@0.3s, step@0.4s, stop@1.6s, gravity@2.9s, stop@3.2s, twin_care@3.4s"
+
+
+@pytest.mark.slow  # compiles an engine, and the C
+def test_modes_in_c_are_those_of_the_simulation(tmp_path):
+    require_tools("gcc", "make")
+    experiment = load_experiment(
+        "treadmill_start_stop",
+        [
+            f"table={TABLE}",
+            "modes=twin",
+            "initial_mode=standing",
+            f"requests=[{REQUESTS}]",
+            "faults=[encoder_missing:left_knee@3.8s]",
+            "duration_s=4",
+        ],
+    ).experiment
+    project, vectors = print_project(experiment), record_vectors(experiment)
+    assert experiment.modes is not None
+    decision, names = vectors.outputs["decision"], np.array(experiment.modes.phase_names)
+    entered = names[decision["mode"][np.flatnonzero(np.diff(decision["mode"])) + 1]].tolist()
+    assert entered == [
+        *("walk_manual", "manual_step", "walk_manual", "stopping", "standing"),
+        *("gravity", "standing", "twin_care", "hold"),
+    ]
+    assert np.flatnonzero(decision["refused"]).tolist() == [300]
+    project.write(tmp_path, vectors, resolved_document(experiment, None, {}))
+    built = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "4000 ticks: 0 with other bits" in built.stdout

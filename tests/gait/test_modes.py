@@ -1,0 +1,308 @@
+"""The operating modes: which request is answered in which mode, and by what; the supervisor of the device."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from twin_gait.configuration import load_mode_table, packaged_mode_tables
+from twin_gait.control.supervisor import (
+    NO_POSTURE,
+    NO_REQUEST,
+    ModeCommand,
+    Supervisor,
+    choose_mode,
+    hear_request,
+)
+from twin_gait.exceptions import GaitTableError, MeasurementError, ParameterError
+from twin_gait.gait import Mode, ModeMachine, Transition, compile_guards, why_refused
+from twin_gait.gait.guards import MODE_WORDS, AllOf, parse_guard
+from twin_gait.gait.modes import TimedRequest, check_requests, parse_request
+from twin_gait.gait.signals import TIME, mode_signal_names, signal_of
+from twin_gait.testing import TransitionTest, transition_tests
+
+TWIN = load_mode_table("twin")
+STOP = {"stop": "stopping", "stand": "stopping"}
+# Where a request leads to that is answered, after 5 s with all joints straight, the trunk upright and no leg
+# in the air; the stages of a step after 1 s, since they end by themselves. All others are refused.
+ANSWERED = {
+    "sitting": {"stand": "sit_up"},
+    "sit_up": {"sit": "sit_down", "stop": "sit_down"},
+    "standing": {
+        "sit": "sit_down",
+        "walk": "walk_manual",
+        "walk_automatic": "walk_automatic",
+        "twin_care": "twin_care",
+        "gravity": "gravity",
+    },
+    "walk_manual": {"step": "manual_step", **STOP},
+    "manual_step": STOP,
+    "walk_automatic": STOP,
+    "automatic_step": STOP,
+    "twin_care": STOP,
+    "stopping": {},
+    "gravity": {"stop": "standing", "stand": "standing"},
+    "sit_down": {},
+    "hold": {},
+}
+PAIRS = [(mode, request) for mode in TWIN.phases for request in TWIN.requests]
+
+
+def after(mode: str, request: str | None, ticks: int, **signals: float) -> str:
+    """Mode after a request so long after the entry of a mode."""
+    machine = ModeMachine(TWIN, initial_phase=mode)
+    machine.take(ticks, {name.replace("__", "."): value for name, value in signals.items()}, request)
+    return machine.phase
+
+
+def ticks_in(mode: str) -> int:
+    return 1000 if mode.endswith("_step") else 5000
+
+
+def test_the_matrix_is_about_all_modes():
+    assert list(ANSWERED) != [] and set(ANSWERED) == set(TWIN.phases) and len(PAIRS) == 96
+
+
+@pytest.mark.parametrize(("mode", "request_"), PAIRS)
+def test_every_request_in_every_mode_is_answered_or_refused(mode, request_):
+    ticks = ticks_in(mode)
+    assert after(mode, request_, ticks) == ANSWERED[mode].get(request_, mode)
+    why = why_refused(TWIN, mode, request_, {}, ticks)
+    if request_ in ANSWERED[mode]:
+        assert why is None
+    else:
+        assert why is not None and why.startswith(f"{mode} does not answer {request_}; it answers ")
+
+
+def test_the_chair_is_for_who_stands_or_has_not_come_up():
+    assert {item.source for item in TWIN.transitions if item.target == "sit_down"} == {"standing", "sit_up"}
+
+
+def test_the_chair_is_for_who_has_stood_for_three_seconds():
+    assert after("standing", "sit", 2999) == "standing" and after("standing", "sit", 3000) == "sit_down"
+    assert why_refused(TWIN, "standing", "sit", {}, 2999) == "standing for 2.999 s, less than 3 s"
+
+
+def test_a_refusal_says_what_is_measured():
+    bent = {"left.hip.angle_deg": 25.0, "right.knee.angle_deg": 60.0}
+    assert why_refused(TWIN, "gravity", "stand", bent, 100) == (
+        "left.hip.angle_deg < 20 is not true: left.hip.angle_deg is 25, "
+        "right.knee.angle_deg < 20 is not true: right.knee.angle_deg is 60"
+    )
+    assert after("gravity", "stand", 100, left__hip__angle_deg=25.0) == "gravity"
+    nothing = why_refused(TWIN, "walk_manual", "step", {"legs_in_swing": math.nan}, 1)
+    assert nothing == "legs_in_swing < 0.5 is not true: legs_in_swing is nan"
+
+
+def test_a_request_is_refused_by_what_would_have_happened_anyway_just_as_well():
+    """A transition that is due without the request is no answer to it."""
+    supervisor = new_supervisor("sit_down")
+    hear_request(supervisor, code("stand"))
+    choose_mode(supervisor, 8000, False)
+    assert name_of(supervisor) == "sitting" and supervisor.refused == code("stand")
+
+
+# ------------------------------------------------------------------ the supervisor of the device
+
+
+def code(request: str | None) -> int:
+    return NO_REQUEST if request is None else 1 + TWIN.requests.index(request)
+
+
+def new_supervisor(mode: str = "sitting") -> Supervisor:
+    return Supervisor(
+        program=compile_guards(TWIN),
+        modes=[ModeCommand(NO_POSTURE, float(item.walk), float(item.step)) for item in TWIN.phases.values()],
+        hold=TWIN.phase_index("hold"),
+        swing=0,
+        signals=[0.0] * len(TWIN.signals),
+        debounce=[0] * len(TWIN.transitions),
+        mode=TWIN.phase_index(mode),
+    )
+
+
+def name_of(supervisor: Supervisor) -> str:
+    return TWIN.phase_names[supervisor.mode]
+
+
+def measure(supervisor: Supervisor, tick: int, **signals: float) -> None:
+    given = {name.replace("__", "."): value for name, value in signals.items()}
+    supervisor.signals[:] = TWIN.in_si({**given, TIME: 1e-3 * (tick - supervisor.entry_tick)})
+
+
+def lean(degrees: list[float], entered: int = 0) -> list[int]:
+    """Ticks in which the automatic walk makes a step while the trunk leans so."""
+    supervisor, steps = new_supervisor("walk_automatic"), []
+    for tick, pitch in enumerate(degrees, start=1):
+        measure(supervisor, tick, trunk__pitch_deg=pitch)
+        choose_mode(supervisor, tick, False)
+        if supervisor.entered:
+            steps.append(tick)
+            break
+    return steps
+
+
+def test_a_lean_has_to_pass_its_threshold_and_be_held():
+    assert lean([8.0 + 1e-9] * 199) == [] and lean([8.0 + 1e-9] * 200) == [200]
+    assert lean([8.0] * 1000) == [] and lean([8.0 - 1e-9] * 1000) == []
+
+
+def test_a_lean_that_is_broken_off_is_held_anew():
+    assert lean([9.0] * 199 + [8.0] + [9.0] * 200) == [400]
+    assert lean([9.0] * 199 + [math.nan] + [9.0] * 199) == []
+
+
+def test_what_is_not_measured_opens_nothing():
+    assert lean([math.nan] * 1000) == []
+    supervisor = new_supervisor("walk_manual")
+    measure(supervisor, 1, legs_in_swing=math.nan)
+    hear_request(supervisor, code("step"))
+    choose_mode(supervisor, 1, False)
+    assert name_of(supervisor) == "walk_manual" and supervisor.refused == code("step")
+    with pytest.raises(MeasurementError, match=r"supervisor: the trunk\.pitch_deg is nan"):
+        ModeMachine(TWIN, initial_phase="walk_automatic").take(1, {"trunk.pitch_deg": math.nan})
+
+
+@pytest.mark.parametrize("mode", TWIN.phase_names)
+def test_a_trip_leads_to_the_hold_for_good(mode):
+    supervisor = new_supervisor(mode)
+    choose_mode(supervisor, 7, True)
+    assert name_of(supervisor) == "hold" and supervisor.entry_tick == (0 if mode == "hold" else 7)
+    for tick, request in enumerate(TWIN.requests, start=8):
+        hear_request(supervisor, code(request))
+        choose_mode(supervisor, tick, True)
+        assert name_of(supervisor) == "hold" and not supervisor.entered
+        assert supervisor.refused == code(request)
+
+
+def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect():
+    """Over random requests and measurements; the machine is the package's other user of the evaluator."""
+    rng, time = np.random.default_rng(5), TWIN.signals.index(TIME)
+    supervisor, machine = new_supervisor(), ModeMachine(TWIN)
+    visited, refused = set(), 0
+    for tick in range(1, 60_000):
+        if tick % 600 == 1:  # held for a while, so that debounces may end
+            angle = rng.choice([0.0, 12.0, 80.0])
+            signals = {name: angle for name in TWIN.signals if name.endswith("angle_deg")}
+            signals |= {"trunk.pitch_deg": rng.choice([0.0, 10.0]), "legs_in_swing": rng.choice([0.0, 1.0])}
+            values = TWIN.in_si(signals)
+        request = str(rng.choice(TWIN.requests)) if rng.random() < 0.005 else None
+        before, ticks = machine.phase, tick - machine.entry_tick
+        values[time] = 1e-3 * ticks
+        switch = machine.advance(tick, values, code(request) - 1)
+        supervisor.signals[:] = values
+        hear_request(supervisor, code(request))
+        choose_mode(supervisor, tick, False)
+        assert name_of(supervisor) == machine.phase and supervisor.entered == (switch is not None)
+        assert supervisor.entry_tick == machine.entry_tick
+        if request is not None:
+            answered = switch is not None and switch.cause == "asked"
+            assert supervisor.refused == (NO_REQUEST if answered else code(request))
+            why = why_refused(TWIN, before, request, signals, ticks)
+            assert (why is None) == answered or (switch is not None and why is None)
+            refused += not answered
+        visited.add(machine.phase)
+    assert visited == set(TWIN.phases) - {"hold"} and refused > 50
+
+
+# ------------------------------------------------------------------ tables
+
+
+def test_signals_are_of_both_legs_by_their_sides():
+    names = mode_signal_names(("hip", "knee"))
+    assert names[:6] == [
+        *("left.hip.angle_deg", "left.hip.velocity_deg_per_s", "left.knee.angle_deg"),
+        *("left.knee.velocity_deg_per_s", "left.foot.load_bw", "left.time_in_phase_s"),
+    ]
+    assert [name.replace("left", "right") for name in names[:6]] == names[6:12]
+    assert names[12:] == ["time_in_phase_s", "trunk.pitch_deg", "legs_in_swing"]
+    assert signal_of("legs_in_swing").unit.words == "no unit"
+
+
+@pytest.mark.parametrize("text", ["other.hip.angle_deg > 5", "walk > 0.5", "other.phase in [stand]"])
+def test_what_a_leg_reads_is_no_signal_of_modes(text):
+    with pytest.raises(GaitTableError):
+        parse_guard(text, ("hip", "knee"), ("stand",), MODE_WORDS)
+
+
+@pytest.mark.parametrize("text", ["request in [walk]", "legs_in_swing < 1", "left.hip.angle_deg > 5"])
+def test_what_the_supervisor_reads_is_no_signal_of_a_leg(text):
+    with pytest.raises(GaitTableError):
+        parse_guard(text, ("hip", "knee"), ("walk",))
+
+
+def asking(source: str, target: str, debounce: int = 1) -> Transition:
+    guard = parse_guard("request in [stand]", ("hip",), ("stand",), MODE_WORDS)
+    return Transition(
+        source=source, target=target, cause="x", guard=AllOf(guards=(guard,)), debounce_ticks=debounce
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"hold": "flying"}, "hold: no phase 'flying'"),
+        ({"hold": "sitting"}, "the device cannot begin in sitting"),
+        ({"requests": ("stand", "stand")}, "stand is named twice"),
+        ({"requests": ("stand up",)}, "expected a word, got 'stand up'"),
+        ({"requests": ("walk",)}, "no request 'stand'; there are walk"),
+        ({"transitions": (*TWIN.transitions, asking("hold", "standing"))}, "nothing leads out of hold"),
+        (
+            {"transitions": (asking("sitting", "sit_up", 5),)},
+            "held for 5 ms; leave debounce_ms out",
+        ),
+        ({"transitions": (asking("sitting", "sit_up"),)}, "sit_up: no transition leaves it"),
+        ({"phases": {**TWIN.phases, "lying": Mode()}}, "lying: no transition leaves it"),
+    ],
+)
+def test_a_table_that_does_not_hold_together_is_refused(changes, message):
+    with pytest.raises(GaitTableError, match=message):
+        replace(TWIN, **changes)
+
+
+@cache
+def kit(name: str) -> list[TransitionTest]:
+    return transition_tests(load_mode_table(name))
+
+
+@pytest.mark.parametrize("name", packaged_mode_tables())
+def test_the_kit_shows_every_transition_of_what_ships(name):
+    for test in kit(name):
+        test.run()
+    assert len(kit(name)) > 300 and sum(test.undecided is not None for test in kit(name)) < 10
+
+
+@pytest.mark.parametrize(
+    ("cause", "change"),
+    [
+        ("lean", {"debounce_ticks": 199}),
+        ("closed", {"debounce_ticks": 501}),
+        ("asked", {"time_out_ticks": 2999}),
+    ],
+)
+def test_the_kit_finds_a_machine_that_is_a_tick_early_or_late(cause, change):
+    (name,) = change
+    given = [item for item in TWIN.transitions if item.cause == cause]
+    (wrong,) = (item for item in given if getattr(item, name) not in (None, 1))
+    changed = (replace(item, **change) if item is wrong else item for item in TWIN.transitions)
+    other = replace(TWIN, transitions=tuple(changed))
+    failed, title = [], f"{wrong.source}→{wrong.target} ({cause})::"
+    for test in (test for test in kit("twin") if test.name.startswith(title)):
+        try:
+            replace(test, machine=lambda phase: ModeMachine(other, initial_phase=phase)).run()
+        except AssertionError:
+            failed.append(test.name)
+    assert failed
+
+
+def test_requests_have_a_notation():
+    assert parse_request(" walk@2.5s ") == TimedRequest("walk", 2500) == parse_request("walk@2.500s")
+    assert str(TimedRequest("walk", 2500)) == "walk@2.5s"
+    for text in ("walk", "walk@s", "walk@1.2.3s", "@1s", "walk@-1s"):
+        with pytest.raises(ParameterError, match="expected REQUEST@TIMEs"):
+            parse_request(text)
+    check_requests((TimedRequest("walk", 1), TimedRequest("walk", 2)), TWIN)

@@ -1,0 +1,196 @@
+"""The operating modes in the engines: what is asked for, what the legs do, and the hold after a trip."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.experiment import Engine, Experiment
+from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.engine import POSTURE
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.run import Run
+
+TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
+EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
+STAYING = "scenario.belt.start_s=30", "scenario.belt.stop_s=40"  # a belt at rest
+
+
+def experiment(*settings: str, requests: str = "", seconds: float = 5.0) -> Experiment:
+    return load_experiment(
+        "treadmill_start_stop",
+        [
+            f"table={TABLE}",
+            "modes=twin",
+            "initial_mode=standing",
+            f"requests=[{requests}]",
+            f"duration_s={seconds}",
+            *settings,
+        ],
+    ).experiment
+
+
+@cache
+def run(*settings: str, requests: str = "", seconds: float = 5.0) -> Run:
+    return simulate(experiment(*settings, requests=requests, seconds=seconds))
+
+
+def visited(done: Run) -> list[tuple[int, str]]:
+    """Modes with the ticks in which they were entered; the first one is that of tick 0."""
+    codes = done.log["mode"].to_numpy().astype(int)
+    ticks = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist()]
+    assert done.experiment.modes is not None
+    return [(tick, done.experiment.modes.phase_names[codes[tick]]) for tick in ticks]
+
+
+WALK = "walk@0.5s, sit@1s, stop@1.4s, twin_care@2.2s, sit@3s, stop@14s, sit@16s, sit@19.5s"
+
+
+def test_the_device_stands_walks_and_stands_when_it_is_asked_to():
+    done = run(requests=WALK, seconds=20.0)
+    assert done.trip is None and done.verdict.outcome == "walked"
+    modes = visited(done)
+    assert [name for _, name in modes] == [
+        *("standing", "walk_manual", "stopping", "standing", "twin_care", "stopping", "standing"),
+        "sit_down",
+    ]
+    assert [tick for tick, _ in modes[:5]] == [0, 500, 1400, 1900, 2200]
+    first = next(item for item in done.switches if item.target == "first_swing")
+    assert first.tick == 2200  # told to walk and to step, within the tick
+    last = max(item.tick for item in done.switches if "swing" in item.source)
+    assert modes[6][0] > last and modes[6][0] >= 14_500  # stands once no leg has been in the air for 0.5 s
+
+
+def test_what_is_refused_says_why():
+    done, no = run(requests=WALK, seconds=20.0), "does not answer"
+    assert [(item.request, item.before, item.after, item.refused) for item in done.answers] == [
+        ("walk", "standing", "walk_manual", ""),
+        ("sit", "walk_manual", "walk_manual", f"walk_manual {no} sit; it answers stand, step, stop"),
+        ("stop", "walk_manual", "stopping", ""),
+        ("twin_care", "standing", "twin_care", ""),
+        ("sit", "twin_care", "twin_care", f"twin_care {no} sit; it answers stand, stop"),
+        ("stop", "twin_care", "stopping", ""),
+        ("sit", "standing", "standing", "standing for 0.807 s, less than 3 s"),
+        ("sit", "standing", "sit_down", ""),
+    ]
+
+
+def test_an_early_request_for_the_chair_says_how_long_the_wearer_has_stood():
+    done = run(*STAYING, requests="sit@2.999s, sit@3s", seconds=3.5)
+    early, late = done.answers
+    assert early.refused == "standing for 2.999 s, less than 3 s"
+    assert late.after == "sit_down" and late.time == 3.0
+
+
+def test_both_legs_enter_a_posture_in_the_tick_in_which_the_mode_begins():
+    done = run(*STAYING, requests="gravity@1s", seconds=1.5)
+    sent = [item for item in done.switches if item.cause == POSTURE]
+    assert {(item.tick, item.side, item.target) for item in sent} == {
+        (1000, side, "gravity") for side in done.sides
+    }
+    for side in done.sides:
+        stiffness = done.log[f"{side}_knee_stiffness_Nm_per_rad"].to_numpy()
+        assert stiffness[1000] == stiffness[999] > 0.0 == stiffness[1200]  # faded, not cut
+
+
+def test_a_step_is_asked_for_and_taken_once():
+    done = run(*STAYING, requests="walk@0.5s, step@1s, step@1.1s, step@3.3s, stop@5s", seconds=7.0)
+    lifted = [item.tick for item in done.switches if item.target == "first_swing"]
+    assert lifted[0] == 1000
+    modes = visited(done)
+    assert modes[2:4] == [(1000, "manual_step"), (1001, "walk_manual")]
+    assert done.answers[2].refused == "legs_in_swing < 0.5 is not true: legs_in_swing is 1"
+    walking = [item for item in done.switches if 1001 < item.tick < 3300]
+    assert not [item for item in walking if item.source == "stand" and "swing" in item.target]
+
+
+def test_waiting_for_a_step_is_no_time_out_of_a_phase():
+    limit = "control.safety.phase_time_out_s=1"
+    assert run(*STAYING, limit, requests="walk@0.1s", seconds=2.5).trip is None
+
+
+@pytest.mark.parametrize("request_", ["walk@0.5s", "gravity@0.5s", "twin_care@0.5s", "walk_automatic@0.5s"])
+def test_a_trip_leads_to_the_hold_from_which_nothing_leads(request_):
+    fault = "faults=[encoder_missing:left_knee@0.8s]"
+    done = run(*STAYING, fault, requests=f"{request_}, stop@1s, stand@1.2s", seconds=1.5)
+    assert done.trip is not None
+    assert visited(done)[-1] == (done.trip.tick, "hold")
+    assert [item.refused for item in done.answers[1:]] == [
+        f"hold does not answer {name}; it answers nothing" for name in ("stop", "stand")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("requests", "sent"),
+    [("walk@0.1s, step@0.15s, sit@0.2s, stop@0.25s", 0), ("gravity@0.1s, stand@0.2s", 4)],
+)
+def test_the_reference_engine_does_the_same(requests, sent):
+    given = experiment(*STAYING, EULER, requests=requests, seconds=0.3)
+    plain = simulate(dataclasses.replace(given, engine=Engine.PINOCCHIO))
+    compiled = simulate(given)
+    assert len([item for item in plain.switches if item.cause == POSTURE]) == sent
+    assert plain.switches == compiled.switches and len(plain.answers) == requests.count("@")
+    assert plain.answers == compiled.answers
+    names = [name for name in plain.log if plain.log[name].dtype == float]
+    np.testing.assert_allclose(plain.log[names], compiled.log[names], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.slow  # compiles the loop of the lanes
+def test_in_lockstep_each_lane_has_its_own_mode():
+    schedules = ["walk@0.1s, step@0.15s, stop@0.4s", "gravity@0.2s", "twin_care@0.1s", "sit@0.3s"]
+    given = [experiment(*STAYING, requests=schedules[number % 4], seconds=0.6) for number in range(FEWEST)]
+    alone = [CompiledEngine(build_problem(item)).run() for item in given]
+    lanes = LaneEngine([CompiledEngine(build_problem(item)) for item in given]).run()
+    for one, other in zip(alone, lanes, strict=True):
+        assert one.switches == other.switches
+        np.testing.assert_array_equal(one.rows, other.rows)
+
+
+def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
+    """With the pitch of the trunk in the place of what the guided pelvis has."""
+    problem = build_problem(experiment(*STAYING, requests="walk_automatic@0.01s", seconds=0.75))
+
+    def pitch(one):
+        tick = len(ticks)
+        ticks.append(tick)
+        return math.radians(9.0) if 50 <= tick < 249 or tick >= 300 else math.radians(8.0)
+
+    ticks: list[int] = []
+    kernel = {**PinocchioKernel(problem.world, problem.control_model).functions, "trunk_pitch": pitch}
+    engine = ReferenceEngine(problem, kernel=kernel)
+    result = engine.run()
+    codes = result.rows[:, engine.layout.positions["mode"]].astype(int)
+    names = problem.experiment.modes.phase_names
+    entered = [(tick, names[codes[tick]]) for tick in (np.flatnonzero(np.diff(codes)) + 1).tolist()]
+    # 199 ticks are not enough; of the second lean the 200th tick is 499.
+    assert entered[:3] == [(10, "walk_automatic"), (499, "automatic_step"), (500, "walk_automatic")]
+    assert [item.tick for item in result.switches if item.target == "first_swing"] == [499]
+
+
+# ------------------------------------------------------------------ what an experiment refuses
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (["table=treadmill_start_stop"], "sitting has the posture 'sit'.* it offers none"),
+        (["modes=null"], "nothing answers them; give modes, such as twin"),
+        (["requests=[run@1s]"], "request run@1s: there are stand, sit"),
+        (["requests=[walk at 1]"], "expected REQUEST@TIMEs"),
+        (["requests=[walk@1s, stop@1s]"], "another one comes in the same tick"),
+        (["initial_mode=flying"], "initial_mode: modes 'twin' have no 'flying'"),
+    ],
+)
+def test_what_does_not_fit_is_refused(settings, message):
+    with pytest.raises(TwinGaitError, match=message):
+        experiment(*settings, requests="walk@1s")

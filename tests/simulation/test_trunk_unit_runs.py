@@ -1,0 +1,80 @@
+"""The inertial unit of a free trunk in a run: what is felt, what the guards read, and its noise by seed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from twin_gait import load_experiment
+from twin_gait.gait.signals import all_signal_names
+from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.reference_engine import ReferenceEngine
+
+EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
+QUIET = "gyroscope_noise_rad_per_s: 0, accelerometer_noise_m_per_s2: 0"
+UNIT = f"sensors.trunk={{{QUIET}, gyroscope_bias_deg_per_s: 3}}"
+
+
+def problem(*settings: str) -> Problem:
+    return build_problem(load_experiment("overground", [EULER, "duration_s=0.25", *settings]).experiment)
+
+
+@pytest.fixture(scope="module")
+def sensed() -> tuple[ReferenceEngine, dict[str, np.ndarray]]:
+    """A quarter of a second of stepping onto the floor by a unit without noise: hips and trunk are shaken."""
+    engine = ReferenceEngine(problem("sensors.ideal=false", UNIT))
+    rows = engine.run().rows
+    return engine, {name: rows[:, place] for name, place in engine.layout.positions.items()}
+
+
+def test_a_pitch_that_is_known_exactly_is_the_true_one():
+    engine = ReferenceEngine(problem("sensors.ideal=true", "duration_s=0.02"))
+    rows, names = engine.run().rows, engine.layout.positions
+    assert (rows[:, names["measured_trunk_pitch_rad"]] == rows[:, names["trunk_pitch_rad"]]).all()
+
+
+def test_the_unit_feels_how_its_place_moves(sensed):
+    """The same filter with the arctangent, on differences of where the unit was by the log."""
+    _, log = sensed
+    pitch = log["trunk_pitch_rad"]
+    forwards, upwards = (np.cos(pitch), -np.sin(pitch)), (np.sin(pitch), np.cos(pitch))
+    hips = log["pelvis_forward_m"], log["pelvis_height_m"]
+    x, z = (hip - 0.15 * ahead + 0.2 * up for hip, ahead, up in zip(hips, forwards, upwards, strict=True))
+    ax, az = (np.diff(way, 2) / 1e-6 for way in (x, z))
+    rate, estimate, found = np.diff(pitch) / 1e-3, pitch[0], [pitch[0]]
+    for tick in range(1, len(pitch) - 1):
+        sine, cosine = np.sin(pitch[tick]), np.cos(pitch[tick])
+        felt = ax[tick - 1] * cosine - (az[tick - 1] + 9.81) * sine + 0.005 * 9.81
+        up = ax[tick - 1] * sine + (az[tick - 1] + 9.81) * cosine
+        estimate += rate[tick] * 1e-3 + math.radians(3.0) * 1e-3
+        way = math.atan2(-felt, up) - estimate
+        estimate += math.sin(way) * (1.0 - math.exp(-1e-3 / 0.5))
+        found.append(estimate)
+    measured = log["measured_trunk_pitch_rad"][:-1]
+    assert np.abs(measured - pitch[:-1]).max() > math.radians(1.0)
+    assert_allclose(measured, found, atol=math.radians(0.1))
+
+
+def test_guards_read_what_the_filter_has_found(sensed):
+    engine, log = sensed
+    names = all_signal_names(engine.problem.table.joints)
+    read = engine.episode.controller.signals[names.index("trunk.pitch_deg")]
+    assert read == log["measured_trunk_pitch_rad"][-1] != log["trunk_pitch_rad"][-1]
+
+
+def test_noise_is_drawn_by_the_seed_and_leaves_that_of_the_encoders():
+    noisy = ("sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=20")
+    one, same, other = (problem(*noisy, f"seed={seed}").noise for seed in (1, 1, 2))
+    assert (one == same).all() and (one != other).all()
+    assert (one[:, :4] == 1e-4 * np.random.default_rng(1).standard_normal((20000, 4))).all()
+    expected = [math.radians(0.005) * math.sqrt(500.0), *[400e-6 * 9.81 * math.sqrt(500.0)] * 2]
+    assert_allclose(one[:, 4:].std(axis=0), expected, rtol=0.03)
+    assert np.abs(np.corrcoef(one.T) - np.eye(7)).max() < 0.04
+
+
+def test_where_the_pelvis_is_guided_there_is_no_unit():
+    settings = ["sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=0.1"]
+    assert build_problem(load_experiment("treadmill", settings).experiment).noise.shape == (100, 4)

@@ -1,0 +1,77 @@
+r"""Forces on a free trunk, which turns with the pelvis about the axis of the hips.
+
+A point of the trunk h above the hips stands at :math:`h (\sin\theta, \cos\theta)` from them, where θ is the
+pitch, forwards positive. A force in a point (x, z) from the hips pitches the trunk with
+
+.. math::
+
+    M = z F_x - x F_z
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin_gait.core.contact import mechanical_stop_torque
+from twin_gait.core.plant import Stop
+
+
+@dataclass(slots=True)
+class Harness:
+    """A rope from a rail to the trunk; the trolley on the rail follows, so that the rope stays vertical.
+
+    Attributes:
+        height: Of the attachment above the hips, along the trunk, in [m].
+        force: Of body-weight support in [N].
+        damping: Of the rope's winch in [N s] / [m].
+        stop: What locks at a trip, from below, in heights of the attachment.
+        pull: On the trunk in [N], upwards, as it was last.
+    """
+
+    height: float
+    force: float
+    damping: float
+    stop: Stop
+    pull: float = 0.0
+
+
+@dataclass(slots=True)
+class Trunk:
+    """The trunk of a wearer whose pelvis is free.
+
+    Attributes:
+        shoulder: Height of the shoulders above the hips, along the trunk, in [m].
+        harness: That holds it.
+    """
+
+    shoulder: float
+    harness: Harness
+
+
+def pitching_moment(ahead: float, up: float, forward: float, upward: float) -> float:
+    """Moment in [N m] about the hips of a force in [N], forwards positive.
+
+    Args:
+        ahead: Where it acts, from the hips forwards, in [m].
+        up: Likewise upwards.
+        forward: Force.
+        upward: Likewise.
+    """
+    return up * forward - ahead * upward
+
+
+def harness_pull(harness: Harness, height: float, speed: float) -> float:
+    """Upward force of a rope on the trunk in [N].
+
+    Args:
+        harness: Changed in place: the force is kept.
+        height: Of the attachment in the world in [m].
+        speed: Of it, upwards, in [m] / [s].
+    """
+    stop, locked = harness.stop, 0.0
+    if stop.stiffness != 0.0:
+        locked = mechanical_stop_torque(
+            height, speed, stop.lower, stop.upper, stop.stiffness, stop.dissipation
+        )
+    harness.pull = harness.force - harness.damping * speed + locked
+    return harness.pull

@@ -1,0 +1,223 @@
+"""The operating modes of the device: one more state machine over the grammar of gait tables.
+
+A mode is a phase of the supervisor. It says what both legs are told, to walk or to stand and to step or to
+wait, and may send them into a phase of their gait table at once. What takes the place of the other leg's
+phase is the request: of a schedule, a live panel or the therapist's tablet, made for one tick.
+:mod:`twin_gait.control.supervisor` runs a table of modes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from twin_gait.core.guards import GuardProgram
+from twin_gait.exceptions import GaitTableError, ParameterError
+from twin_gait.gait.guards import (
+    MODE_WORDS,
+    AllOf,
+    AnyOf,
+    Comparison,
+    Guard,
+    GuardWords,
+    PhaseMembership,
+    atoms,
+)
+from twin_gait.gait.machine import GaitStateMachine
+from twin_gait.gait.program import guard_is_open
+from twin_gait.gait.signals import TIME, signal_scale
+from twin_gait.gait.table import LONGEST, MOST_PHASES, TICK, StateTable, Transition
+from twin_gait.parameters.quantities import Key, Parameters, Range
+from twin_gait.vocabulary import Side
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mode(Parameters):
+    """What one mode sets.
+
+    Attributes:
+        posture: Phase of the legs' gait table that both legs enter when the mode begins, unless they are in
+            it; None where they go on by their own guards.
+        walk: Whether the legs are told to walk, signal ``walk``, or to stand.
+        step: Whether they are told to take a step, signal ``step``, or to wait for one.
+        minimum_ticks: The mode is not left before so many ticks.
+    """
+
+    posture: str | None = None
+    walk: bool = False
+    step: bool = False
+    minimum_ticks: Annotated[int, Range(0, LONGEST), Key("minimum_duration_ms")] = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeTable(StateTable):
+    """Operating modes, and what leads from one to another.
+
+    Attributes:
+        phases: The modes by name; the device begins in the first.
+        requests: What can be asked for, if anything.
+        hold: Mode in which the device is after a trip of the safety monitor; it is not left.
+    """
+
+    phases: Mapping[str, Mode]
+    requests: tuple[str, ...]
+    hold: str
+
+    words: ClassVar[GuardWords] = MODE_WORDS
+
+    def _check_phases(self) -> None:
+        _require(len(self.requests) <= MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
+        for name in self.requests:
+            _require(bool(re.fullmatch(r"[A-Za-z_]\w*", name)), f"requests: expected a word, got {name!r}")
+            _require(self.requests.count(name) == 1, f"requests: {name} is named twice")
+        self._check_known("hold", self.hold)
+        _require(self.hold != self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
+
+    def _check_transition(self, place: str, item: Transition) -> None:
+        super()._check_transition(place, item)
+        _require(item.source != self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
+        late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
+        asks = any(isinstance(atom, PhaseMembership) for atom in atoms(item.guard))
+        _require(item.debounce_ticks == 1 or not asks, f"{late}; leave debounce_ms out")
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """What can be asked for; its code is the place, counted from 1."""
+        return self.requests
+
+    @property
+    def entered(self) -> tuple[str, ...]:
+        """The hold, which the monitor enters."""
+        return (self.hold,)
+
+    def answers(self, mode: str, request: str) -> list[Transition]:
+        """Transitions out of a mode that a request can open, in order of priority."""
+        return [
+            item
+            for item in self.transitions
+            if item.source == mode
+            and any(
+                isinstance(atom, PhaseMembership) and request in atom.phases for atom in atoms(item.guard)
+            )
+        ]
+
+
+def _require(right: bool, text: str) -> None:
+    if not right:
+        raise GaitTableError(text)
+
+
+# ---------------------------------------------------------------------- what is asked for, and when
+
+_TIMED = re.compile(r"\s*(\w+)\s*@\s*([\d.]+)\s*s\s*")
+
+
+@dataclass(frozen=True)
+class TimedRequest:
+    """A request at a time.
+
+    Attributes:
+        name: What is asked for.
+        ticks: When, in ticks of 1 [ms].
+    """
+
+    name: str
+    ticks: int
+
+    def __str__(self) -> str:
+        """Write the request in its notation."""
+        return f"{self.name}@{self.ticks * TICK:g}s"
+
+
+def parse_request(text: str) -> TimedRequest:
+    """Read a request in its notation, for example ``walk@2.5s``; raises ParameterError if it is none."""
+    match = _TIMED.fullmatch(text)
+    try:
+        assert match is not None
+        return TimedRequest(match.group(1), round(float(match.group(2)) / TICK))
+    except (AssertionError, ValueError):
+        raise ParameterError(f"request {text!r}: expected REQUEST@TIMEs, for example walk@2.5s") from None
+
+
+def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) -> None:
+    """Check that requests are known and come one at a time; raises ParameterError."""
+    if requests and modes is None:
+        raise ParameterError("requests: nothing answers them; give modes, such as twin")
+    for number, item in enumerate(requests):
+        known = () if modes is None else modes.requests
+        if item.name not in known:
+            raise ParameterError(f"request {item}: there are {', '.join(known)}")
+        if item.ticks in (other.ticks for other in requests[:number]):
+            raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
+
+
+# ---------------------------------------------------------------------- in plain Python
+
+
+class ModeMachine(GaitStateMachine):
+    """The state machine of a table of modes in plain Python; a side has no meaning for it."""
+
+    def __init__(
+        self,
+        table: StateTable,
+        side: Side = Side.LEFT,
+        *,
+        initial_phase: str | None = None,
+        program: GuardProgram | None = None,
+    ) -> None:
+        """Begin in a mode; as :class:`~twin_gait.gait.machine.GaitStateMachine`."""
+        super().__init__(table, side, initial_phase=initial_phase, program=program)
+        self.owner = "supervisor"
+
+
+def why_refused(
+    table: ModeTable, mode: str, request: str, signals: Mapping[str, float], ticks: int
+) -> str | None:
+    """Why a request is not answered in a mode, in words.
+
+    Args:
+        table: The modes.
+        mode: Present one.
+        request: That is made.
+        signals: Measured, in the units of their names; what is missing is 0.
+        ticks: Since the mode was entered.
+
+    Returns:
+        What each transition that would answer lacks; None if one of them is open.
+    """
+    answers = table.answers(mode, request)
+    if not answers:
+        known = [name for name in table.requests if table.answers(mode, name)]
+        return f"{mode} does not answer {request}; it answers {', '.join(known) or 'nothing'}"
+    missing = [_missing(table, item, request, signals, ticks) for item in answers]
+    return None if [] in missing else "; or ".join(", ".join(lacks) for lacks in missing)
+
+
+def _missing(
+    table: ModeTable, item: Transition, request: str, signals: Mapping[str, float], ticks: int
+) -> list[str]:
+    """What a transition lacks, in words."""
+    values = table.in_si({**signals, TIME: ticks * TICK})
+    least = max(table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
+    waits = [f"{item.source} for {ticks * TICK:g} s, less than {least * TICK:g} s"] if ticks < least else []
+    return waits + _closed(table, item.guard, values, table.member_index(request))
+
+
+def _closed(table: ModeTable, guard: Guard, values: list[float], request: int) -> list[str]:
+    """The conditions that keep a guard closed, with what is measured."""
+    if guard_is_open(guard, table, values, request):
+        return []
+    if isinstance(guard, (AllOf, AnyOf)):
+        parts = [_closed(table, inner, values, request) for inner in guard.guards]
+        return [text for part in parts for text in part]
+    return [f"{guard} is not true{_measured(table, guard, values)}"]
+
+
+def _measured(table: ModeTable, atom: Comparison | PhaseMembership, values: list[float]) -> str:
+    if isinstance(atom, PhaseMembership):
+        return ""
+    names = [name for name in (atom.signal, atom.minus) if name is not None]
+    shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in names]
+    return f": {' and '.join(shown)}"

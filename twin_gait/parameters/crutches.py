@@ -1,0 +1,110 @@
+"""Crutches, and how a person uses them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from twin_gait.parameters.quantities import (
+    DEGREE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Angle,
+    Force,
+    Length,
+    LinearDamping,
+    LinearStiffness,
+    Mass,
+    Parameters,
+    PerAngle,
+    PerAngularVelocity,
+    Range,
+    Ratio,
+    Speed,
+    Time,
+    Torque,
+)
+
+LEANS = Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
+DELAYS = Range(0.0, 1.0, words="0 to 1 s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrutchParameters(Parameters):
+    """Two forearm crutches and the arms that hold them.
+
+    Attributes:
+        mass: Of a crutch as it turns about the shoulder, in its tip, in [kg] (an assumption: crutches of
+            aluminium have 0.45 to 0.65 kg, half way up; the arm counts with the trunk).
+        length: Of straight arm and crutch over the height of the wearer: 0.485 to the grip at the wrist and
+            0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
+        slack: By which a hand may be farther from the shoulder before it lets go, in [m] (an assumption).
+        straight_stiffness: Of a straight arm and the hand that holds on, in [N] / [m] (an assumption:
+            shoulder girdle and wrist leave 5 to 15 kN/m of what the elbow has).
+        push_limit: Largest force of an arm along the strut in [N] (an assumption: paraplegic men push as hard
+            as others, Kotajarvi et al. 2002; half the weight on each hand is what lifting oneself asks for).
+        pull_limit: With which it lifts a crutch in [N] (an assumption).
+        moment_limit: Largest moment of a shoulder in [N m] (an assumption; men give 60 to 95 as a rule).
+    """
+
+    mass: Annotated[Mass, POSITIVE] = 0.5
+    length: Annotated[Ratio, Range(0.6, 1.1)] = 0.817
+    slack: Annotated[Length, NOT_NEGATIVE] = 0.1
+    straight_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 5.0e3
+    push_limit: Annotated[Force, NOT_NEGATIVE] = 400.0
+    pull_limit: Annotated[Force, NOT_NEGATIVE] = 100.0
+    moment_limit: Annotated[Torque, NOT_NEGATIVE] = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmParameters(Parameters):
+    """How a person uses two crutches; :mod:`twin_gait.core.arm_policy` has the law.
+
+    All are assumptions that were found together with a gait, but for stiffness and damping, which lie within
+    what loaded arms have (Tee et al. 2004; Perreault et al. 2001).
+
+    Attributes:
+        delay: From what is felt to what the muscles do in [s]; people in stance have 0.15 to 0.19 (Peterka
+            2002).
+        lean: Of the trunk that the person keeps in [rad].
+        push: On each crutch, as a share of the weight of wearer and device.
+        push_per_lean: More of it by how much farther the trunk leans, as a share per [rad].
+        push_per_rate: And by how fast, as a share times [s] / [rad].
+        turn: Moment of each shoulder in [N m] that draws the body forwards.
+        stiffness: Of an arm that is loaded, along the strut, for a moment, in [N] / [m].
+        damping: In [N s] / [m].
+        turning_stiffness: Across the strut at its tip in [N] / [m].
+        turning_damping: In [N s] / [m].
+        swing_stiffness: Of an arm that carries its crutch, along and across, in [N] / [m].
+        swing_damping: In [N s] / [m].
+        yielding: Time constant in [s] with which loaded muscles follow what is slow.
+        lift_ahead: Way of a tip in front of the shoulder at which it is lifted, in [m].
+        reach: Angle from the vertical to which a crutch is swung, in [rad].
+        clearance: By which arm and crutch are shortened for it, in [m].
+        swing: Length of the swing in [s].
+        planted: For so long at least a crutch stays, in [s].
+        lowering: Speed at which it is put down in [m] / [s].
+        touch: Load at which it is felt to stand in [N].
+    """
+
+    delay: Annotated[Time, DELAYS] = 0.15
+    lean: Annotated[Angle, LEANS] = 8.0 * DEGREE
+    push: Annotated[Ratio, NOT_NEGATIVE] = 0.1
+    push_per_lean: Annotated[PerAngle, NOT_NEGATIVE] = 0.7
+    push_per_rate: Annotated[PerAngularVelocity, NOT_NEGATIVE] = 0.2
+    turn: Torque = 5.0
+    stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 4000.0
+    damping: Annotated[LinearDamping, NOT_NEGATIVE] = 400.0
+    turning_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 60.0
+    turning_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 12.0
+    swing_stiffness: Annotated[LinearStiffness, POSITIVE] = 300.0
+    swing_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 20.0
+    yielding: Annotated[Time, POSITIVE] = 0.4
+    lift_ahead: Length = 0.15
+    reach: Annotated[Angle, Range(0.0, math.radians(60.0))] = 20.0 * DEGREE
+    clearance: Annotated[Length, NOT_NEGATIVE] = 0.06
+    swing: Annotated[Time, POSITIVE] = 0.4
+    planted: Annotated[Time, NOT_NEGATIVE] = 0.2
+    lowering: Annotated[Speed, POSITIVE] = 0.25
+    touch: Annotated[Force, POSITIVE] = 15.0

@@ -1,0 +1,96 @@
+"""What became of the requests of a run: the mode that they led to, or why they were refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.gait.modes import ModeTable, why_refused
+from twin_gait.gait.signals import (
+    LEFT,
+    LEGS_IN_SWING,
+    LOAD,
+    MODE_SIGNALS,
+    RIGHT,
+    TIME_IN_PHASE,
+    signal_scale,
+)
+from twin_gait.gait.table import TICK, GaitTable
+
+
+class Answer(NamedTuple):
+    """What became of a request.
+
+    Attributes:
+        tick: In which it was made.
+        request: What was asked for.
+        before: Mode in which it was made.
+        after: Mode after it.
+        refused: Why nothing has answered it, in words; empty for an answer.
+    """
+
+    tick: int
+    request: str
+    before: str
+    after: str
+    refused: str = ""
+
+    @property
+    def time(self) -> float:
+        """When it was made in [s]."""
+        return self.tick * TICK
+
+
+def answers_in(
+    log: pd.DataFrame, modes: ModeTable, table: GaitTable, initial: str | None, body_weight: float
+) -> Iterator[Answer]:
+    """Read the answers from a log.
+
+    Args:
+        log: Of the run.
+        modes: Its operating modes.
+        table: Its gait table.
+        initial: Mode in which it began; None for the first.
+        body_weight: Of wearer and device in [N].
+    """
+    first = 0 if initial is None else modes.phase_index(initial)
+    codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(
+        int
+    )  # before each tick, and after the last
+    entries = np.flatnonzero(np.diff(codes))
+    for tick in np.flatnonzero(log["request"].to_numpy()).tolist():
+        before, after = modes.phase_names[codes[tick]], modes.phase_names[codes[tick + 1]]
+        request = modes.requests[int(log["request"].iloc[tick]) - 1]
+        why = ""
+        if log["refused"].iloc[tick]:
+            ticks = tick - max((int(entry) for entry in entries if entry < tick), default=0)
+            measured = signals_in(log, modes.joints, table, tick, body_weight)
+            why = _reason(why_refused(modes, before, request, measured, ticks), after)
+        yield Answer(tick, request, before, after, why)
+
+
+def _reason(why: str | None, after: str) -> str:
+    return f"the device went to {after} in the same tick" if why is None else why
+
+
+def signals_in(
+    log: pd.DataFrame, joints: Sequence[str], table: GaitTable, tick: int, body_weight: float
+) -> Mapping[str, float]:
+    """What the supervisor has read in a tick, in the units of the names; times in phases are left out."""
+    row, found = log.iloc[tick], {}
+    for leg in (LEFT, RIGHT):
+        side = leg.removesuffix(".")
+        for joint in joints:
+            found[f"{leg}{joint}.angle_deg"] = row[f"{side}_{joint}_measured_angle_rad"]
+            found[f"{leg}{joint}.velocity_deg_per_s"] = row[f"{side}_{joint}_velocity_fast_rad_per_s"]
+        found[leg + LOAD.name] = row.get(f"{side}_foot_normal_force_N", 0.0) / body_weight
+    for signal in MODE_SIGNALS:
+        if signal not in (TIME_IN_PHASE, LEGS_IN_SWING):
+            found[signal.name] = row.get(signal.column, signal.first)
+    phases = log.iloc[max(0, tick - 1)]
+    swinging = sum(table.is_swing(str(phases[f"{leg.removesuffix('.')}_phase"])) for leg in (LEFT, RIGHT))
+    found[LEGS_IN_SWING.name] = float(swinging)
+    return {name: value / signal_scale(name) for name, value in found.items()}

@@ -1,0 +1,89 @@
+"""A free trunk within a tick: harness, arms and crutches, and what the person does with them."""
+
+from __future__ import annotations
+
+from twin_gait.core.arm_policy import move_arm
+from twin_gait.core.arms import Arm, arm_force
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.elementary import sine_cosine
+from twin_gait.core.estimation import delayed_sample
+from twin_gait.core.trunk import harness_pull, pitching_moment
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.interface import CRUTCHES, FORWARD, PELVIS, PITCH
+
+
+def pull_harness(e: Episode, q: list[float], v: list[float]) -> None:
+    """Add the pull of the harness to the torques of the pelvis."""
+    sine, cosine = sine_cosine(q[PITCH])
+    harness = e.trunk.harness
+    ahead, up = harness.height * sine, harness.height * cosine
+    pull = harness_pull(harness, q[PELVIS] + up, v[PELVIS] - ahead * v[PITCH])
+    moment = pitching_moment(ahead, up, 0.0, pull)
+    e.plant[PELVIS].spring_torque += pull
+    e.plant[PITCH].spring_torque += moment
+    e.torque[PELVIS] += pull
+    e.torque[PITCH] += moment
+
+
+def push_crutches(e: Episode, q: list[float], v: list[float]) -> None:
+    """Forces of the arms, as torques from outside on trunk and tips."""
+    sine, cosine = sine_cosine(q[PITCH])
+    shoulder_ahead, shoulder_up = e.trunk.shoulder * sine, e.trunk.shoulder * cosine
+    on_forward, on_pelvis, on_pitch = 0.0, 0.0, 0.0
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        ahead, up = q[arm.place] - q[FORWARD], q[arm.place + 1] - q[PELVIS]
+        # As the trunk sees it, which turns about the hips.
+        forward = v[arm.place] - v[FORWARD] - up * v[PITCH]
+        upward = v[arm.place + 1] - v[PELVIS] + ahead * v[PITCH]
+        fx, fz = arm_force(arm, sine, cosine, ahead - shoulder_ahead, up - shoulder_up, forward, upward)
+        on_forward -= fx
+        on_pelvis -= fz
+        on_pitch -= pitching_moment(ahead, up, fx, fz)
+        e.external[arm.place] = fx
+        e.external[arm.place + 1] = fz
+    e.external[FORWARD] = on_forward
+    e.external[PELVIS] = on_pelvis
+    e.external[PITCH] = on_pitch
+
+
+def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
+    """Accelerations of the tips of the crutches, on the ground or in the air."""
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        place = arm.place
+        tip = arm.tip
+        tip.height = q[place + 1]
+        tip.forward, tip.upward = ground_contact_force(e.ground, tip.height, v[place], v[place + 1])
+        e.a[place] = (e.torque[place] + tip.forward) / arm.mass
+        e.a[place + 1] = (e.torque[place + 1] + tip.upward) / arm.mass - e.gravity
+        e.contact_power += tip.forward * v[place] + tip.upward * v[place + 1]
+
+
+def use_crutches(e: Episode, tick: int) -> None:
+    """What the person feels, late, and does with the arms in this tick."""
+    sense = e.sense
+    stepping = 0.0
+    for leg in e.controller.legs:
+        stepping = max(stepping, e.swing_phases[leg.phase])
+    sense.lean = delayed_sample(sense.felt_lean, tick, e.q[PITCH])
+    sense.lean_rate = delayed_sample(sense.felt_rate, tick, e.v[PITCH])
+    sense.stepping = delayed_sample(sense.felt_stepping, tick, stepping)
+    sine, _ = sine_cosine(e.q[PITCH])
+    shoulder = e.q[FORWARD] + e.trunk.shoulder * sine
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        ahead = delayed_sample(arm.felt_ahead, tick, e.q[arm.place] - shoulder)
+        load = delayed_sample(arm.felt_load, tick, arm.tip.upward)
+        move_arm(e.habit, sense, arm, e.arms[CRUTCHES - 1 - number], ahead, load)
+
+
+def energy_of_tips(e: Episode) -> tuple[float, float]:
+    """Kinetic and potential energy of the tips in [J]."""
+    kinetic, potential = 0.0, 0.0
+    for number in range(CRUTCHES):
+        arm: Arm = e.arms[number]
+        forward, upward = e.v[arm.place], e.v[arm.place + 1]
+        kinetic += 0.5 * arm.mass * (forward * forward + upward * upward)
+        potential += arm.mass * e.gravity * e.q[arm.place + 1]
+    return kinetic, potential

@@ -1,0 +1,185 @@
+"""Arms with bent elbows, and the forearm crutches that they hold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.leg_model import SHOULDER_HEIGHT
+from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_BREADTH, UPPER_ARM_LENGTH
+from twin_gait.parameters import CrutchParameters, Patient
+from twin_gait.viewer import shapes
+from twin_gait.viewer.body import CLOTH, SKIN, band, girth, trunk_axes
+from twin_gait.viewer.commands import Material, Window, draw_lightly
+from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.forces import arrow_state, draw_arrow
+from twin_gait.viewer.motion import Motion
+from twin_gait.viewer.surroundings import RUBBER, STEEL
+from twin_gait.vocabulary import Side
+
+ROOT = "/meshcat/crutches"
+PLASTIC = Material(colour=(0.25, 0.31, 0.40), roughness=0.85)
+_COLUMNS = ("forward_m", "height_m", "friction_force_N", "normal_force_N")
+_BESIDE = 0.13  # way of the tip to the outside of the hips of the device [m]
+_BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # from the tip to its arrow, which the shaft would hide [m]
+_HANDLE = 0.045  # of its middle in front of the shaft [m]
+_TIP = ((0.0, 0.0), (0.027, 0.0), (0.024, 0.012), (0.017, 0.05), (0.0, 0.05))  # (radius, height) [m]
+
+# Rings as in the body: share of the segment from its upper joint, half axes forward and sideways [m].
+_SLEEVE = ((-0.14, 0.050, 0.046), (0.05, 0.064, 0.060), (0.25, 0.062, 0.056), (0.55, 0.058, 0.053))
+_UPPER_ARM = (
+    (-0.10, 0.042, 0.040), (0.08, 0.055, 0.051), (0.30, 0.052, 0.046), (0.60, 0.046, 0.041),
+    (0.88, 0.041, 0.038), (1.04, 0.039, 0.037),
+)  # fmt: skip
+_FOREARM = (
+    (-0.06, 0.037, 0.036), (0.08, 0.043, 0.044), (0.25, 0.045, 0.046), (0.55, 0.037, 0.037),
+    (0.85, 0.028, 0.026), (1.00, 0.027, 0.024),
+)  # fmt: skip
+_CUFF = (0.16, 0.34)  # around the forearm
+
+
+@dataclass(frozen=True)
+class Crutch:
+    """An arm and its crutch; the forearm points along the shaft.
+
+    Attributes:
+        upper_arm: Its place in the scene; its length is the scale along z.
+        forearm: Place of forearm and crutch.
+        joint: Joint that carries the shoulder.
+        shoulder: In the frame of that joint in [m], shape ``(3,)``.
+        upper: Shoulder to elbow in the sagittal plane in [m].
+        lower: Elbow to tip in the sagittal plane in [m].
+        across: Of the tip in [m], to the left positive.
+    """
+
+    upper_arm: str
+    forearm: str
+    joint: str
+    shoulder: np.ndarray
+    upper: float
+    lower: float
+    across: float
+
+    def state(self, figure: Figure, q: np.ndarray, tip: np.ndarray) -> dict[tuple[str, str], Any]:
+        """Where arm and crutch are.
+
+        Args:
+            q: Coordinates, shape ``(nq,)``.
+            tip: Of the crutch in [m], shape ``(3,)``.
+        """
+        shoulder = figure.world_point(q, self.joint, self.shoulder)
+        forward, upward = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], self.upper, self.lower)
+        share = self.upper / (self.upper + self.lower)
+        elbow = np.array([forward, shoulder[1] + share * (tip[1] - shoulder[1]), upward])
+        return {
+            (self.upper_arm, "position"): shoulder.tolist(),
+            (self.upper_arm, "quaternion"): _pointing(elbow - shoulder),
+            (self.upper_arm, "scale"): [1.0, 1.0, float(np.linalg.norm(elbow - shoulder))],
+            (self.forearm, "position"): [float(value) for value in tip],
+            (self.forearm, "quaternion"): _pointing(elbow - tip),
+        }
+
+
+def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float) -> np.ndarray:
+    r"""Place of the elbow between shoulder and tip: the cut of two circles that lies behind their line.
+
+    With d between the two, the foot of the elbow on the line lies at :math:`a = (u^2 - l^2 + d^2) / 2d` from
+    the shoulder and the elbow :math:`\sqrt{u^2 - a^2}` beside it. An arm that does not reach is straight, and
+    what is missing is between shoulder and elbow.
+
+    Args:
+        shoulder: Forward and upward in [m], shape ``(2,)``.
+        tip: Likewise, shape ``(2,)``.
+        upper: Shoulder to elbow in [m].
+        lower: Elbow to tip in [m].
+
+    Returns:
+        Forward and upward in [m], shape ``(2,)``.
+    """
+    distance = float(np.linalg.norm(tip - shoulder))
+    ahead = (tip - shoulder) / distance
+    if not abs(upper - lower) < distance < upper + lower:
+        return np.asarray(tip - lower * ahead)
+    along = (upper * upper - lower * lower + distance * distance) / (2.0 * distance)
+    behind = np.array([ahead[1], -ahead[0]])  # of an arm that hangs
+    return np.asarray(shoulder + along * ahead + math.sqrt(upper * upper - along * along) * behind)
+
+
+def _pointing(direction: np.ndarray) -> list[float]:
+    """Quaternion (x, y, z, w) that turns z into a direction and leaves y as near to the left as it can."""
+    upward = direction / np.linalg.norm(direction)
+    forward = np.cross([0.0, 1.0, 0.0], upward)
+    forward /= np.linalg.norm(forward)
+    turn = pin.Quaternion(np.column_stack((forward, np.cross(upward, forward), upward)))
+    return [float(value) for value in turn.coeffs()]
+
+
+class DrawnCrutches:
+    """Both arms and crutches with the forces of the ground on them, the tips beside the legs."""
+
+    def __init__(
+        self, window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
+    ) -> None:
+        """Draw them.
+
+        Args:
+            joint: Joint that carries the trunk.
+        """
+        upper, forearm = UPPER_ARM_LENGTH * patient.height, FOREARM_LENGTH * patient.height
+        lower = crutches.length * patient.height - upper
+        outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
+        self._crutches: dict[Side, Crutch] = {}
+        self._arrows = {side: draw_arrow(window, f"{side}_crutch") for side in Side}
+        for side, left in ((Side.LEFT, 1.0), (Side.RIGHT, -1.0)):
+            aside = 0.5 * SHOULDER_BREADTH * patient.height
+            shoulder = trunk_axes(figure)[:3, :3] @ [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
+            arm, rest = f"{ROOT}/{side}_upper_arm", f"{ROOT}/{side}_forearm"
+            self._crutches[side] = Crutch(arm, rest, joint, shoulder, upper, lower, left * outside)
+            longer = math.hypot(1.0, (outside - aside) / (upper + lower))  # than in the sagittal plane
+            _draw_upper_arm(window, arm, girth(patient))
+            _draw_forearm(window, rest, lower * longer, forearm * longer, girth(patient))
+
+    def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
+        """Where they are in a frame; nothing of a log without crutches."""
+        state: dict[tuple[str, str], Any] = {}
+        for side, crutch in self._crutches.items():
+            names = (f"{side}_crutch_{name}" for name in _COLUMNS)
+            values = [float(motion.columns[name][frame]) for name in names if name in motion.columns]
+            if len(values) == len(_COLUMNS):
+                forward, upward, *force = values
+                tip = np.array([forward, crutch.across, upward])
+                state |= crutch.state(figure, motion.q[frame], tip)
+                state |= arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT)
+        return state
+
+
+def _draw_upper_arm(window: Window, path: str, scale: float) -> None:
+    """Draw an upper arm of 1 m along z, thick as it is."""
+    for name, table, material in (("sleeve", _SLEEVE, CLOTH), ("skin", _UPPER_ARM, SKIN)):
+        rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in table]
+        draw_lightly(window, f"{path}/{name}", shapes.limb(rings), material)
+
+
+def _draw_forearm(window: Window, path: str, length: float, forearm: float, scale: float) -> None:
+    """Draw a forearm and a crutch from the tip at the origin to the elbow on z, handle forwards."""
+    grip = length - forearm
+    rings = [
+        (length - share * forearm, share * _HANDLE, 0.0, scale * x, scale * y) for share, x, y in _FOREARM
+    ]
+    fist = np.eye(4)
+    fist[:3, 3] = (_HANDLE, 0.0, grip + 0.005)
+    hand = shapes.moved(shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale)), fist)
+    draw_lightly(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
+    # Behind the forearm up to the cuff.
+    top, bottom = (length - share * forearm for share in _CUFF)
+    at_cuff = np.array([-0.045 * scale, 0.0, 0.5 * (top + bottom)])
+    line = np.array([[0.0, 0.0, 0.04], [0.0, 0.0, 0.4 * grip], [0.0, 0.0, grip - 0.02], at_cuff])
+    draw_lightly(window, f"{path}/shaft", shapes.tube(line, 0.0115, columns=12), STEEL, casts=True)
+    cuff = band(np.array(rings), top, bottom, rings=3)
+    handle = shapes.tube(np.array([[x, 0.0, grip] for x in (-0.012, 0.05, 0.105)]), 0.0155, columns=12)
+    draw_lightly(window, f"{path}/plastic", shapes.merged([cuff, handle]), PLASTIC, casts=True)
+    draw_lightly(window, f"{path}/tip", shapes.turned(_TIP, columns=20), RUBBER, casts=True)
