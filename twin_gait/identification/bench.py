@@ -29,20 +29,29 @@ from twin_gait.worlds import HORIZONTAL, LoadAngle
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSetup(Parameters):
-    """Test bench of one joint (thesis 2.2.1)."""
+    """Test bench of one joint (thesis 2.2.1).
 
-    actuator: ActuatorParameters  # motor and gear
-    mass: Annotated[Mass | None, NOT_NEGATIVE] = None  # on the link in [kg], where the log does not say
-    # b, from the axis to the weight, in [m]. The thesis does not print it: an assumption
+    Attributes:
+        actuator: Motor and gear.
+        mass: On the link in [kg], where the log does not say.
+        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        link_inertia: About the axis in [kg m²]; an assumption.
+        link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
+        start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
+        load_angle: Form of the load torque.
+        mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
+        gravity: In [m] / [s²].
+    """
+
+    actuator: ActuatorParameters
+    mass: Annotated[Mass | None, NOT_NEGATIVE] = None
     lever: Annotated[Length, POSITIVE] = 0.30
-    link_inertia: Annotated[Inertia, NOT_NEGATIVE] = 0.02  # about the axis in [kg m²]; an assumption
-    # mass of the link times the distance of its centre from the axis in [kg m]
+    link_inertia: Annotated[Inertia, NOT_NEGATIVE] = 0.02
     link_moment: Annotated[float, Unit("kgm"), NOT_NEGATIVE] = 0.0
-    # what the first angle of a log is set to in [rad]; None leaves the angles as they are
     start_angle: Angle | None = HORIZONTAL
-    load_angle: LoadAngle = LoadAngle.CORRECTED  # form of the load torque
-    mass_as_printed: bool = False  # whether J_mass is m b, as printed, instead of m b²
-    gravity: Acceleration = 9.81  # in [m] / [s²]
+    load_angle: LoadAngle = LoadAngle.CORRECTED
+    mass_as_printed: bool = False
+    gravity: Acceleration = 9.81
 
     def joint_angle(self, angle: np.ndarray) -> np.ndarray:
         """Logged angles, set so that the first one is the start angle, in [rad]."""
@@ -85,18 +94,23 @@ class CurrentSource(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class ProcessingOptions(Parameters):
-    """How to process logs."""
+    """How to process logs.
 
-    # None takes zero phase for logs with a current, and none for friction torques
+    Attributes:
+        processing: None takes zero phase for logs with a current, and none for friction torques.
+        cutoff: Of the zero-phase filter in [Hz].
+        window: Samples of the thesis's moving average.
+        current: None takes the measured one if it is logged; with the thesis's processing the target.
+        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
+            current and 0 in series of friction torques.
+        impact_acceleration: Beyond it the link has hit a stop, in [rad] / [s²].
+        stop_margin: Samples so near to where a stop was hit are rejected, in [rad].
+    """
+
     processing: Processing | None = None
-    cutoff: Annotated[Frequency, POSITIVE] = 40.0  # of the zero-phase filter in [Hz]
-    window: Annotated[int, COUNT] = 10  # samples of the thesis's moving average
-    # None takes the measured one if it is logged; with the thesis's processing the target
+    cutoff: Annotated[Frequency, POSITIVE] = 40.0
+    window: Annotated[int, COUNT] = 10
     current: CurrentSource | None = None
-    # slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a current and 0 in series of
-    # friction torques
     standstill_velocity: Annotated[AngularVelocity | None, NOT_NEGATIVE] = None
-    # beyond it the link has hit a stop, in [rad] / [s²]
     impact_acceleration: Annotated[AngularAcceleration, POSITIVE] = 25.0
-    # samples so near to where a stop was hit are rejected, in [rad]
     stop_margin: Annotated[Angle, NOT_NEGATIVE] = 0.01

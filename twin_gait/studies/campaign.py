@@ -70,15 +70,22 @@ class TwoWayProtocol(Parameters):
 
     The path starts level at 90°, so that logs of both protocols are read alike, goes up by at most 92° and
     comes back. Its period is the shortest that leaves 2.5 rad/s within the joint's range.
+
+    Attributes:
+        lowest_speed: Peak speed of the first test in [rad] / [s].
+        highest_speed: Of the last one.
+        period: Of the path in [s].
+        cycles: Number of times there and back.
+        stiffness: Of the controller in [N m] / [rad]; an assumption, 13 rad/s on the bare armature.
+        damping_ratio: Of the controller on the bare armature.
     """
 
-    lowest_speed: Annotated[AngularVelocity, POSITIVE] = 0.15  # peak speed of the first test in [rad] / [s]
-    highest_speed: AngularVelocity = 2.5  # of the last one
-    period: Annotated[Time, POSITIVE] = 2.0  # of the path in [s]
-    cycles: Annotated[int, COUNT] = 4  # number of times there and back
-    # of the controller in [N m] / [rad]; an assumption, 13 rad/s on the bare armature
+    lowest_speed: Annotated[AngularVelocity, POSITIVE] = 0.15
+    highest_speed: AngularVelocity = 2.5
+    period: Annotated[Time, POSITIVE] = 2.0
+    cycles: Annotated[int, COUNT] = 4
     stiffness: Annotated[RotaryStiffness, POSITIVE] = 600.0
-    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7  # of the controller on the bare armature
+    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -88,24 +95,37 @@ class TwoWayProtocol(Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Spread(Parameters):
-    """What differs between tests though nothing was changed; all assumptions."""
+    """What differs between tests though nothing was changed; all assumptions.
 
-    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.02  # standard deviation of the friction, relative
-    # standard deviation of the offset of the current measurement in [A]
+    Attributes:
+        friction: Standard deviation of the friction, relative.
+        current_offset: Standard deviation of the offset of the current measurement in [A].
+    """
+
+    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.02
     current_offset: Annotated[Current, NOT_NEGATIVE] = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign(Parameters):
-    """A campaign on one joint."""
+    """A campaign on one joint.
 
-    joint: JointName  # knee or hip
-    protocol: Protocol = Protocol.DROP  # how the joint is moved
-    seed: Annotated[int, WHOLE] = 0  # of everything that chance decides
-    bench: BenchJoint | None = None  # the bench without weight and controller; None for that of the joint
-    spread: Spread = field(default_factory=Spread)  # between tests
-    two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)  # motor-driven tests
-    # of a drop in [s]; a joint that sticks is switched off then
+    Attributes:
+        joint: Knee or hip.
+        protocol: How the joint is moved.
+        seed: Of everything that chance decides.
+        bench: The bench without weight and controller; None for that of the joint.
+        spread: Between tests.
+        two_way: Motor-driven tests.
+        longest: Of a drop in [s]; a joint that sticks is switched off then.
+    """
+
+    joint: JointName
+    protocol: Protocol = Protocol.DROP
+    seed: Annotated[int, WHOLE] = 0
+    bench: BenchJoint | None = None
+    spread: Spread = field(default_factory=Spread)
+    two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
     longest: Annotated[Time, Range(1.0, 600.0, words="1 to 600 s")] = 20.0
 
     def __post_init__(self) -> None:

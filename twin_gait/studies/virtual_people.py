@@ -23,13 +23,21 @@ _REACH = NormalDist().inv_cdf(HIGHEST_SHARE)
 
 @dataclass(frozen=True, kw_only=True)
 class BodySizes(Parameters):
-    """Stature and body mass of the people of one sex."""
+    """Stature and body mass of the people of one sex.
 
-    stature_mean: Annotated[Length, POSITIVE]  # in [m]
-    stature_deviation: Annotated[Length, POSITIVE]  # standard deviation in [m]
-    mass_mean: Annotated[Mass, POSITIVE]  # in [kg]
-    mass_deviation: Annotated[Mass, POSITIVE]  # standard deviation in [kg]
-    correlation: Ratio  # of stature and mass
+    Attributes:
+        stature_mean: In [m].
+        stature_deviation: Standard deviation in [m].
+        mass_mean: In [kg].
+        mass_deviation: Standard deviation in [kg].
+        correlation: Of stature and mass.
+    """
+
+    stature_mean: Annotated[Length, POSITIVE]
+    stature_deviation: Annotated[Length, POSITIVE]
+    mass_mean: Annotated[Mass, POSITIVE]
+    mass_deviation: Annotated[Mass, POSITIVE]
+    correlation: Ratio
 
     def __post_init__(self) -> None:
         super().__post_init__()
