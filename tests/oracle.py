@@ -147,6 +147,12 @@ class Controller:
     def torque(self, tick: int, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Motor torques of a tick on all coordinates in [N m], shape ``(nv,)``."""
         self._measure(tick, q[self._index])
+        pitch = self._problem.world.model.pitch_index
+        self._device = {
+            "trunk.pitch_deg": 0.0 if pitch is None else float(q[pitch]),
+            "walk": 1.0,
+            "step": 1.0,
+        }
         self._decide(tick)
         stiffness, damping, equilibrium, gain = self._parameters()
         command = -(stiffness * (self._angle - equilibrium) + damping * self._fast)
@@ -182,7 +188,11 @@ class Controller:
         entries = [machine.entry for machine in machines]
         for leg, machine in enumerate(machines):
             machine.tick = tick
-            machine.signals = {**self._signals(leg, ""), "time_in_phase_s": (tick - entries[leg]) * TICK}
+            machine.signals = {
+                **self._device,
+                **self._signals(leg, ""),
+                "time_in_phase_s": (tick - entries[leg]) * TICK,
+            }
             if len(machines) == 2:
                 other = 1 - leg
                 machine.signals |= self._signals(other, OTHER)

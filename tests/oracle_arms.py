@@ -28,12 +28,15 @@ class UpperBody:
         self.habit, self.limits, self.pressed = scenario.arms, scenario.crutches, pressed
         model, self.harness, self.tall = problem.world.model, scenario.harness, patient.height
         self.weight = model.total_mass * problem.experiment.plant.gravity
+        self.longest = self.limits.length * self.tall
         self.body = [model.forward_index, model.pelvis_index, model.pitch_index]
         q, self.tick, self.felt = problem.world.start_q, 0, []
         self.first_lean = float(q[self.body[2]])
         self.arms = []
         for tip in (model.nv, model.nv + 2):
-            arm = SimpleNamespace(tip=[tip, tip + 1], load=0.0, off=0.0, push=self.habit.push, turn=0.0)
+            arm = SimpleNamespace(
+                tip=[tip, tip + 1], load=0.0, off=0.0, push=self.habit.push * self.weight, turn=0.0
+            )
             arm.length, arm.held_angle, *_ = self._strut(q, arm.tip)
             self._plant(arm)
             self.arms.append(arm)
@@ -69,7 +72,8 @@ class UpperBody:
             push = arm.push + arm.k * (arm.held - arm.length) - arm.b * (growing @ v)
             arm.off = arm.held * np.sin(arm.held_angle - angle)
             moment = arm.turn + arm.length * (arm.kt * arm.off - arm.bt * arm.length * (turning @ v))
-            found += np.clip(push, -limits.pull_limit, limits.push_limit) * growing
+            stretched = limits.straight_stiffness * max(arm.length - self.longest, 0.0)
+            found += (np.clip(push, -limits.pull_limit, limits.push_limit) - stretched) * growing
             found += np.clip(moment, -limits.moment_limit, limits.moment_limit) * turning
             friction, arm.load = self.pressed(q[arm.tip[1]], *v[arm.tip])
             found[arm.tip] += friction, arm.load
@@ -97,7 +101,7 @@ class UpperBody:
     def _planted(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
         habit, rest = self.habit, round(self.habit.planted / TICK)
         wanted = habit.push + habit.push_per_lean * (lean - habit.lean) + habit.push_per_rate * rate
-        arm.push, arm.turn = np.clip(wanted, 0.0, self.limits.push_limit), -habit.turn
+        arm.push, arm.turn = np.clip(wanted * self.weight, 0.0, self.limits.push_limit), -habit.turn
         share = 1.0 - np.exp(-TICK / habit.yielding)
         arm.held += share * (arm.length - arm.held)
         arm.held_angle -= share * arm.off / arm.length
@@ -116,6 +120,6 @@ class UpperBody:
             arm.doing, arm.since = "lowered", 0
 
     def _lowered(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
-        arm.held = min(arm.held + self.habit.lowering * TICK, self.limits.length * self.tall)
+        arm.held = min(arm.held + self.habit.lowering * TICK, self.longest)
         if load > self.habit.touch:
             self._plant(arm)

@@ -104,6 +104,15 @@ def test_no_arm_pushes_or_turns_beyond_its_limits(state: np.ndarray, rates: np.n
     assert_allclose(math.hypot(fx, fz), math.hypot(arm.push, arm.moment / arm.length), rtol=1e-12)
 
 
+@given(state=states, rates=speeds)
+def test_a_straight_arm_is_a_rope_whatever_its_muscles_do(state: np.ndarray, rates: np.ndarray) -> None:
+    arm, free = arm_of(pull_limit=50.0), arm_of(pull_limit=50.0)
+    arm.longest, arm.straight_stiffness = 1.2, 5000.0
+    forces(arm, state, rates)
+    forces(free, state, rates)
+    assert arm.push == free.push - 5000.0 * max(free.length - 1.2, 0.0)
+
+
 def test_an_arm_that_hangs_pushes_down_and_its_moment_forwards() -> None:
     arm = arm_of()
     arm.grip.turn, arm.grip.stiffness, arm.grip.turning_stiffness = 7.0, 0.0, 0.0

@@ -153,6 +153,7 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
     """A body that hangs in its harness on crutches that stand, slip and swing."""
     push_limit, pull_limit, moment_limit = limits
     words = f"push_limit_N: {push_limit}, pull_limit_N: {pull_limit}, moment_limit_Nm: {moment_limit}"
+    words += ", length: 0.9, straight_stiffness_N_per_m: 2000"
     harness = "scenario.harness={share: 1.0, damping_Ns_per_m: 200, height: 0.25}"
     problem, e, advance = started(0.25, f"scenario.crutches={{{words}}}", harness)
     for arm in e.arms:
@@ -185,7 +186,8 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
                 - grip.turning_damping * length * of_angle @ v
             )
             heard.add((push > push_limit, push < -pull_limit, abs(moment) > moment_limit))
-            found += np.clip(push, -pull_limit, push_limit) * of_length
+            stretched = 2000.0 * max(length - 0.9 * 1.75, 0.0)
+            found += (np.clip(push, -pull_limit, push_limit) - stretched) * of_length
             found += np.clip(moment, -moment_limit, moment_limit) * of_angle
             found[tip] += pressed(*body.data.qpos[tip][1:], *v[tip])
         return found

@@ -187,7 +187,7 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
     "a free trunk by its inertial unit, on crutches": (
         "overground",
         EULER % 0.25,
-        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4}",
+        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5}",
         "scenario.harness={share: 0.2, damping_Ns_per_m: 90}",
         *NOISE,
     ),

@@ -49,7 +49,7 @@ CASES = {
         EULER,
         "integration.step_ms=0.25",
         "scenario.harness={share: 0.2, damping_Ns_per_m: 90}",
-        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4}",
+        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5}",
     ),
     "treadmill, a short wearer with short feet": (
         "treadmill",

@@ -29,7 +29,7 @@ CASES = {
         EULER,
         0.25,
         400,
-        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.4, swing_s: 0.1, reach_deg: 12}",
+        "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5, swing_s: 0.1, reach_deg: 12}",
         "scenario.harness={share: 0.3, damping_Ns_per_m: 90}",
     ),
     "treadmill, gears that lose under load": ("treadmill", EULER, 0.25, 500, *LOSSY),

@@ -37,7 +37,10 @@ def test_a_pitch_that_is_known_exactly_is_the_true_one():
 
 
 def test_the_unit_feels_how_its_place_moves(sensed):
-    """The same filter with the arctangent, on differences of where the unit was by the log."""
+    """The same filter with the arctangent, on differences of where the unit was by the log.
+
+    Those are means over two ticks, what the unit feels is of an instant, and the soles chatter as they land.
+    """
     _, log = sensed
     pitch = log["trunk_pitch_rad"]
     forwards, upwards = (np.cos(pitch), -np.sin(pitch)), (np.sin(pitch), np.cos(pitch))
@@ -55,7 +58,7 @@ def test_the_unit_feels_how_its_place_moves(sensed):
         found.append(estimate)
     measured = log["measured_trunk_pitch_rad"][:-1]
     assert np.abs(measured - pitch[:-1]).max() > math.radians(1.0)
-    assert_allclose(measured, found, atol=math.radians(0.1))
+    assert_allclose(measured, found, rtol=0.0, atol=math.radians(0.25))
 
 
 def test_guards_read_what_the_filter_has_found(sensed):
