@@ -1,0 +1,64 @@
+"""The shipped walk with crutches: what it does, and what it needs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate, summarise
+from twin_gait.measures.crutches import crutch_use
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return simulate(load_experiment("overground", ["duration_s=12"]).experiment)
+
+
+def test_the_walk_goes_on_at_an_even_speed_with_the_trunk_leaning_forwards(walk):
+    assert walk.verdict.outcome == "walked" and walk.trip is None
+    settled = walk.log[walk.log["time_s"] > 4.0]
+    way = np.ptp(settled["pelvis_forward_m"].to_numpy())
+    assert 0.2 < way / 8.0 < 0.42
+    lean = np.degrees(settled["trunk_pitch_rad"])
+    assert 0.0 < lean.min() and lean.max() < 25.0
+
+
+def test_without_arms_the_same_walk_falls_at_once_and_the_summary_says_so(walk):
+    free = summarise(walk)["free_trunk"]
+    assert free["without_arms"]["status"] == "fell" and free["without_arms"]["duration_s"] < 4.0
+    way = walk.log["pelvis_forward_m"]
+    assert free["distance_m"] == way.iloc[-1] - way.iloc[0] > 2.0
+
+
+def test_arms_stay_within_their_limits_and_their_use_is_what_the_log_has(walk):
+    limits = walk.experiment.scenario.crutches
+    for side in walk.sides:
+        push = walk.log[f"{side}_arm_push_N"]
+        assert push.max() <= limits.push_limit
+        assert walk.log[f"{side}_shoulder_moment_Nm"].abs().max() <= limits.moment_limit
+        use = crutch_use(walk.log, side, 1e-3, walk.body_weight)
+        load = walk.log[f"{side}_crutch_normal_force_N"]
+        assert use.impulse == pytest.approx(np.trapezoid(load, walk.log["time_s"]), rel=1e-3)
+        assert use.mean_share == pytest.approx(use.impulse / walk.duration / walk.body_weight, rel=1e-3)
+
+
+def test_the_work_of_the_arms_is_that_of_the_wearer(walk):
+    power = sum(walk.log[f"{side}_arm_power_W"].to_numpy() for side in walk.sides)
+    work = np.cumsum(power) * 1e-3
+    assert np.abs(work - walk.log["patient_work_J"].to_numpy()).max() < 0.02 * np.ptp(work)
+
+
+def test_the_wearer_stands_where_nothing_tells_the_legs_to_step(walk):
+    table = walk.table
+    still = replace(
+        table,
+        phases={"stand": table.phases["stand"]},
+        transitions=(),
+        cycles=(),
+        waivers=(),
+        scaling=replace(table.scaling, stance_phases=("stand",)),
+    )
+    stood = simulate(replace(walk.experiment, table=still, duration=4.0))
+    assert stood.status == "completed" and np.ptp(stood.log["pelvis_forward_m"]) < 0.1
