@@ -147,7 +147,7 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
     ("extra", "message"),
     [
         (("--columns", "speed=dq2"), "--columns: no 'speed'; there are time"),
-        (("--units", "velocity"), "--units: expected QUANTITY=NAME"),
+        (("--units", "velocity"), "--units: expected NAME=VALUE"),
         (("--model", "gauss"), "model: no 'gauss'"),
         (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),
         (("--cutoff-Hz", "0"), "cutoff: expected a number above 0"),
