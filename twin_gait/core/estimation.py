@@ -67,13 +67,14 @@ class DelayLine:
     samples: list[float]
 
 
-def new_delay_line(delay: int) -> DelayLine:
-    """A delay line that is full of zeros.
+def new_delay_line(delay: int, first: float = 0.0) -> DelayLine:
+    """A delay line that is full of one sample.
 
     Args:
         delay: In samples, 0 or more.
+        first: The sample.
     """
-    return DelayLine(delay, [0.0] * ((delay // _ROOM + 1) * _ROOM))
+    return DelayLine(delay, [first] * ((delay // _ROOM + 1) * _ROOM))
 
 
 def delayed_sample(line: DelayLine, number: int, sample: float) -> float:
@@ -85,7 +86,7 @@ def delayed_sample(line: DelayLine, number: int, sample: float) -> float:
         sample: The new one.
 
     Returns:
-        The sample whose number is smaller by the delay; 0 if there was none yet.
+        The sample whose number is smaller by the delay; what the line was full of if there was none yet.
     """
     size = line.delay + 1
     line.samples[number % size] = sample
