@@ -1,3 +1,4 @@
+from .chair import ChairParameters as ChairParameters
 from .crutches import ArmParameters as ArmParameters
 from .crutches import CrutchParameters as CrutchParameters
 from .drives import ACCELEROMETER_NOISE as ACCELEROMETER_NOISE

@@ -12,6 +12,7 @@ from twin_gait.parameters.quantities import (
     POSITIVE,
     Angle,
     Force,
+    ForcePerAngle,
     Length,
     LinearDamping,
     LinearStiffness,
@@ -21,6 +22,7 @@ from twin_gait.parameters.quantities import (
     PerAngularVelocity,
     Range,
     Ratio,
+    RotaryStiffness,
     Speed,
     Time,
     Torque,
@@ -86,6 +88,15 @@ class ArmParameters(Parameters):
         planted: For so long at least a crutch stays, in [s].
         lowering: Speed at which it is put down in [m] / [s].
         touch: Load at which it is felt to stand in [N].
+        chair_tilt: Of arms and crutches from the vertical that the person keeps while they rise from a chair
+            or sit down, the tips behind the shoulders, in [rad].
+        chair_push: On each crutch meanwhile in [N], beyond what holds.
+        chair_push_per_tilt: Less of it by how much farther they tilt, in [N] / [rad].
+        chair_turn: Moment of each shoulder in [N m] that draws the body forwards meanwhile.
+        chair_turn_per_tilt: Less of it likewise, in [N m] / [rad].
+        chair_fading: Length short of straight arms over which that push fades, in [m].
+        chair_hold: Push that keeps each crutch on the ground then, and afterwards, in [N].
+        chair_rest: For so long both stay behind afterwards, in [s].
     """
 
     delay: Annotated[Time, DELAYS] = 0.15
@@ -108,3 +119,11 @@ class ArmParameters(Parameters):
     planted: Annotated[Time, NOT_NEGATIVE] = 0.2
     lowering: Annotated[Speed, POSITIVE] = 0.25
     touch: Annotated[Force, POSITIVE] = 15.0
+    chair_tilt: Annotated[Angle, LEANS] = 17.0 * DEGREE
+    chair_push: Annotated[Force, NOT_NEGATIVE] = 200.0
+    chair_push_per_tilt: Annotated[ForcePerAngle, NOT_NEGATIVE] = 800.0
+    chair_turn: Torque = 0.0
+    chair_turn_per_tilt: Annotated[RotaryStiffness, NOT_NEGATIVE] = 200.0
+    chair_fading: Annotated[Length, POSITIVE] = 0.15
+    chair_hold: Annotated[Force, NOT_NEGATIVE] = 40.0
+    chair_rest: Annotated[Time, NOT_NEGATIVE] = 3.0

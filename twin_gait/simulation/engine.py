@@ -52,6 +52,7 @@ def log_layout(problem: Problem) -> LogLayout:
         forward=problem.world.model.forward_index is not None,
         free=problem.world.model.pitch_index is not None,
         crutches=problem.sides[: len(problem.world.arms)],
+        seat=problem.world.seat is not None,
         braced=problem.world.braces is not None,
         supervised=problem.experiment.modes is not None,
     )

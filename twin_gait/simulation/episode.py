@@ -23,6 +23,7 @@ from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
+from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
 from twin_gait.simulation.log import WorkRow
@@ -253,6 +254,8 @@ class Episode:
         habit: How they are used.
         sense: What the person feels.
         swing_phases: 1 for phases in which a leg swings.
+        chair_phases: What a person feels of a chair in a phase, :class:`twin_gait.core.arm_policy.Sense`.
+        seat: If there is one.
     """
 
     step: float
@@ -299,6 +302,8 @@ class Episode:
     habit: Habit
     sense: Sense
     swing_phases: list[float]
+    chair_phases: list[float]
+    seat: Seat
     works: WorkRow = field(default_factory=WorkRow)
     brace_work: float = 0.0
     status: int = COMPLETED

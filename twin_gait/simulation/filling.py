@@ -18,6 +18,7 @@ from twin_gait.control.gait_controller import (
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
+from twin_gait.core.arm_policy import RISES, SITS
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
@@ -59,11 +60,12 @@ from twin_gait.simulation.watching import (
     watch_bounds,
 )
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import LEAN, LOWER, RISE, SIT, JointName, Side
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
+FELT = {SIT: SITS, LEAN: SITS, RISE: RISES, LOWER: RISES}  # of a chair, by phase
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]
@@ -85,6 +87,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "FORWARD": -1 if model.forward_index is None else model.forward_index,
         "PITCH": -1 if model.pitch_index is None else model.pitch_index,
         "CRUTCHES": len(problem.world.arms),
+        "SEATED": problem.world.seat is not None,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
         "POWERED_ANKLES": JointName.ANKLE in experiment.joints,
@@ -172,6 +175,8 @@ def new_episode(
         swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
         if world.arms
         else [],
+        chair_phases=[FELT.get(name, 0.0) for name in problem.table.phases] if world.arms else [],
+        seat=ABSENT if world.seat is None else copied(world.seat),
         recording=Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),

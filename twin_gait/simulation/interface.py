@@ -15,8 +15,8 @@ from twin_gait.simulation.rows import Switch
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
 # place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
-# coordinate of the device that of the wearer stands, 0 if they are one; crutches.
-POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES = 0, -1, -1, -1, 0, 0
+# coordinate of the device that of the wearer stands, 0 if they are one; crutches; whether there is a seat.
+POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES, SEATED = 0, -1, -1, -1, 0, 0, False
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
 # Whether legs have ankles, those are controlled, some joint is not, the integration is Runge-Kutta's, there

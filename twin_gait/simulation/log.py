@@ -141,6 +141,15 @@ class CrutchRow:
 
 
 @dataclass(slots=True)
+class SeatRow:
+    """Columns of a seat."""
+
+    seat_force: float = column("N", "of the seat on buttocks and thighs, upwards")
+    seat_friction_force: float = column("N", "of the seat on them, forwards positive")
+    seat_forward: float = column("m", "place of its front edge")
+
+
+@dataclass(slots=True)
 class WorkRow:
     """Columns of the work done on the leg since the start, by source."""
 
@@ -148,7 +157,7 @@ class WorkRow:
     friction_work: float = column("J", "of friction in motors and gears")
     stop_work: float = column("J", "of the mechanical stops")
     spring_work: float = column("J", "of orthosis, support and harness")
-    contact_work: float = column("J", "of the ground")
+    contact_work: float = column("J", "of ground and seat")
     patient_work: float = column("J", "of the wearer, a push or an imposed motion")
 
 
@@ -208,6 +217,7 @@ class LogRow:
     forward: ForwardRow
     trunk: TrunkRow
     crutches: list[CrutchRow]
+    seat: SeatRow
     bus_voltage: float = column("V", "of the drives")
     battery_power: float = column("W", "that the battery gives; below 0 motors charge it")
     kinetic_energy: float = column("J", "of bodies and rotors")
@@ -311,6 +321,7 @@ def meaning_of(name: str) -> str:
         ForwardRow,
         TrunkRow,
         CrutchRow,
+        SeatRow,
         WorkRow,
         BraceWorkRow,
         BraceRow,
@@ -339,6 +350,7 @@ class LogLayout:
         forward: Whether it moves fore-aft too.
         free: Whether it pitches too.
         crutches: Sides with one.
+        seat: Whether there is one.
         braced: Whether braces bind the wearer to the device.
         supervised: Whether it has operating modes.
     """
@@ -350,6 +362,7 @@ class LogLayout:
     forward: bool = False
     free: bool = False
     crutches: tuple[Side, ...] = ()
+    seat: bool = False
     braced: bool = False
     supervised: bool = False
 
@@ -365,6 +378,7 @@ class LogLayout:
             forward=ForwardRow() if self.forward else ABSENT,
             trunk=TrunkRow() if self.free else ABSENT,
             crutches=[CrutchRow() for _ in self.crutches],
+            seat=SeatRow() if self.seat else ABSENT,
             brace_work=BraceWorkRow() if self.braced else ABSENT,
             braces=[BraceRow() for _ in (*self._joints, *self._passive) if self.braced],
             pelvis_brace=PelvisBraceRow() if self.braced and self.pelvis else ABSENT,

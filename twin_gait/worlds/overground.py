@@ -1,23 +1,30 @@
-"""Walking on the floor with a free trunk and two crutches, with or without a harness on a rail."""
+"""Walking on the floor with a free trunk and two crutches, with or without a harness on a rail or a chair."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
-from twin_gait.core.arm_policy import Habit, new_sense, plant_crutch
+from twin_gait.core.arm_policy import SITS, Habit, new_sense, plant_crutch
 from twin_gait.core.arms import Arm, Grip, turn_grip
 from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.plant import Plant, Stop, free_coordinate
+from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Harness, Trunk
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
-from twin_gait.parameters import ArmParameters, ContactParameters, CrutchParameters, require
+from twin_gait.parameters import (
+    ArmParameters,
+    ChairParameters,
+    ContactParameters,
+    CrutchParameters,
+    require,
+)
 from twin_gait.parameters.quantities import (
     DEGREE,
     NOT_NEGATIVE,
@@ -37,10 +44,12 @@ from twin_gait.parameters.quantities import (
 )
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import SUPPORT_SHARE, Adjustment, Posture, Scenario, Walking
+from twin_gait.worlds.sitting import Sitting, seat_of
 from twin_gait.worlds.standing import FALL_SHARE, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
 LEANS = Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
+SHANKS = Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
 SPEEDS = Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
 
 
@@ -72,8 +81,11 @@ class Overground(Scenario):
         crutches: And the limits of the arms; None for hands that hold nothing.
         arms: How the crutches are used.
         harness: Over the head.
+        chair: To sit on, or None.
         contact: Of heels, toes and crutches.
+        start: Whether the wearer begins standing, or sitting on the chair, in balance.
         lean: Of the trunk at the start in [rad], forwards positive.
+        shank: Of a wearer who begins sitting: angle by which the shanks lean forward over the feet in [rad].
         crutch_ahead: Way of the two tips in front of the shoulder at the start in [m].
         fall_lean: Of the trunk, either way, beyond which the wearer has fallen, in [rad].
         leading: Leg that starts in front.
@@ -93,8 +105,11 @@ class Overground(Scenario):
     )
     arms: ArmParameters = field(default_factory=ArmParameters)
     harness: HarnessParameters = field(default_factory=HarnessParameters)
+    chair: ChairParameters | None = None
     contact: ContactParameters = field(default_factory=ContactParameters)
+    start: Literal["standing", "sitting"] = "standing"
     lean: Annotated[Angle, LEANS] = 8.0 * DEGREE
+    shank: Annotated[Angle, SHANKS] = 0.0
     crutch_ahead: Annotated[Mapping[Side, Length], UnitInside()] = field(
         default_factory=lambda: {Side.LEFT: 0.35, Side.RIGHT: 0.3}
     )
@@ -163,9 +178,15 @@ class Overground(Scenario):
             leads = side is self.leading
             postures[side] = self.leading_angles if leads else self.trailing_angles
             phases[side] = self.leading_phase if leads else self.trailing_phase
-        q = start_posture(model, postures, ankle_rest)
-        q[pitch] = self.lean
-        q[height] = stand_on_both_feet(model, q, 0.0)
+        seat = None if self.chair is None else seat_of(model, self.chair)
+        if self.start == "sitting":
+            require(seat is not None, "start", "standing, or a chair to sit on", self.start)
+            assert seat is not None
+            q = self._sitting(model, seat, plant)
+        else:
+            q = start_posture(model, postures, ankle_rest)
+            q[pitch] = self.lean
+            q[height] = stand_on_both_feet(model, q, 0.0)
         weight = model.total_mass * gravity
         shoulder = SHOULDER_HEIGHT * tall
         arms: tuple[Arm, ...] = ()
@@ -186,19 +207,28 @@ class Overground(Scenario):
             catch_stiffness=self.harness.catch_stiffness,
             catch_dissipation=self.harness.catch_dissipation,
             body_weight=weight,
-            fall_height=FALL_SHARE * q[height],
+            fall_height=FALL_SHARE * (q[height] if seat is None else seat.height),
             contact_frames=frames,
             trunk=Trunk(shoulder, self._harness(tall, weight)),
             arms=arms,
             habit=self._habit(tall, weight) if arms else None,
-            sense=new_sense(self._delay_ticks, self.lean) if arms else None,
+            sense=new_sense(self._delay_ticks, self.lean, self._felt_chair) if arms else None,
+            seat=seat,
             fall_pitch=self.fall_lean,
             longest_reach=math.inf if self.crutches is None else self._longest(tall) + self.crutches.slack,
         )
 
+    def _sitting(self, model: LegModel, seat: Seat, plant: tuple[Plant, ...]) -> np.ndarray:
+        seat = replace(seat)  # its sums change
+        return Sitting(model, seat, self.contact, plant, lean=self.lean, shank=self.shank).posture()
+
     def _harness(self, tall: float, weight: float) -> Harness:
         rope = self.harness
         return Harness(rope.height * tall, rope.share * weight, rope.damping, Stop(0.0, 0.0, 0.0, 0.0))
+
+    @property
+    def _felt_chair(self) -> float:
+        return SITS if self.start == "sitting" else 0.0
 
     @property
     def _delay_ticks(self) -> int:
@@ -255,4 +285,12 @@ class Overground(Scenario):
             lowering=arms.lowering * TICK,
             touch=arms.touch,
             longest=self._longest(tall),
+            chair_tilt=arms.chair_tilt,
+            chair_push=arms.chair_push,
+            chair_push_per_tilt=arms.chair_push_per_tilt,
+            chair_turn=arms.chair_turn,
+            chair_turn_per_tilt=arms.chair_turn_per_tilt,
+            chair_fading=arms.chair_fading,
+            chair_hold=arms.chair_hold,
+            chair_ticks=round(arms.chair_rest / TICK),
         )

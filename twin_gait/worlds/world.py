@@ -15,6 +15,7 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Spring, free_coordinate
+from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Trunk
 from twin_gait.leg_model import Bodies, LegJoints, LegModel
 from twin_gait.parameters import (
@@ -95,6 +96,7 @@ class World:
         sense: What the wearer feels, or None.
         fall_pitch: Of the trunk, beyond which the wearer has fallen, in [rad].
         longest_reach: Of arm and crutch in [m].
+        seat: Of a chair, or None.
     """
 
     model: LegModel
@@ -119,6 +121,7 @@ class World:
     sense: Sense | None = None
     fall_pitch: float = math.inf
     longest_reach: float = math.inf
+    seat: Seat | None = None
 
     @property
     def chains(self) -> tuple[LegModel, ...]:

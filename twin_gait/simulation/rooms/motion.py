@@ -9,13 +9,14 @@ from twin_gait.simulation.interface import (
     CRUTCHES,
     PITCH,
     RK4,
+    SEATED,
     SHIFT,
     WITH_FRICTION,
     dynamics,
     lanes,
     side_by_side,
 )
-from twin_gait.simulation.rooms.upper_body import move_tips, pull_harness, push_crutches
+from twin_gait.simulation.rooms.upper_body import move_tips, press_seat, pull_harness, push_crutches
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -66,9 +67,16 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         for one in lanes(e):
             q, v = _state(one, staged)
             pull_harness(one, q, v)
+    if SEATED:
+        for one in lanes(e):
+            q, v = _state(one, staged)
+            press_seat(one, q, v)
     for one in lanes(e):
         q, v = _state(one, staged)
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
+    if SEATED:
+        for one in lanes(e):
+            one.contact_power += one.seat.power
     if CRUTCHES > 0:
         for one in lanes(e):
             q, v = _state(one, staged)

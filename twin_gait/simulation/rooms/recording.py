@@ -14,6 +14,7 @@ from twin_gait.simulation.interface import (
     PITCH,
     POINTS_PER_FOOT,
     POWERED_ANKLES,
+    SEATED,
     SHIFT,
     lanes,
     log_row,
@@ -65,6 +66,10 @@ def _record_whole(e: Episode, row: LogRow) -> None:
         potential += of_tips[1]
         for number in range(CRUTCHES):
             _record_crutch(e, e.arms[number], row.crutches[number])
+    if SEATED:
+        row.seat.seat_force = e.seat.normal
+        row.seat.seat_friction_force = e.seat.friction
+        row.seat.seat_forward = e.seat.forward
     row.bus_voltage = e.supply.bus_voltage
     row.battery_power = e.supply.power
     row.kinetic_energy = kinetic

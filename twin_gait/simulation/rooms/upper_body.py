@@ -1,4 +1,4 @@
-"""A free trunk within a tick: harness, arms and crutches, and what the person does with them."""
+"""A free trunk within a tick: harness, seat, arms and crutches, and what the person does with them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from twin_gait.core.arms import Arm, arm_force
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import delayed_sample
+from twin_gait.core.seat import seat_the_hips, seat_the_thigh
 from twin_gait.core.trunk import harness_pull, pitching_moment
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import CRUTCHES, FORWARD, PELVIS, PITCH
@@ -22,6 +23,24 @@ def pull_harness(e: Episode, q: list[float], v: list[float]) -> None:
     e.plant[PELVIS].spring_torque += pull
     e.plant[PITCH].spring_torque += moment
     e.torque[PELVIS] += pull
+    e.torque[PITCH] += moment
+
+
+def press_seat(e: Episode, q: list[float], v: list[float]) -> None:
+    """Add the forces of the seat on buttocks and thighs to the torques."""
+    seat = e.seat
+    forward, upward, moment = seat_the_hips(seat, q[FORWARD], q[PELVIS], v[FORWARD], v[PELVIS], v[PITCH])
+    for hip in seat.hips:
+        sine, cosine = sine_cosine(q[hip] - q[PITCH])
+        fx, fz, lift = seat_the_thigh(
+            seat, sine, cosine, q[FORWARD], q[PELVIS], v[FORWARD], v[PELVIS], v[hip] - v[PITCH]
+        )
+        e.torque[hip] += lift
+        forward += fx
+        upward += fz
+        moment -= lift
+    e.torque[FORWARD] += forward
+    e.torque[PELVIS] += upward
     e.torque[PITCH] += moment
 
 
@@ -63,12 +82,14 @@ def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
 def use_crutches(e: Episode, tick: int) -> None:
     """What the person feels, late, and does with the arms in this tick."""
     sense = e.sense
-    stepping = 0.0
+    stepping, chair = 0.0, 0.0
     for leg in e.controller.legs:
         stepping = max(stepping, e.swing_phases[leg.phase])
+        chair = max(chair, e.chair_phases[leg.phase])
     sense.lean = delayed_sample(sense.felt_lean, tick, e.q[PITCH])
     sense.lean_rate = delayed_sample(sense.felt_rate, tick, e.v[PITCH])
     sense.stepping = delayed_sample(sense.felt_stepping, tick, stepping)
+    sense.chair = delayed_sample(sense.felt_chair, tick, chair)
     sine, _ = sine_cosine(e.q[PITCH])
     shoulder = e.q[FORWARD] + e.trunk.shoulder * sine
     for number in range(CRUTCHES):

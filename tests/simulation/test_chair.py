@@ -1,0 +1,146 @@
+"""A chair under a free body: statics, energy, and the seat a second time in MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.measures import energy_balance
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.log import work_sources
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.vocabulary import JointName
+
+SIDES = ("left", "right")
+TABLE = Path(__file__).parents[1] / "tables" / "sit_to_stand.yaml"
+SHORT = ("scenario.chair.height_m=0.47", "patient.height_m=1.6", "patient.mass_kg=55")
+TALL = ("scenario.chair.height_m=0.4", "patient.height_m=1.88", "scenario.lean_deg=0")
+
+
+def seated(*changes: str):
+    """A wearer on a chair with empty hands."""
+    settings = ["sensors.ideal=true", "scenario.chair={}", "scenario.start=sitting", f"table={TABLE}"]
+    settings += ["scenario.leading_phase=sit", "scenario.trailing_phase=sit", *changes]
+    experiment = load_experiment("overground", settings).experiment
+    return replace(experiment, scenario=replace(experiment.scenario, crutches=None))
+
+
+@pytest.fixture(scope="module")
+def rising():
+    """Leaning forward and up, and down again for want of hands."""
+    return simulate(seated("duration_s=3"))
+
+
+def on_feet(log):
+    return sum(log[f"{side}_foot_normal_force_N"] for side in SIDES)
+
+
+@pytest.mark.parametrize("changes", [(), SHORT, TALL], ids=["nominal", "short", "tall"])
+def test_start_is_in_balance(changes):
+    """Height, moment about the hips and ankles: what no motor holds has no acceleration if the others do."""
+    problem = build_problem(seated("duration_s=0.001", "engine=pinocchio", *changes))
+    world, model = problem.world, problem.world.model
+    log = simulate(problem.experiment).log.iloc[0]
+    assert log["seat_force_N"] + on_feet(log) == pytest.approx(world.body_weight, abs=1e-4)
+    assert 0.5 < log["seat_force_N"] / world.body_weight < 0.97
+    q = world.start_q
+    held = [model.index(side, joint) for side in SIDES for joint in (JointName.HIP, JointName.KNEE)]
+    torque = -model.gravity_torque(q)
+    torque += seat_and_soles(problem, q)
+    for side in SIDES:
+        ankle = model.index(side, JointName.ANKLE)
+        spring = world.plant[ankle].spring
+        torque[ankle] += spring.force - spring.stiffness * q[ankle]
+    np.testing.assert_allclose(np.delete(torque, held), 0.0, atol=1e-4)
+
+
+def seat_and_soles(problem, q):
+    """Generalised forces of seat and ground at rest: their potential by central differences."""
+    world, model = problem.world, problem.world.model
+    seat, ground = world.seat, world.contact
+
+    def stored(q):
+        height, total = q[model.pelvis_index], 0.0
+        total += 0.5 * seat.buttocks.stiffness * max(0.0, seat.height + seat.buttocks.thickness - height) ** 2
+        for side in SIDES:
+            hip, knee = (model.frame_position(q, f"{side}_{joint}")[[0, 2]] for joint in ("hip", "knee"))
+            along = (knee - hip) / np.linalg.norm(knee - hip)
+            skin = hip + seat.thigh.along * along + seat.thigh.thickness * np.array([along[1], -along[0]])
+            total += 0.5 * seat.thigh.stiffness * max(0.0, seat.height - skin[1]) ** 2
+            for name in model.legs[side].contact_frames:
+                total += 0.4 * ground.stiffness * max(0.0, -model.frame_position(q, name)[2]) ** 2.5
+        return total
+
+    steps = 1e-6 * np.eye(len(q))
+    return np.array([(stored(q - step) - stored(q + step)) / 2e-6 for step in steps])
+
+
+def test_wearer_left_alone_sits_still():
+    """In the phase of sitting, with hands that hold nothing: hips and knees take up the table's springs."""
+    experiment = seated("duration_s=3")
+    never = tuple(
+        replace(item, time_out_ticks=10**6) if item.source == "sit" else item
+        for item in experiment.table.transitions
+    )
+    log = simulate(replace(experiment, table=replace(experiment.table, transitions=never))).log
+    still = log[log["time_s"] > 2.0]
+    assert set(still["left_phase"]) == {"sit"}
+    weight = seated().build_world().body_weight
+    np.testing.assert_allclose(still["seat_force_N"] + on_feet(still), weight, rtol=2e-3)
+    assert np.ptp(np.degrees(still["trunk_pitch_rad"])) < 0.5
+    # It creeps where friction holds it: the regularised law has no rest.
+    assert np.ptp(still["pelvis_forward_m"]) < 0.005
+    assert still["pelvis_velocity_m_per_s"].abs().max() < 0.002
+
+
+def test_energy_closes(rising):
+    log = rising.log
+    energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
+    works = np.array([log[f"{source}_work_J"].to_numpy() for source in work_sources(log)])
+    assert log["seat_force_N"].iloc[0] > 400.0
+    assert np.ptp(log["contact_work_J"]) > 1.0
+    assert energy_balance(energy, works).relative_residual < 1e-3
+
+
+def test_record_says_where_the_front_edge_is(rising):
+    assert set(rising.log["seat_forward_m"]) == {rising.experiment.scenario.chair.front}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (("scenario.chair=null",), "chair to sit on"),
+        (("scenario.chair.height_m=0.7", "patient.height_m=1.5"), "balance|floor"),
+        (("scenario.lean_deg=40",), "hip"),
+        (("scenario.chair.height_m=0.1",), "0.3 to 0.7"),
+    ],
+)
+def test_a_seat_on_which_nobody_can_sit_is_refused(changes, told):
+    with pytest.raises(TwinGaitError, match=told):
+        seated(*changes).build_world()
+
+
+@pytest.mark.slow  # the loop in plain Python over 2 s: a minute
+def test_seat_in_mujoco_gives_the_log_of_the_compiled_engine():
+    pytest.importorskip("mujoco")
+    from seated_mujoco import SeatedMujocoKernel
+
+    problem = build_problem(seated("duration_s=2", "integration.step_ms=0.25", "scenario.lean_deg=12"))
+    bare = replace(problem, world=replace(problem.world, seat=None))
+    kernel = SeatedMujocoKernel(problem).functions
+    ours, without = CompiledEngine(problem), ReferenceEngine(bare, kernel=kernel)
+    mine, theirs = ours.run(), without.run()
+    assert np.ptp(mine.rows[:, ours.layout.positions["seat_force_N"]]) > 20.0
+    assert np.abs(mine.rows[:, ours.layout.positions["seat_friction_force_N"]]).max() > 5.0
+    # What the guide of the pelvis takes is what no other force does: ours has the seat in it.
+    for name, place in without.layout.positions.items():
+        if name in ("guide_force_N", "guide_moment_Nm"):
+            continue
+        other = mine.rows[:, ours.layout.positions[name]]
+        np.testing.assert_allclose(other, theirs.rows[:, place], atol=1e-9, rtol=0.0, err_msg=name)

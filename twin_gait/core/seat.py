@@ -1,0 +1,158 @@
+r"""A seat under the buttocks and the backs of the thighs.
+
+The buttocks are a round pad about the axis of the hips, so that it meets the seat straight below them
+whatever the pitch. Of each thigh one point of the back touches: ℓ from the hip along it and t behind its
+axis. With the thigh's elevation α from the vertical (hip flexion less pitch), forwards positive, it stands at
+
+.. math::
+
+    x = \ell \sin\alpha - t \cos\alpha, \qquad z = -\ell \cos\alpha - t \sin\alpha
+
+from the hips, and a force on it turns the thigh upwards with :math:`F_z x - F_x z`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin_gait.core.contact import contact_friction_force, mechanical_stop_torque
+
+
+@dataclass(slots=True)
+class Pad:
+    """What of the body meets the seat.
+
+    Attributes:
+        stiffness: In [N] / [m].
+        dissipation: In [s] / [m].
+        thickness: From the axis of hip or thigh to the skin, uncompressed, in [m].
+        along: Way of it down the thigh in [m]; 0 for the buttocks.
+    """
+
+    stiffness: float
+    dissipation: float
+    thickness: float
+    along: float = 0.0
+
+
+@dataclass(slots=True)
+class Seat:
+    """A level seat without a back.
+
+    Attributes:
+        height: Over the ground in [m].
+        forward: Place of its front edge in [m].
+        depth: From there to its rear edge in [m].
+        rounding: Way behind an edge over which the seat comes to bear, in [m].
+        friction_coefficient: Coulomb coefficient.
+        transition_velocity: Of the regularised friction in [m] / [s].
+        buttocks: Both.
+        thigh: One.
+        hips: Places of the two hips in the coordinates.
+        normal: Sum of the normal forces as it was last, in [N].
+        friction: Of the forces along the seat, forwards positive; likewise.
+        power: Of all of them in [W]; likewise.
+    """
+
+    height: float
+    forward: float
+    depth: float
+    rounding: float
+    friction_coefficient: float
+    transition_velocity: float
+    buttocks: Pad
+    thigh: Pad
+    hips: list[int]
+    normal: float = 0.0
+    friction: float = 0.0
+    power: float = 0.0
+
+
+def bearing_share(seat: Seat, forward: float) -> float:
+    """Share of its stiffness that the seat has at a place in [m]: 0 beyond its edges, then a ramp to 1."""
+    inside = min(seat.forward - forward, forward - (seat.forward - seat.depth))
+    return min(max(inside / seat.rounding, 0.0), 1.0)
+
+
+def seat_force(
+    seat: Seat, pad: Pad, forward: float, height: float, speed: float, rise: float
+) -> tuple[float, float]:
+    r"""Force of the seat on a pad, of which nothing jumps.
+
+    .. math::
+
+        N = s(x)\,k\,\delta\,\max(0, 1 + c\,\dot\delta), \qquad F = -\mu N \tanh(v / v_t)
+
+    Args:
+        seat: Changed in place: force and power are added to its sums.
+        pad: Of the body.
+        forward: Place of the pad's skin, uncompressed, in [m].
+        height: Likewise.
+        speed: Of the pad forwards in [m] / [s].
+        rise: Upwards.
+
+    Returns:
+        Forward and upward force in [N].
+    """
+    share = bearing_share(seat, forward)
+    normal = share * mechanical_stop_torque(height, rise, seat.height, height, pad.stiffness, pad.dissipation)
+    friction = contact_friction_force(speed, normal, seat.friction_coefficient, seat.transition_velocity)
+    seat.normal += normal
+    seat.friction += friction
+    seat.power += normal * rise + friction * speed
+    return friction, normal
+
+
+def seat_the_hips(
+    seat: Seat, forward: float, height: float, speed: float, rise: float, pitching: float
+) -> tuple[float, float, float]:
+    """Force of the seat on the buttocks; the sums of the seat begin with it.
+
+    Args:
+        seat: Changed in place.
+        forward: Place of the hips in [m].
+        height: Of the hips.
+        speed: Of the hips forwards in [m] / [s].
+        rise: Upwards.
+        pitching: Rate of the pitch in [rad] / [s].
+
+    Returns:
+        Forward and upward force in [N], and pitching moment about the hips in [N m].
+    """
+    seat.normal = seat.friction = seat.power = 0.0
+    below = seat.buttocks.thickness
+    fx, fz = seat_force(seat, seat.buttocks, forward, height - below, speed - below * pitching, rise)
+    return fx, fz, -below * fx
+
+
+def seat_the_thigh(
+    seat: Seat,
+    sine: float,
+    cosine: float,
+    forward: float,
+    height: float,
+    speed: float,
+    rise: float,
+    turning: float,
+) -> tuple[float, float, float]:
+    """Force of the seat on the back of a thigh.
+
+    Args:
+        seat: Changed in place.
+        sine: Of the elevation of the thigh.
+        cosine: Likewise.
+        forward: Place of the hips in [m].
+        height: Of the hips.
+        speed: Of the hips forwards in [m] / [s].
+        rise: Upwards.
+        turning: Rate of the elevation in [rad] / [s].
+
+    Returns:
+        Forward and upward force in [N], and moment about the hip that lifts the thigh, in [N m].
+    """
+    along, behind = seat.thigh.along, seat.thigh.thickness
+    ahead, up = along * sine - behind * cosine, -along * cosine - behind * sine
+    fx, fz = seat_force(
+        seat, seat.thigh, forward + ahead, height + up, speed - turning * up, rise + turning * ahead
+    )
+    return fx, fz, fz * ahead - fx * up
