@@ -39,6 +39,14 @@ HABIT = Habit(
     lowering=0.00025,
     touch=15.0,
     longest=1.43,
+    chair_tilt=0.3,
+    chair_push=200.0,
+    chair_push_per_tilt=800.0,
+    chair_turn=0.0,
+    chair_turn_per_tilt=200.0,
+    chair_fading=0.15,
+    chair_hold=40.0,
+    chair_ticks=3000,
 )
 
 
