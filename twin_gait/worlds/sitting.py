@@ -117,8 +117,8 @@ class Sitting:
         model, seat, q = self.model, self.seat, self._coordinates(found)
         ankle = model.index(model.sides[0], JointName.ANKLE)
         spring = self.plant[ankle].spring
-        places = [model.pelvis_index, model.pitch_index, ankle]
-        left = -model.gravity_torque(q)[places]
+        assert model.pelvis_index is not None and model.pitch_index is not None  # it is free
+        left = -model.gravity_torque(q)[[model.pelvis_index, model.pitch_index, ankle]]
         left[2] += spring.force - spring.stiffness * q[ankle]
         _, upward, _ = seat_the_hips(seat, 0.0, found[0], 0.0, 0.0, 0.0)
         left[0] += upward
