@@ -144,8 +144,13 @@ class Controller:
         """Phase of every leg, by its place in the table."""
         return [self._problem.table.phase_index(machine.phase) for machine in self.machines.values()]
 
-    def torque(self, tick: int, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Motor torques of a tick on all coordinates in [N m], shape ``(nv,)``."""
+    def torque(self, tick: int, q: np.ndarray, v: np.ndarray, loads: list[float]) -> np.ndarray:
+        """Motor torques of a tick on all coordinates in [N m], shape ``(nv,)``.
+
+        Args:
+            loads: Of the feet over body weight.
+        """
+        self._loads = loads
         self._measure(tick, q[self._index])
         pitch = self._problem.world.model.pitch_index
         self._device = {
@@ -175,7 +180,7 @@ class Controller:
 
     def _signals(self, leg: int, prefix: str) -> dict[str, float]:
         joints = self._problem.table.joints
-        signals = {}
+        signals = {f"{prefix}foot.load_bw": self._loads[leg]}
         for position, joint in enumerate(joints):
             number = leg * len(joints) + position
             signals[f"{prefix}{joint}.angle_deg"] = float(self._angle[number])
@@ -261,6 +266,7 @@ class Leg:
         self._springs = _columns([row.spring for row in world.plant[:n]], ("stiffness", "damping", "force"))
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
+        self._normal = dict.fromkeys(self._frames, 0.0)
         self.upper_body = UpperBody(problem, self._pressed) if world.arms else None
         self._crutch, self._gravity = 0.0, given.gravity
         if world.arms:
@@ -292,6 +298,14 @@ class Leg:
         tips[1::2] -= self._gravity
         return np.array([*self._last, *tips])
 
+    def loads(self, q: np.ndarray, v: np.ndarray) -> list[float]:
+        """Normal force of the ground on each foot over body weight."""
+        sides = len(self.world.model.sides)
+        if self._frames:
+            self._contact_forces(q[: self.model.nv], v[: self.model.nv])
+        pressed = np.array(list(self._normal.values())).reshape(sides, -1).sum(axis=1)
+        return [float(value) for value in pressed / self.world.body_weight]
+
     def _pressed(self, height: float, along: float, up: float) -> tuple[float, float]:
         """Friction and normal force of the ground on a point."""
         law = self.world.contact
@@ -311,6 +325,7 @@ class Leg:
                 self.model, self.data, number, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
             ).linear
             friction, normal = self._pressed(height, velocity[0], velocity[2])
+            self._normal[number] = normal
             placement = self.data.oMf[number]
             local = placement.rotation.T @ np.array([friction, 0.0, normal])
             forces[frame.parentJoint] += frame.placement.act(pin.Force(local, np.zeros(3)))
@@ -354,7 +369,7 @@ def motion(problem: Problem, ticks: int) -> Motion:
     q, v = world.start_q.copy(), world.start_v.copy()
     trace = Motion(*(np.zeros((ticks, count)) for count in (len(q), len(q), len(problem.sides))))
     for tick in range(ticks):
-        motor = controller.torque(tick, q, v)
+        motor = controller.torque(tick, q, v, leg.loads(q, v))
         if leg.upper_body is not None:
             swinging = any(problem.table.is_swing(machine.phase) for machine in controller.machines.values())
             leg.upper_body.decide(q, v, swinging)

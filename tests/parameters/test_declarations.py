@@ -118,6 +118,7 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
         if item.mark(AsInFile)
     }
     assert by_hand == {
+        "Experiment.modes",
         "Experiment.scenario",
         "Experiment.table",
         "Patient.conditions",

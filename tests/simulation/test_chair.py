@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.vocabulary import JointName
 
 SIDES = ("left", "right")
-TABLE = Path(__file__).parents[1] / "tables" / "sit_to_stand.yaml"
+TABLE = "sit_to_stand"
 SHORT = ("scenario.chair.height_m=0.47", "patient.height_m=1.6", "patient.mass_kg=55")
 TALL = ("scenario.chair.height_m=0.4", "patient.height_m=1.88", "scenario.lean_deg=0")
 
@@ -144,3 +143,15 @@ def test_seat_in_mujoco_gives_the_log_of_the_compiled_engine():
             continue
         other = mine.rows[:, ours.layout.positions[name]]
         np.testing.assert_allclose(other, theirs.rows[:, place], atol=1e-9, rtol=0.0, err_msg=name)
+
+
+def test_wearer_of_the_preset_comes_to_stand_within_the_limits():
+    run = simulate(load_experiment("sit_to_stand", ["duration_s=5"]).experiment)
+    log, end = run.log, run.log.iloc[-1]
+    assert run.reason == ""
+    assert end["left_phase"] == end["right_phase"] == "stand"
+    assert end["pelvis_height_m"] - log["pelvis_height_m"].iloc[0] > 0.35
+    assert abs(np.degrees(end["trunk_pitch_rad"])) < 10.0
+    for joint in (f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee")):
+        assert log[f"{joint}_stop_torque_Nm"].abs().max() == 0.0
+        assert log[f"{joint}_motor_command_torque_Nm"].abs().max() < 60.0

@@ -179,9 +179,9 @@ class Overground(Scenario):
             postures[side] = self.leading_angles if leads else self.trailing_angles
             phases[side] = self.leading_phase if leads else self.trailing_phase
         seat = None if self.chair is None else seat_of(model, self.chair)
-        if self.start == "sitting":
-            require(seat is not None, "start", "standing, or a chair to sit on", self.start)
-            assert seat is not None
+        sits = self.start == "sitting"
+        require(seat is not None or not sits, "start", "standing, or a chair to sit on", self.start)
+        if seat is not None and sits:
             q = self._sitting(model, seat, plant)
         else:
             q = start_posture(model, postures, ankle_rest)

@@ -118,8 +118,7 @@ class Sitting:
         ankle = model.index(model.sides[0], JointName.ANKLE)
         spring = self.plant[ankle].spring
         assert model.pelvis_index is not None and model.pitch_index is not None  # it is free
-        places = [model.pelvis_index, model.pitch_index, ankle]
-        left = -model.gravity_torque(q)[places]
+        left = -model.gravity_torque(q)[[model.pelvis_index, model.pitch_index, ankle]]
         left[2] += spring.force - spring.stiffness * q[ankle]
         _, upward, _ = seat_the_hips(seat, 0.0, found[0], 0.0, 0.0, 0.0)
         left[0] += upward
