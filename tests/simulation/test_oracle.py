@@ -31,6 +31,8 @@ CASES = {
         400,
         "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5, swing_s: 0.1, reach_deg: 12}",
         "scenario.harness={share: 0.3, damping_Ns_per_m: 90}",
+        "scenario.leading_phase=early_stance",
+        "scenario.trailing_phase=late_stance",
     ),
     "treadmill, gears that lose under load": ("treadmill", EULER, 0.25, 500, *LOSSY),
 }
