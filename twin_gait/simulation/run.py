@@ -184,6 +184,8 @@ class Run:
             return Verdict(Outcome.HELD, self._held_text)
         if not self.table.transitions:
             return Verdict(None, "no walk was asked for: the gait table has no transitions")
+        if not any(self.table.is_swing(phase) for phase in self.table.phases):
+            return Verdict(None, "no walk was asked for: no phase of the gait table is a swing")
         return gait_verdict(self.leg_records())
 
     @property
