@@ -234,7 +234,9 @@ CALLED = {"sine_cosine": elementary.sine_cosine}
 
 @pytest.fixture(scope="module")
 def device() -> Device:
-    problem = build_problem(load_experiment("treadmill", ["control.assistance.hip=0.7"]).experiment)
+    table = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
+    settings = ["control.assistance.hip=0.7", f"table={table}", "modes=twin"]
+    problem = build_problem(load_experiment("treadmill_start_stop", settings).experiment)
     kernel, episode, constants = laid_out(problem, record=False)
     structure = {**constants, **problem.controller.functions()}
     text = write_control_gravity(kernel[2], kernel[3])

@@ -221,7 +221,7 @@ def test_any_measurements_keep_both_legs_in_the_cycle(name: str, seed: int) -> N
             other = 1 - leg
             signals = {**measured[leg], OWN_TIME: times[leg]}
             signals |= {f"other.{key}": value for key, value in measured[other].items()}
-            signals |= {OTHER_TIME: times[other], "walk": float(tick // TOLD_TICKS % 2 == 0)}
+            signals |= {OTHER_TIME: times[other], "walk": float(tick // TOLD_TICKS % 2 == 0), "step": 1.0}
             found = Measurements(signals, phases[other])
             switch = machine.step(
                 tick,

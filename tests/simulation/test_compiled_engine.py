@@ -121,7 +121,10 @@ def test_joint_rotation_of_a_slanted_axis_is_rodrigues():
 
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
-LIFTED_SOON = "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5}"  # a crutch
+LIFTED_SOON = (  # a crutch, and a leg
+    "scenario={arms: {planted_s: 0.05, lift_ahead_m: 0.5}, leading_phase: early_stance,"
+    " trailing_phase: late_stance}"
+)
 WORN = "patient={mass_kg: 70, effort_noise: 0.1, effort_delay_ms: 20}"
 ACTIVE = (
     "patient.both={hip: {passive: 1, contracture_deg: 6, effort: 0.5}, knee: {passive: 1.2, effort: 0.5,"

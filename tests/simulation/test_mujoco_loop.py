@@ -49,6 +49,8 @@ CASES = {
         EULER,
         "integration.step_ms=0.25",
         "scenario.harness={share: 0.2, damping_Ns_per_m: 90}",
+        "scenario.leading_phase=early_stance",
+        "scenario.trailing_phase=late_stance",
         "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5}",
     ),
     "treadmill, a short wearer with short feet": (

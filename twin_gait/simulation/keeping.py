@@ -30,6 +30,7 @@ SOURCES = (
     "../control/controllers",
     "../control/gait_controller",
     "../control/joint_board",
+    "../control/supervisor",
     "../gait/signals",
     "../network/messages",
     "rooms",
