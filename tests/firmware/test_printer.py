@@ -196,6 +196,8 @@ PLACES = {"controller_tick"}  # which the tick of the controller takes
 
 def functions_of(module: ModuleType) -> list[FunctionType]:
     found = [item for item in vars(module).values() if isinstance(item, FunctionType)]
+    # Those of the supervisor are printed where there is one: tests of the supervisor in C.
+    found = [item for item in found if "supervisor" not in item.__code__.co_names]
     return [item for item in found if item.__module__ == module.__name__ and item.__name__ not in PLACES]
 
 
@@ -234,9 +236,7 @@ CALLED = {"sine_cosine": elementary.sine_cosine}
 
 @pytest.fixture(scope="module")
 def device() -> Device:
-    table = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
-    settings = ["control.assistance.hip=0.7", f"table={table}", "modes=twin"]
-    problem = build_problem(load_experiment("treadmill_start_stop", settings).experiment)
+    problem = build_problem(load_experiment("treadmill", ["control.assistance.hip=0.7"]).experiment)
     kernel, episode, constants = laid_out(problem, record=False)
     structure = {**constants, **problem.controller.functions()}
     text = write_control_gravity(kernel[2], kernel[3])
@@ -279,6 +279,8 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
 
     def argument(name: str) -> Any:
         hint = function.__annotations__[name]
+        if hint == "list[float]":
+            return list(episode.controller.signals)
         if name in ("rates", "limits"):
             return samples[name]
         if hint in ("float", "bool", "int"):

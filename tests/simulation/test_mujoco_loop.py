@@ -49,6 +49,7 @@ CASES = {
         EULER,
         "integration.step_ms=0.25",
         "scenario.harness={share: 0.2, damping_Ns_per_m: 90}",
+        "scenario.contact.transition_velocity_m_per_s=1",  # a stiffer law turns 1e-12 m/s into 1e-8 N
         "scenario.leading_phase=early_stance",
         "scenario.trailing_phase=late_stance",
         "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5}",
