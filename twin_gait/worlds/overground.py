@@ -25,6 +25,7 @@ from twin_gait.parameters import (
     CrutchParameters,
     require,
 )
+from twin_gait.parameters.crutches import LEANS
 from twin_gait.parameters.quantities import (
     DEGREE,
     NOT_NEGATIVE,
@@ -48,7 +49,6 @@ from twin_gait.worlds.sitting import Sitting, seat_of
 from twin_gait.worlds.standing import FALL_SHARE, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
-LEANS = Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
 SHANKS = Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
 SPEEDS = Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
 
