@@ -50,7 +50,10 @@ def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, np.ndarray]:
     length = _length(leg, phase)
     # Long blends are sampled: their steps are small and change slowly.
     ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())
-    shares = [blend_share(tick / length if length else 1.0, leg.problem.table.blending.law.code) for tick in ticks.tolist()]
+    shares = [
+        blend_share(tick / length if length else 1.0, leg.problem.table.blending.law.code)
+        for tick in ticks.tolist()
+    ]
     return np.array([-1.0, *ticks]), np.array([0.0, *shares])
 
 

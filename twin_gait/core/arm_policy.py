@@ -21,8 +21,8 @@ stiffness of loaded arms, towards a length that goes by the minimum-jerk law to 
 
     P_0 = P_c, \qquad \ell_0(t) = \ell(0) + (\ell_c - \ell(0))\,s(t / T_c), \qquad M_0 = -M_c
 
-and an arm that is longer than that gives way. What stands behind when the person has risen holds on like this
-for a while; then one after the other is brought forwards.
+and an arm that is longer than that gives way. When the person has risen the arms straighten slowly, until the weight is
+over the feet and a hand feels no load; then one crutch after the other is brought forwards.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Habit:
         risen: Length of the struts after rising in [m].
         seated: After sitting down in [m].
         chair_ticks: For how long they go there.
-        hold_ticks: For so long both stay behind when the person has risen.
+        straightening: Way of a tick by which they grow when the person stands over them, in [m].
     """
 
     lean: float
@@ -97,7 +97,7 @@ class Habit:
     risen: float
     seated: float
     chair_ticks: int
-    hold_ticks: int
+    straightening: float
 
 
 @dataclass(slots=True)
@@ -161,7 +161,7 @@ def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, loa
         if load > habit.touch:
             plant_crutch(habit, arm)
     elif sense.chair > 0.0 or arm.doing == BEHIND:
-        _use_behind(habit, sense, arm, other, ahead)
+        _use_behind(habit, sense, arm, other, ahead, load)
     else:
         _lean_on(habit, sense, arm)
         if _may_lift(habit, sense, arm, other) and ahead < habit.lift_ahead:
@@ -174,12 +174,10 @@ def _may_lift(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> bool:
 
 
 def _rested(habit: Habit, arm: Arm) -> bool:
-    if arm.doing == BEHIND:
-        return arm.since > habit.hold_ticks
-    return arm.doing == PLANTED and arm.since > habit.planted_ticks
+    return (arm.doing == PLANTED or arm.doing == BEHIND) and arm.since > habit.planted_ticks
 
 
-def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float) -> None:
+def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
     """Bring a crutch behind for a chair, rest the hand, push, hold on, or bring the crutch forwards again."""
     readies = sense.chair == LEANS or sense.chair == REACHES
     if readies and ahead > 0.0 and _may_lift(habit, sense, arm, other):
@@ -189,7 +187,7 @@ def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float) 
         arm.felt = sense.chair
         arm.doing, arm.since, arm.first_length = BEHIND, 0, arm.length
     _push_up(habit, sense, arm)
-    if sense.chair == 0.0 and _may_lift(habit, sense, arm, other):
+    if sense.chair == 0.0 and load < habit.touch and _may_lift(habit, sense, arm, other):
         _lift(habit, sense, arm, habit.reach)
 
 
@@ -205,7 +203,7 @@ def _lean_on(habit: Habit, sense: Sense, arm: Arm) -> None:
 
 
 def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
-    """Rest the hand while sitting; push towards a length while rising or sitting down, and hold on to it."""
+    """Rest the hand while sitting, push towards a length while rising or sitting down, then straighten."""
     grip = arm.grip
     if sense.chair == SITS:
         grip.push = grip.turn = grip.stiffness = 0.0
@@ -216,6 +214,8 @@ def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
         share = blend_share(arm.since / habit.chair_ticks, BLEND_MINIMUM_JERK)
         wanted = habit.risen if sense.chair == RISES else habit.seated
         grip.length = blend(arm.first_length, wanted, share)
+    else:
+        grip.length += habit.straightening
     grip.length = max(grip.length, arm.length)  # what would lift the tip gives way at once
     turn_grip(grip, grip.angle - habit.yielding * arm.aside / arm.length)
 

@@ -12,7 +12,6 @@ from twin_gait.parameters.quantities import (
     POSITIVE,
     Angle,
     Force,
-    ForcePerAngle,
     Length,
     LinearDamping,
     LinearStiffness,
@@ -22,7 +21,6 @@ from twin_gait.parameters.quantities import (
     PerAngularVelocity,
     Range,
     Ratio,
-    RotaryStiffness,
     Speed,
     Time,
     Torque,
@@ -95,7 +93,7 @@ class ArmParameters(Parameters):
         risen_length: Of arm and crutch when the person has risen, over that of a straight arm.
         seated_length: When the person has sat down; likewise.
         chair_time: In which they come to that length, in [s].
-        chair_rest: For so long both stay behind when the person has risen, in [s].
+        straightening: Speed at which they grow afterwards, until the hands feel no load, in [m] / [s].
     """
 
     delay: Annotated[Time, DELAYS] = 0.15
@@ -124,4 +122,4 @@ class ArmParameters(Parameters):
     risen_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.98
     seated_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.65
     chair_time: Annotated[Time, POSITIVE] = 2.0
-    chair_rest: Annotated[Time, NOT_NEGATIVE] = 0.3
+    straightening: Annotated[Speed, NOT_NEGATIVE] = 0.05

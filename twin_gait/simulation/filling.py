@@ -60,12 +60,19 @@ from twin_gait.simulation.watching import (
     watch_bounds,
 )
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
-from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, JointName, Side
+from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName, Side
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
-FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, REACH_BACK: REACHES, LOWER: LOWERS}  # of a chair, by phase
+FELT = {
+    SIT: SITS,
+    LEAN: LEANS,
+    RISE: RISES,
+    STRAIGHTEN: RISES,
+    REACH_BACK: REACHES,
+    LOWER: LOWERS,
+}  # of a chair, by phase
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]

@@ -291,5 +291,5 @@ class Overground(Scenario):
             risen=arms.risen_length * self._longest(tall),
             seated=arms.seated_length * self._longest(tall),
             chair_ticks=max(1, round(arms.chair_time / TICK)),
-            hold_ticks=round(arms.chair_rest / TICK),
+            straightening=arms.straightening * TICK,
         )

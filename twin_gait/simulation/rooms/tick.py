@@ -6,7 +6,7 @@ import math
 
 from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
-from twin_gait.simulation.interface import CRUTCHES, NETWORKED, PELVIS, PITCH, SHIFT, each, lanes
+from twin_gait.simulation.interface import CRUTCHES, NETWORKED, PELVIS, PITCH, SEATED, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
