@@ -231,8 +231,8 @@ def test_strides_are_counted_while_the_belt_runs_evenly():
 def test_both_engines_agree_from_stand_to_stand():
     settings = (
         "sensors.ideal=true",
-        "integration.method=semi_implicit_euler",
-        "integration.step_s=0.00025",
+        "integration.method=rk4",
+        "integration.step_s=0.0005",
         "scenario.belt.ramp_s=0.6",
         "scenario.belt.delay_s=0",
         *commands(0.1, 1.2, 3.0),
