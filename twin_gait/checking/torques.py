@@ -46,7 +46,7 @@ def _length(leg: HangingLeg, phase: int) -> int:
 
 
 def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, np.ndarray]:
-    """Ticks of the blend into a phase, from the one before the switch on, and the share of the new phase in each."""
+    """Ticks of the blend into a phase, from the one before the switch on, and its share in each."""
     length = _length(leg, phase)
     # Long blends are sampled: their steps are small and change slowly.
     ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())

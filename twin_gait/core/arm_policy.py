@@ -12,17 +12,18 @@ and its muscles are stiff for a moment only: length and angle that they hold fol
 time constant of yielding. When both legs stand, a tip that has come near is lifted, swung to
 where the person reaches, and lowered until it is felt to carry; the other stays planted meanwhile.
 
-A chair asks for both behind. When the device announces that it is about to sit down, one tip after the other
-is swung back to a tilt φ against the vertical, and likewise before rising if they do not stand there. While the
-person sits, the hands rest. While they rise or sit down, the arms do as the legs do: the muscles push, with the
-stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen or of seated arms,
+A chair asks for both behind. When the device announces that it is about to sit down, one tip after the
+other is swung back to a tilt φ against the vertical, and likewise before rising if they do not stand there.
+While the person sits, the hands rest. While they rise or sit down, the arms do as the legs do: the muscles
+push, with the stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen or
+of seated arms,
 
 .. math::
 
     P_0 = P_c, \qquad \ell_0(t) = \ell(0) + (\ell_c - \ell(0))\,s(t / T_c), \qquad M_0 = -M_c
 
-and an arm that is longer than that gives way. When the person has risen the arms straighten slowly, until the weight is
-over the feet and a hand feels no load; then one crutch after the other is brought forwards.
+and an arm that is longer than that gives way. When the person has risen the arms straighten slowly, until the
+weight is over the feet and a hand feels no load; then one crutch after the other is brought forwards.
 """
 
 from __future__ import annotations

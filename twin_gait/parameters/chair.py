@@ -26,8 +26,8 @@ class ChairParameters(Parameters):
     Attributes:
         height: Of the seat in [m]; 0.43 in a chair of OpenSim, 0.48 to 0.53 as a rule in wheelchairs.
         front: Place of its front edge in [m]; the hips begin at 0.
-        behind: Way of its front edge behind the hips of a standing wearer, where somebody puts it when the device
-            announces that it will sit down, in [m] (an assumption).
+        behind: Way of its front edge behind the hips of a standing wearer, where somebody puts it when the
+            device announces that it will sit down, in [m] (an assumption).
         depth: Of the seat in [m].
         rounding: Way behind an edge over which it comes to bear, in [m] (an assumption).
         stiffness: Of the seated body in [N] / [m]: 5 Hz with 45 kg sprung, the mean of 60 people (Fairley
