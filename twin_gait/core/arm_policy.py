@@ -15,8 +15,8 @@ where the person reaches, and lowered until it is felt to carry; the other stays
 A chair asks for both behind. When the device announces that it is about to sit down, one tip after the
 other is swung back to a tilt φ against the vertical, and likewise before rising if they do not stand there.
 While the person sits, the hands rest. While they rise or sit down, the arms do as the legs do: the muscles
-push, with the stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen or
-of seated arms,
+push, with the stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen
+or of seated arms,
 
 .. math::
 

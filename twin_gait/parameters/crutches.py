@@ -86,8 +86,8 @@ class ArmParameters(Parameters):
         planted: For so long at least a crutch stays, in [s].
         lowering: Speed at which it is put down in [m] / [s].
         touch: Load at which it is felt to stand in [N].
-        chair_tilt: Of arms and crutches from the vertical to which they are swung for a chair, the tips behind
-            the shoulders, in [rad].
+        chair_tilt: Of arms and crutches from the vertical to which they are swung for a chair, the tips
+            behind the shoulders, in [rad].
         chair_push: On each crutch while the person rises or sits down, as a share of the weight.
         chair_turn: Moment of each shoulder in [N m] that draws the body forwards meanwhile.
         risen_length: Of arm and crutch when the person has risen, over that of a straight arm.
