@@ -38,21 +38,14 @@ PROGRESS_TICKS = 500
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recorded walk with the phases that a table gives it.
+    """A recorded walk with the phases that a table gives it."""
 
-    Attributes:
-        table: The gait table.
-        recording: The walk.
-        velocities: Fast velocity estimate of each joint of the table in [rad] / [s], shape ``(n,)``.
-        phases: Index of the phase of each leg at each tick, shape ``(n,)``, integers.
-        switches: Every change of phase with its cause.
-    """
-
-    table: GaitTable
-    recording: Recording
+    table: GaitTable  # the gait table
+    recording: Recording  # the walk
+    # fast velocity estimate of each joint of the table in [rad] / [s], shape ``(n,)``
     velocities: Mapping[Side, Mapping[str, np.ndarray]]
-    phases: Mapping[Side, np.ndarray]
-    switches: tuple[PhaseSwitch, ...]
+    phases: Mapping[Side, np.ndarray]  # index of the phase of each leg at each tick, shape ``(n,)``, integers
+    switches: tuple[PhaseSwitch, ...]  # every change of phase with its cause
 
 
 def replay(
@@ -66,20 +59,11 @@ def replay(
 ) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
-    Args:
-        recording: The walk.
-        table: The gait table, already scaled.
-        body_weight: Of wearer and device in [N]; only for guards on the load of the foot.
-        start_phases: Phase of each leg at tick 0; where there is none the recorded one, or without that
-            the first of the table.
-        fast_time_constant: Of the fast velocity estimate in [s]; the firmware's if None.
-        progress: Called with ticks done and ticks in all, now and then.
-
-    Returns:
-        Phases, velocities and switches.
-
-    Raises:
-        GaitTableError: If the guards need a signal that was not recorded, or there is no such start phase.
+    ``body_weight`` of wearer and device in [N]; only for guards on the load of the foot; ``start_phases``:
+    phase of each leg at tick 0; where there is none the recorded one, or without that the first of the table;
+    ``fast_time_constant`` of the fast velocity estimate in [s]; the firmware's if None; ``progress``: called
+    with ticks done and ticks in all, now and then. Raises GaitTableError if the guards need a signal that was
+    not recorded, or there is no such start phase.
     """
     _check_signals(recording, table, body_weight)
     loop = _Loop(recording, table, body_weight, start_phases or {}, fast_time_constant)

@@ -28,21 +28,13 @@ _LISTED = 12  # columns that a message names
 
 @dataclass(frozen=True, eq=False)
 class LogTable:
-    """Columns of a log file.
+    """Columns of a log file."""
 
-    Attributes:
-        source: The file, for messages.
-        names: Of the columns, in order; a name may occur twice.
-        frame: The columns, in the same order.
-        unit: Of angles, if the file states it: ``rad`` or ``deg``.
-        opensim: Whether it is a motion file of OpenSim.
-    """
-
-    source: str
-    names: tuple[str, ...]
-    frame: pd.DataFrame
-    unit: str | None = None
-    opensim: bool = False
+    source: str  # the file, for messages
+    names: tuple[str, ...]  # of the columns, in order; a name may occur twice
+    frame: pd.DataFrame  # the columns, in the same order
+    unit: str | None = None  # of angles, if the file states it: ``rad`` or ``deg``
+    opensim: bool = False  # whether it is a motion file of OpenSim
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a column of that name."""
@@ -159,17 +151,11 @@ _UNITS = {"yes": DEGREES, "no": RADIANS}
 
 
 class Storage(NamedTuple):
-    """Content of a motion file.
+    """Content of a motion file."""
 
-    Attributes:
-        names: Of the columns, in order.
-        values: Shape ``(n_rows, n_columns)``.
-        unit: Of the angles, ``deg`` or ``rad``; None if the header does not say.
-    """
-
-    names: tuple[str, ...]
-    values: np.ndarray
-    unit: str | None
+    names: tuple[str, ...]  # of the columns, in order
+    values: np.ndarray  # shape ``(n_rows, n_columns)``
+    unit: str | None  # of the angles, ``deg`` or ``rad``; None if the header does not say
 
 
 def parse_storage(text: str, source: str) -> Storage:

@@ -68,8 +68,7 @@ _STYLE = f"{_SHAPES}{_LIGHT}\n  @media (prefers-color-scheme: dark) {{{_DARK}\n 
 def phase_colours(table: StateTable) -> dict[str, str]:
     """Colour of each phase; a phase with a name of its own takes one that the others leave.
 
-    Returns:
-        Colours as ``#RRGGBB`` by phase; they repeat in tables of more phases than there are colours.
+    Returns colours as ``#RRGGBB`` by phase; they repeat in tables of more phases than there are colours.
     """
     usual = {name: phase_colour(name, 0) for name in table.phase_names}
     own = [name for name in table.phase_names if phase_colour(name, 0) != phase_colour(name, 1)]
@@ -84,8 +83,7 @@ def phase_colours(table: StateTable) -> dict[str, str]:
 def state_diagram_svg(table: StateTable) -> str:
     """Draw the phases on a ring in the order of the cycle, with an arrow for each way out.
 
-    Returns:
-        SVG, ending with a line break; it needs no other file and follows a dark page.
+    Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
     lines = max(len(_box_lines(table, phase)) for phase in table.phases)
     groups = arrow_groups(table)

@@ -50,27 +50,14 @@ def recorded_run(
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
     The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
-
-    Args:
-        log: One row per tick, with the columns of a run.
-        model: The model that the log is about.
-        title: Heading of the page; any text.
-        frames_per_second: Of the run; each change of a phase has a frame too.
-        subtitle: Line below the heading; any text.
-        belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
-            bench.
-        moments: Further moments to have a frame of, in [s].
-        notes: What else a reader has to know.
-        events: Events of the run; each has a frame too.
-        outcome: How it ended, in a word.
-        walk: A table of measures, a head and rows of texts.
-        network: Likewise, of what a bus carried.
-        modes: Names of the operating modes in the order of their codes.
-        setting: What is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If the log does not fit the model.
+    ``log``: one row per tick, with the columns of a run; ``model``: the model that the log is about;
+    ``frames_per_second`` of the run; each change of a phase has a frame too; ``belt_speed`` of the treadmill
+    in [m] / [s], or the way that the belt has gone by a time; 0 on the bench; ``moments``: further moments to
+    have a frame of, in [s]; ``notes``: what else a reader has to know; ``events``: events of the run; each
+    has a frame too; ``outcome``: how it ended, in a word; ``walk``: a table of measures, a head and rows of
+    texts; ``modes``: names of the operating modes in the order of their codes; ``setting``: what is drawn
+    around the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises ModelError if the URDF cannot be
+    read. Raises ViewerError if the log does not fit the model.
     """
     moments = [*moments, *(event.time for event in events)]
     slope = setting.get("slope", 0.0)

@@ -21,21 +21,15 @@ _STEP = math.radians(11.0)  # of the mesh along the arc
 
 @dataclass(frozen=True)
 class TorqueArc:
-    """The arrows of one joint, of which at most one is seen.
+    """The arrows of one joint, of which at most one is seen."""
 
-    Attributes:
-        paths: Place of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0.
-        full_torque: Torque that the longest arrow stands for in [N m].
-    """
-
-    paths: dict[int, str]
-    full_torque: float
+    paths: dict[int, str]  # place of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0
+    full_torque: float  # torque that the longest arrow stands for in [N m]
 
     def state(self, torque: float) -> dict[tuple[str, str], bool]:
         """Which arrow is seen.
 
-        Args:
-            torque: Of the motor on the joint in [N m], positive in increasing angle.
+        ``torque`` of the motor on the joint in [N m], positive in increasing angle.
         """
         seen = level(torque, self.full_torque)
         return {(path, "visible"): number == seen for number, path in self.paths.items()}
@@ -44,12 +38,8 @@ class TorqueArc:
 def level(torque: float, full_torque: float) -> int:
     """Length of the arrow for a torque.
 
-    Args:
-        torque: In [N m].
-        full_torque: Torque that the longest arrow stands for in [N m], above 0.
-
-    Returns:
-        From ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is less than half a level.
+    ``torque`` in [N m]; ``full_torque``: torque that the longest arrow stands for in [N m], above 0. Returned
+    from ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is less than half a level.
     """
     if not math.isfinite(torque):
         return 0
@@ -60,11 +50,9 @@ def level(torque: float, full_torque: float) -> int:
 def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -> Shape:
     """Make an arrow around an axis.
 
-    Args:
-        radius: Of the arc in [m].
-        number: Level; a positive one turns by the right-hand rule about the axis.
-        axis: Unit vector, shape ``(3,)``.
-        start: Unit vector across the axis at which the arrow begins, shape ``(3,)``.
+    ``radius`` of the arc in [m]; ``number``: level; a positive one turns by the right-hand rule about the
+    axis; ``axis``: unit vector, shape ``(3,)``; ``start``: unit vector across the axis at which the arrow
+    begins, shape ``(3,)``.
     """
     sweep = _FULL_SWEEP * number / LEVELS
     shaft_sweep = sweep - math.copysign(_HEAD_LENGTH / radius, sweep)

@@ -23,10 +23,8 @@ _LEG = 0.05  # thickness of a table leg [m]
 def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:
     """Draw the bench.
 
-    Args:
-        floor: Height of the floor in [m].
-        hip: Position of the hip in [m], shape ``(3,)``.
-        far_side: 1 if the table stands to the left of the leg, -1 if to its right.
+    ``floor``: height of the floor in [m]; ``hip``: position of the hip in [m], shape ``(3,)``; ``far_side``:
+    1 if the table stands to the left of the leg, -1 if to its right.
     """
     mirror = np.diag([1.0, far_side, 1.0, 1.0])
     mirror[:3, 3] = hip

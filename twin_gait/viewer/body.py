@@ -90,8 +90,7 @@ def draw_wearer(
 ) -> None:
     """Draw the wearer on a figure.
 
-    Args:
-        trunk_joint: Joint that carries the trunk, or None to draw the legs only.
+    ``trunk_joint``: joint that carries the trunk, or None to draw the legs only.
     """
     for side, leg in legs.items():
         inside = _inside(figure, side, leg.hip, patient)
@@ -115,8 +114,7 @@ def draw_wearer(
 def trunk_axes(figure: Figure) -> np.ndarray:
     """Frame of the trunk in that of the joint that carries it: x forward, y left, z up.
 
-    Returns:
-        Homogeneous transform, shape ``(4, 4)``.
+    Returns homogeneous transform, shape ``(4, 4)``.
     """
     return _axes(figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0]), 0.0)
 
@@ -124,8 +122,7 @@ def trunk_axes(figure: Figure) -> np.ndarray:
 def girth(patient: Patient) -> float:
     """Scale of limb radii: the same density in a body of other height and mass.
 
-    Returns:
-        1 for the body that the tables describe.
+    Returns 1 for the body that the tables describe.
     """
     return math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
 
@@ -177,10 +174,8 @@ def _draw_segment(
 def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, columns: int = 24) -> Shape:
     """Make a strap around a limb between two heights, 4 mm thick.
 
-    Args:
-        table: Rings of the limb from the highest down, as :func:`twin_gait.viewer.shapes.limb` takes them.
-        top: Height of the upper edge in [m].
-        bottom: Height of the lower edge in [m].
+    ``table``: rings of the limb from the highest down, as :func:`twin_gait.viewer.shapes.limb` takes them;
+    ``top``: height of the upper edge in [m]; ``bottom``: height of the lower edge in [m].
     """
     heights = np.linspace(top, bottom, rings)
     skin = np.array([np.interp(heights, table[::-1, 0], table[::-1, column]) for column in range(5)]).T
@@ -215,9 +210,8 @@ def _foot(patient: Patient) -> Shape:
 def trunk_rings(patient: Patient) -> np.ndarray:
     """Rings of the trunk of a wearer.
 
-    Returns:
-        Height over the hips, centre forward, centre to the left, half axes forward and sideways, all in [m],
-        from the lowest up, shape ``(n, 5)``.
+    Returns height over the hips, centre forward, centre to the left, half axes forward and sideways, all in
+    [m], from the lowest up, shape ``(n, 5)``.
     """
     return np.array(_rings(_TRUNK, patient))
 

@@ -33,18 +33,12 @@ _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
 
 
 class Motor(NamedTuple):
-    """Size of the motor of a joint.
+    """Size of the motor of a joint."""
 
-    Attributes:
-        radius: In [m].
-        length: Along the joint's axis in [m].
-        centre: In the frame of its link in [m], shape ``(3,)``.
-        link: Joint that carries the link that it is drawn on: its own, or the one before if it stands there.
-    """
-
-    radius: float
-    length: float
-    centre: np.ndarray
+    radius: float  # in [m]
+    length: float  # along the joint's axis in [m]
+    centre: np.ndarray  # in the frame of its link in [m], shape ``(3,)``
+    # joint that carries the link that it is drawn on: its own, or the one before if it stands there
     link: str
 
 
@@ -60,11 +54,7 @@ class Figure:
     """
 
     def __init__(self, window: Window, model: pin.Model, *, up_axis: str = "z") -> None:
-        """Make the groups.
-
-        Args:
-            up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model.
-        """
+        """Make the groups. ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model."""
         self.model = model
         self._window = window
         self._data = model.createData()
@@ -83,10 +73,8 @@ class Figure:
     def draw(self, joint: str, name: str, shape: Shape, material: Material) -> str:
         """Draw a mesh on a joint.
 
-        Args:
-            joint: Name of the joint; ``universe`` for what does not move.
-            name: Name of the part, once per joint.
-            shape: Mesh in the frame of the joint.
+        ``joint``: name of the joint; ``universe`` for what does not move; ``name``: name of the part, once
+        per joint; ``shape``: mesh in the frame of the joint.
         """
         path = f"{self.paths[joint]}/{name}"
         self._window.send(set_object(path, shape, material))
@@ -148,10 +136,8 @@ class Figure:
     def segment(self, joint: str, leg: LegJoints) -> np.ndarray:
         """From a joint of a leg to the next, or to the farthest frame that it carries.
 
-        A bare last link is taken to be as long as the one before it.
-
-        Returns:
-            In the frame of the joint in [m], shape ``(3,)``; never zero.
+        A bare last link is taken to be as long as the one before it. Returned in the frame of the joint in
+        [m], shape ``(3,)``; never zero.
         """
         names = [name for _, name in leg.items()]
         index = self.model.getJointId(joint)
@@ -169,9 +155,7 @@ class Figure:
         """Size of the motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
 
         That one stands on the link before, parallel to the axes of both joints and about neither.
-
-        Args:
-            default_radius: Used if there is none, in [m].
+        ``default_radius``: used if there is none, in [m].
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
@@ -209,10 +193,8 @@ class Figure:
         """Draw the arrows that show the torque of a motor, all hidden.
 
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
-
-        Args:
-            outward: 1 if the outer face of the motor is its left one, -1 for the right one.
-            full_torque: Torque that the longest arrow stands for in [N m].
+        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one; ``full_torque``:
+        torque that the longest arrow stands for in [N m].
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
@@ -248,11 +230,8 @@ class Figure:
     def posture(self, q: np.ndarray) -> dict[str, tuple[list[float], list[float]]]:
         """Where every joint group is in the group of the joint before it.
 
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Position in [m] and quaternion (x, y, z, w) by the place of the group.
+        ``q``: coordinates, shape ``(nq,)``. Returns position in [m] and quaternion (x, y, z, w) by the place
+        of the group.
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         groups = {}
@@ -268,12 +247,8 @@ class Figure:
     def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:
         """Position of a point on a joint in the scene, whose vertical is z.
 
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-            point: In the frame of the joint in [m], shape ``(3,)``; its origin if None.
-
-        Returns:
-            In [m], shape ``(3,)``.
+        ``q``: coordinates, shape ``(nq,)``; ``point`` in the frame of the joint in [m], shape ``(3,)``; its
+        origin if None. Returned in [m], shape ``(3,)``.
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         placement = self._data.oMi[self.model.getJointId(joint)]
@@ -282,11 +257,7 @@ class Figure:
     def frame_point(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame of the model in the scene.
 
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            In [m], shape ``(3,)``.
+        ``q``: coordinates, shape ``(nq,)``. Returned in [m], shape ``(3,)``.
         """
         found = self.model.frames[self.model.getFrameId(frame)]
         joint = str(self.model.names[found.parentJoint])
@@ -305,11 +276,7 @@ def _stick(radius: float, end: np.ndarray) -> Shape:
 def along(direction: np.ndarray) -> np.ndarray:
     """Placement that turns z into a direction and puts the origin half way along it.
 
-    Args:
-        direction: From start to end in [m], shape ``(3,)``.
-
-    Returns:
-        Homogeneous transform, shape ``(4, 4)``.
+    ``direction`` from start to end in [m], shape ``(3,)``. Returns homogeneous transform, shape ``(4, 4)``.
     """
     placement = np.eye(4)
     unit = direction / np.linalg.norm(direction)

@@ -25,8 +25,7 @@ _HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: wh
 def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
     """Draw a harness on the wearer's chest.
 
-    Returns:
-        Where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
+    Returns where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
     """
     axes = trunk_axes(figure)
     rings = trunk_rings(patient)
@@ -61,28 +60,16 @@ ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
 
 @dataclass(frozen=True)
 class Rope:
-    """A rope.
+    """A rope."""
 
-    Attributes:
-        path: Its place in the scene.
-        joint: Joint that carries its lower end.
-        lower: Lower end in the frame of that joint in [m], shape ``(3,)``.
-        upper: Upper end in the scene in [m], shape ``(3,)``.
-        on_rail: Whether the upper end follows along x.
-    """
-
-    path: str
-    joint: str
-    lower: np.ndarray
-    upper: np.ndarray
-    on_rail: bool = False
+    path: str  # its place in the scene
+    joint: str  # joint that carries its lower end
+    lower: np.ndarray  # lower end in the frame of that joint in [m], shape ``(3,)``
+    upper: np.ndarray  # upper end in the scene in [m], shape ``(3,)``
+    on_rail: bool = False  # whether the upper end follows along x
 
     def state(self, figure: Figure, q: np.ndarray) -> dict[tuple[str, str], Any]:
-        """Where the rope is when the figure stands in a posture.
-
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-        """
+        """Where the rope is when the figure stands in a posture. ``q``: coordinates, shape ``(nq,)``."""
         lower = figure.world_point(q, self.joint, self.lower)
         upper = np.array([lower[0], *self.upper[1:]]) if self.on_rail else self.upper
         span = upper - lower

@@ -28,27 +28,17 @@ MODE = "mode"  # column
 
 
 class Footing(NamedTuple):
-    """Ground force on a foot, in the axes of the ground.
+    """Ground force on a foot, in the axes of the ground."""
 
-    Attributes:
-        force: Along it, forwards, and away from it in [N], shape ``(n, 2)``.
-        point: Where it acts in [m], shape ``(n, 3)``.
-    """
-
-    force: np.ndarray
-    point: np.ndarray
+    force: np.ndarray  # along it, forwards, and away from it in [N], shape ``(n, 2)``
+    point: np.ndarray  # where it acts in [m], shape ``(n, 3)``
 
 
 class PhaseSpells(NamedTuple):
-    """Phases of a leg.
+    """Phases of a leg."""
 
-    Attributes:
-        starts: Time at which each spell begins in [s], shape ``(m,)``.
-        codes: Which phase it is, as a position in ``Motion.phase_names``, shape ``(m,)``.
-    """
-
-    starts: np.ndarray
-    codes: np.ndarray
+    starts: np.ndarray  # time at which each spell begins in [s], shape ``(m,)``
+    codes: np.ndarray  # which phase it is, as a position in ``Motion.phase_names``, shape ``(m,)``
 
     def at(self, time: float) -> int:
         """Phase at a time in [s]."""
@@ -57,45 +47,31 @@ class PhaseSpells(NamedTuple):
 
 @dataclass(frozen=True)
 class LegMotion:
-    """One leg over time.
+    """One leg over time."""
 
-    Attributes:
-        phases: Its phases, or None if the log has none.
-        curves: Angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so
-            on, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal
-            forces of foot and crutch in [N] as ``force`` and ``crutch``; each with the frames and the points
-            between them that its shape takes.
-        footing: Ground force, or None off the ground.
-        torques: Torque of each motor in [N m] by the name of its joint, positive in increasing angle;
-            shape ``(n,)`` each, empty where the log has none.
-    """
-
-    phases: PhaseSpells | None
+    phases: PhaseSpells | None  # its phases, or None if the log has none
+    # angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so on, the
+    # parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal forces of foot and
+    # crutch in [N] as ``force`` and ``crutch``; each with the frames and the points between them that its
+    # shape takes
     curves: Mapping[str, Curve]
-    footing: Footing | None
+    footing: Footing | None  # ground force, or None off the ground
+    # torque of each motor in [N m] by the name of its joint, positive in increasing angle; shape ``(n,)``
+    # each, empty where the log has none
     torques: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A log at the rate of a picture.
+    """A log at the rate of a picture."""
 
-    Attributes:
-        times: In [s], shape ``(n,)``.
-        q: Coordinates of the model, shape ``(n, nv)``.
-        legs: Per side.
-        phase_names: Phases in the order of their codes; after them a hold, if there is one.
-        columns: Numbers of the log by its columns, shape ``(n,)`` each.
-        modes: Operating modes by their codes, or None.
-        duration: Time of the last frame in [s].
-    """
-
-    times: np.ndarray
-    q: np.ndarray
-    legs: Mapping[Side, LegMotion]
-    phase_names: tuple[str, ...]
+    times: np.ndarray  # in [s], shape ``(n,)``
+    q: np.ndarray  # coordinates of the model, shape ``(n, nv)``
+    legs: Mapping[Side, LegMotion]  # per side
+    phase_names: tuple[str, ...]  # phases in the order of their codes; after them a hold, if there is one
+    # numbers of the log by its columns, shape ``(n,)`` each
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
-    modes: PhaseSpells | None = None
+    modes: PhaseSpells | None = None  # operating modes by their codes, or None
 
     @property
     def duration(self) -> float:
@@ -113,19 +89,12 @@ def read_motion(
 ) -> Motion:
     """Pick the frames to show out of a log.
 
-    Args:
-        log: One row per tick, with the columns of a run.
-        model: The model that the log is about.
-        frames_per_second: In the time of the log; fewer if the log is very long.
-        moments: Further moments to show in [s] since the first row.
-        slope: By which the ground rises forwards in [rad].
-
-    Returns:
-        The frames: evenly spaced ones, one at every change of a phase, and the moments asked for. Rows
-        after a coordinate that is not finite (a run that diverged) are left out.
-
-    Raises:
-        ViewerError: If the log is empty, lacks a coordinate of the model or has a row without a phase.
+    ``log``: one row per tick, with the columns of a run; ``model``: the model that the log is about;
+    ``frames_per_second`` in the time of the log; fewer if the log is very long; ``moments``: further moments
+    to show in [s] since the first row; ``slope`` by which the ground rises forwards in [rad]. Returns the
+    frames: evenly spaced ones, one at every change of a phase, and the moments asked for. Rows after a
+    coordinate that is not finite (a run that diverged) are left out. Raises ViewerError if the log is empty,
+    lacks a coordinate of the model or has a row without a phase.
     """
     if not frames_per_second > 0.0:
         raise ViewerError(f"frames_per_second: expected a number above 0, got {frames_per_second!r}")
@@ -175,19 +144,14 @@ def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
 
 
 def frame_rate(duration: float) -> float:
-    """Frames per second of a run that a page can hold.
-
-    Args:
-        duration: Of the run in [s].
-    """
+    """Frames per second of a run that a page can hold. ``duration`` of the run in [s]."""
     return FRAMES_PER_SECOND if duration <= 0.0 else min(FRAMES_PER_SECOND, _MOST_FRAMES / duration)
 
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
     """Moments at which a leg changes its phase, or a hold begins.
 
-    Returns:
-        Since the first row in [s], sorted, shape ``(m,)``.
+    Returns since the first row in [s], sorted, shape ``(m,)``.
     """
     clock = log["time_s"].to_numpy(dtype=float)
     changed = np.zeros(len(log), dtype=bool)
@@ -245,9 +209,8 @@ def held_rows(log: pd.DataFrame) -> np.ndarray:
 def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
     """What a page reads out of a leg, one value per row.
 
-    Returns:
-        Values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that
-        are never used are left out.
+    Returns values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that are
+    never used are left out.
     """
     values = {}
     for name, column in leg_columns(side, shown_joints(log, side)).items():
@@ -297,15 +260,9 @@ def centre_of_pressure(
 ) -> np.ndarray:
     """Where the force of the ground acts: heel and toe weighted by the elastic force on each.
 
-    The log has the force of the whole foot only; the rest of the contact law, its dissipation, would
-    need velocities and moves the point little.
-
-    Args:
-        q: Its coordinates, shape ``(nv,)``.
-        slope: By which the ground rises forwards in [rad].
-
-    Returns:
-        The point on the ground, in its axes, in [m], shape ``(3,)``.
+    The log has the force of the whole foot only; the rest of the contact law, its dissipation, would need
+    velocities and moves the point little. ``q``: its coordinates, shape ``(nv,)``; ``slope`` by which the
+    ground rises forwards in [rad]. Returns the point on the ground, in its axes, in [m], shape ``(3,)``.
     """
     points = np.array([model.frame_position(q, frame) for frame in frames])
     if model.up_axis == "y":

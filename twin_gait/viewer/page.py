@@ -60,8 +60,7 @@ _LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
 def viewer_folder() -> Path:
     """Folder of meshcat's viewer; finding it does not import meshcat.
 
-    Raises:
-        ViewerError: If meshcat is not installed.
+    Raises ViewerError if meshcat is not installed.
     """
     spec = find_spec("meshcat")
     places = spec.submodule_search_locations if spec is not None else None
@@ -89,12 +88,9 @@ def page_data(
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    Args:
-        mode: ``recorded``, ``live`` or ``model``.
-        legs: See :func:`leg_entry`.
-        modes: Operating modes in the order of their codes.
-        duration: In [s], or None if there is no end.
-        notes: What else the card is to say.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``modes``: operating modes
+    in the order of their codes; ``duration`` in [s], or None if there is no end; ``notes``: what else the
+    card is to say.
     """
     return {
         "mode": mode,
@@ -117,11 +113,7 @@ def page_data(
 
 
 def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
-    """What a page needs to know of a leg.
-
-    Args:
-        shows: What is known of it: ``phase`` and names of curves.
-    """
+    """What a page needs to know of a leg. ``shows``: what is known of it: ``phase`` and names of curves."""
     label = str(side).capitalize()
     colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
@@ -205,10 +197,9 @@ def _notes(missing_meshes: Sequence[str]) -> list[str]:
 def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") -> str:
     """A page that holds everything it needs.
 
-    Args:
-        runs: One run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
-            both through :func:`packed`. A model has a scene and ``joints`` instead of frames.
-        mode: ``recorded``, or ``model`` for one model.
+    ``runs``: one run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
+    both through :func:`packed`. A model has a scene and ``joints`` instead of frames; ``mode``: ``recorded``,
+    or ``model`` for one model.
     """
     folder = viewer_folder()
     bundle = packed(_bundle().encode())
@@ -226,9 +217,8 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
 def live_page(*, style: str, panel: str, script: str) -> str:
     """The page of a live walk.
 
-    Args:
-        panel: Further HTML, between the curves and the bar.
-        script: Further script, after the page's own; it brings the data to ``window.twinGait``.
+    ``panel``: further HTML, between the curves and the bar; ``script``: further script, after the page's own;
+    it brings the data to ``window.twinGait``.
     """
     return _fill(
         policy=LIVE_POLICY,

@@ -41,21 +41,13 @@ State = dict[tuple[str, str], Any]
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera is to look.
+    """Where the camera is to look."""
 
-    Attributes:
-        target: Middle of what is to be seen in [m].
-        direction: From there to the eye.
-        width: Of what is to be seen in [m].
-        height: Of what is to be seen in [m].
-        field_of_view: Vertical, in [deg].
-    """
-
-    target: tuple[float, float, float]
-    width: float
-    height: float
-    direction: tuple[float, float, float] = RIGHT_SIDE
-    field_of_view: float = _FIELD_OF_VIEW
+    target: tuple[float, float, float]  # middle of what is to be seen in [m]
+    width: float  # of what is to be seen in [m]
+    height: float  # of what is to be seen in [m]
+    direction: tuple[float, float, float] = RIGHT_SIDE  # from there to the eye
+    field_of_view: float = _FIELD_OF_VIEW  # vertical, in [deg]
 
 
 class Element(Protocol):
@@ -120,10 +112,8 @@ class Scene:
     ) -> None:
         """Draw ropes that go straight up, the bar, and the mast or the rail.
 
-        Args:
-            hooks: Lower ends in the frame of the joint in [m], shape ``(3,)`` each.
-            height: Of the upper ends in [m].
-            on_rail: Whether the upper ends follow along x.
+        ``hooks``: lower ends in the frame of the joint in [m], shape ``(3,)`` each; ``height`` of the upper
+        ends in [m]; ``on_rail``: whether the upper ends follow along x.
         """
         neutral = pin.neutral(self.figure.model)
         for number, hook in enumerate(hooks):
@@ -181,11 +171,7 @@ class Scene:
         self.arrows[side] = draw_arrow(self._window, str(side))
 
     def posture_state(self, q: np.ndarray) -> State:
-        """Positions and quaternions of all joint groups.
-
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-        """
+        """Positions and quaternions of all joint groups. ``q``: coordinates, shape ``(nq,)``."""
         state: State = {}
         for path, (position, quaternion) in self.figure.posture(q).items():
             state[path, "position"] = position
@@ -193,11 +179,7 @@ class Scene:
         return state | self.rope_state(q)
 
     def rope_state(self, q: np.ndarray) -> State:
-        """Where the ropes are.
-
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-        """
+        """Where the ropes are. ``q``: coordinates, shape ``(nq,)``."""
         state: State = {}
         for rope in self.ropes:
             state |= rope.state(self.figure, q)
@@ -206,8 +188,7 @@ class Scene:
     def torque_state(self, side: Side, torques: Mapping[str, float]) -> State:
         """Arrows of the motor torques of a leg.
 
-        Args:
-            torques: In [N m] by the name of the joint, positive in increasing angle.
+        ``torques`` in [N m] by the name of the joint, positive in increasing angle.
         """
         state: State = {}
         for joint, arc in self.arcs.get(side, {}).items():
@@ -222,8 +203,7 @@ class Scene:
     def state_at(self, motion: Motion, frame: int, belt_speed: surroundings.Belt) -> State:
         """Everything that a frame of a motion shows.
 
-        Args:
-            belt_speed: In [m] / [s], or the way that the belt has gone by a time.
+        ``belt_speed`` in [m] / [s], or the way that the belt has gone by a time.
         """
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])

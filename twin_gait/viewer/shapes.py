@@ -13,30 +13,22 @@ _CREASE = math.cos(math.radians(40.0))  # sharper edges stay edges
 
 
 class Shape(NamedTuple):
-    """Triangle mesh.
+    """Triangle mesh."""
 
-    Attributes:
-        vertices: In [m], shape ``(n, 3)``.
-        normals: Outward unit normals, shape ``(n, 3)``.
-        faces: Indices of three vertices each, shape ``(m, 3)``.
-        opacity: Opacity of each vertex, shape ``(n,)``, or None for that of the material.
-        colours: Red, green and blue of each vertex from 0 to 1, shape ``(n, 3)``, or None for those of the
-            material.
-    """
-
-    vertices: np.ndarray
-    normals: np.ndarray
-    faces: np.ndarray
+    vertices: np.ndarray  # in [m], shape ``(n, 3)``
+    normals: np.ndarray  # outward unit normals, shape ``(n, 3)``
+    faces: np.ndarray  # indices of three vertices each, shape ``(m, 3)``
+    # opacity of each vertex, shape ``(n,)``, or None for that of the material
     opacity: np.ndarray | None = None
+    # red, green and blue of each vertex from 0 to 1, shape ``(n, 3)``, or None for those of the material
     colours: np.ndarray | None = None
 
 
 def rounded_box(size: Sequence[float], radius: float) -> Shape:
     """Make a box whose edges are rounded.
 
-    Args:
-        size: Lengths along x, y and z in [m].
-        radius: Of the edges in [m], 0 or more; at most half the shortest side is used.
+    ``size``: lengths along x, y and z in [m]; ``radius`` of the edges in [m], 0 or more; at most half the
+    shortest side is used.
     """
     half = np.asarray(size, dtype=float) / 2.0
     # A box without any rounding would have no normals at its edges.
@@ -79,8 +71,7 @@ def _grid_faces(rows: int, columns: int, *, offset: int = 0, flip: bool = False)
 def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
     """Turn a profile about the z axis, with an edge at every corner of it.
 
-    Args:
-        profile: Points (radius, height) in [m]; outward lies to the right of the way from point to point.
+    ``profile``: points (radius, height) in [m]; outward lies to the right of the way from point to point.
     """
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
@@ -98,10 +89,8 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
 def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
     """Make a cylinder along z with bevelled edges.
 
-    Args:
-        radius: In [m].
-        length: In [m].
-        bevel: Of the edges in [m]; at most a third of radius and length is used.
+    ``radius`` and ``length`` in [m]; ``bevel`` of the edges in [m]; at most a third of radius and length is
+    used.
     """
     half = length / 2.0
     bevel = min(bevel, radius / 3.0, length / 3.0)
@@ -123,9 +112,7 @@ def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
 def ring_cap(radius: float, length: float) -> Shape:
     """Make the cover of a motor: a disc along z with a groove in either face.
 
-    Args:
-        radius: In [m].
-        length: In [m].
+    ``radius`` and ``length`` in [m].
     """
     half, bevel, groove = length / 2.0, 0.14 * radius, 0.05 * radius
     upper = [
@@ -142,11 +129,7 @@ def ring_cap(radius: float, length: float) -> Shape:
 
 
 def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
-    """Make an ellipsoid.
-
-    Args:
-        radii: Half axes along x, y and z in [m].
-    """
+    """Make an ellipsoid. ``radii``: half axes along x, y and z in [m]."""
     latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)[:, None]
     longitude = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
     unit = np.stack(
@@ -162,12 +145,7 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
 
 
 def capsule(radius: float, length: float) -> Shape:
-    """Make a capsule along z.
-
-    Args:
-        radius: In [m].
-        length: Of the straight part in [m].
-    """
+    """Make a capsule along z. ``radius`` in [m]; ``length`` of the straight part in [m]."""
     ball = ellipsoid((radius, radius, radius))
     shift = np.where(ball.vertices[:, 2] > 0.0, 0.5 * length, -0.5 * length)
     vertices = ball.vertices.copy()
@@ -178,12 +156,7 @@ def capsule(radius: float, length: float) -> Shape:
 def cone(radius: float, length: float, columns: int = 32) -> Shape:
     """Make a cone along z with its tip up.
 
-    Args:
-        radius: Of the base in [m].
-        length: In [m].
-
-    Returns:
-        The mesh, its middle height at the origin.
+    ``radius`` of the base in [m]; ``length`` in [m]. Returns the mesh, its middle height at the origin.
     """
     return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)], columns)
 
@@ -198,12 +171,8 @@ def arrow() -> Shape:
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     """Make a round tube along a path, with flat ends.
 
-    Args:
-        points: Of the path in [m], shape ``(n, 3)``; neighbours differ.
-        radius: In [m].
-
-    Returns:
-        The mesh; the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
+    ``points`` of the path in [m], shape ``(n, 3)``; neighbours differ; ``radius`` in [m]. Returns the mesh;
+    the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
     """
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -242,16 +211,10 @@ def monotone(values: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Smooth curves through values at 0, 1, 2, …, which overshoot none of them.
 
     Piecewise cubics whose slopes are harmonic means: F. N. Fritsch, J. Butland: A method for constructing
-    local monotone piecewise cubic interpolants, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304; at the ends
-    C. Moler's, Numerical Computing with MATLAB, chapter 3.6. Written out because scipy.interpolate takes
-    longer to import than a walk to simulate.
-
-    Args:
-        values: Shape ``(n, m)``, n at least 3.
-        places: From 0 to n - 1, shape ``(k,)``.
-
-    Returns:
-        Shape ``(k, m)``.
+    local monotone piecewise cubic interpolants, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304; at the ends C.
+    Moler's, Numerical Computing with MATLAB, chapter 3.6. Written out because scipy.interpolate takes longer
+    to import than a walk to simulate. ``values``: shape ``(n, m)``, n at least 3; ``places`` from 0 to n - 1,
+    shape ``(k,)``. Returns shape ``(k, m)``.
     """
     rise = np.diff(values, axis=0)
     slopes = np.zeros_like(values)
@@ -275,9 +238,8 @@ def monotone(values: np.ndarray, places: np.ndarray) -> np.ndarray:
 def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20) -> Shape:
     """Make a limb of elliptic rings along z, with rounded ends.
 
-    Args:
-        rings: From end to end: height, centre x, centre y, half axis x and half axis y, all in [m].
-        rows: Rings in the mesh, beside those of the ends.
+    ``rings`` from end to end: height, centre x, centre y, half axis x and half axis y, all in [m]; ``rows``:
+    rings in the mesh, beside those of the ends.
     """
     table = np.asarray(rings, dtype=float)
     curve = monotone(table, np.linspace(0.0, len(table) - 1.0, rows))
@@ -305,12 +267,7 @@ def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
 def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Normals of a closed surface, one per vertex; vertices at the same place share theirs.
 
-    Args:
-        vertices: Shape ``(n, 3)``.
-        faces: Shape ``(m, 3)``.
-
-    Returns:
-        Unit normals, shape ``(n, 3)``.
+    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns unit normals, shape ``(n, 3)``.
     """
     _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
     place = place.reshape(-1)
@@ -326,8 +283,7 @@ def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def is_closed(shape: Shape) -> bool:
     """Whether a mesh encloses a volume and looks outward, so that its inside is never seen.
 
-    Returns:
-        True if every edge is run along as often one way as the other and the volume is positive.
+    Returns true if every edge is run along as often one way as the other and the volume is positive.
     """
     _, place = np.unique(np.round(shape.vertices, 6), axis=0, return_inverse=True)
     faces = place.reshape(-1)[shape.faces]
@@ -341,12 +297,8 @@ def is_closed(shape: Shape) -> bool:
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     """Give a mesh normals that are smooth on curved parts and sharp at edges.
 
-    Args:
-        vertices: Shape ``(n, 3)``.
-        faces: Shape ``(m, 3)``.
-
-    Returns:
-        The mesh; a vertex on an edge is there once for each side of it.
+    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh; a vertex on an edge is
+    there once for each side of it.
     """
     corners = vertices[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -361,11 +313,7 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
 
 
 def moved(shape: Shape, placement: np.ndarray) -> Shape:
-    """Move a mesh.
-
-    Args:
-        placement: Homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round.
-    """
+    """Move a mesh. ``placement``: homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round."""
     linear = placement[:3, :3]
     normals = shape.normals @ np.linalg.inv(linear)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
@@ -377,9 +325,7 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
 def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
     """Some faces of a mesh, with their vertices.
 
-    Args:
-        shape: The mesh, without colours of its vertices.
-        chosen: Which faces, shape ``(m,)``.
+    ``shape``: the mesh, without colours of its vertices; ``chosen``: which faces, shape ``(m,)``.
     """
     used, index = np.unique(shape.faces[chosen], return_inverse=True)
     return Shape(shape.vertices[used], shape.normals[used], index.reshape(-1, 3))

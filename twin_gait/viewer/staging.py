@@ -61,14 +61,8 @@ def build_scene(
 ) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
-    Args:
-        model: The model.
-        drives: Joints with a motor.
-        setting: See :class:`Setting`.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If a mesh of the URDF cannot be read.
+    ``setting``: see :class:`Setting`. Raises ModelError if the URDF cannot be read. Raises ViewerError if a
+    mesh of the URDF cannot be read.
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model.model, model.urdf_path)
@@ -109,12 +103,8 @@ def _around(model: LegModel) -> Surroundings:
 def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
     """Draw any URDF, with all coordinates at zero; one that shows nothing gets sticks from joint to joint.
 
-    Args:
-        up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If a mesh of the URDF cannot be read.
+    ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the URDF cannot
+    be read. Raises ViewerError if a mesh of the URDF cannot be read.
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model, urdf)

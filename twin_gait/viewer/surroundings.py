@@ -62,9 +62,7 @@ def set_studio(window: Window) -> None:
 def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     """Draw a round floor that fades into the background.
 
-    Args:
-        height: In [m].
-        radius: At which it has faded out, in [m].
+    ``height`` in [m]; ``radius`` at which it has faded out, in [m].
     """
     rings = np.linspace(1.0, 0.0, 9)
     disc = shapes.turned([(float(ring) * radius, 0.0) for ring in rings], columns=48)
@@ -88,8 +86,7 @@ def tilted(slope: float) -> np.ndarray:
 def draw_treadmill(window: Window, slope: float = 0.0) -> None:
     """Draw a treadmill whose belt runs along x, under the soles that press on it.
 
-    Args:
-        slope: By which it rises forwards in [rad].
+    ``slope`` by which it rises forwards in [rad].
     """
     window.send(set_transform(TREADMILL, tilted(slope)))
     frame = [_rail(1.0), _rail(-1.0), _end(1.0), _end(-1.0), _hood()]
@@ -108,8 +105,7 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
 def draw_mast(window: Window, hooks: np.ndarray) -> None:
     """Draw a mast beside the treadmill, its arm, and the bar above the wearer that the ropes hang from.
 
-    Args:
-        hooks: Upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
+    ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
     middle = hooks.mean(axis=0)
     reach = 1.25 * (hooks - middle)
@@ -131,12 +127,8 @@ def belt_way(time: float, belt: Belt) -> float:
 def belt_offset(time: float, belt_speed: Belt) -> float:
     """How far the belt marks are behind where they were drawn.
 
-    Args:
-        time: In [s].
-        belt_speed: In [m] / [s], backwards positive, or the way that the belt has gone by a time.
-
-    Returns:
-        Offset along x in [m], between minus one spacing and 0.
+    ``time`` in [s]; ``belt_speed`` in [m] / [s], backwards positive, or the way that the belt has gone by a
+    time. Returns offset along x in [m], between minus one spacing and 0.
     """
     return -(belt_way(time, belt_speed) % BELT_MARK_SPACING)
 
@@ -144,10 +136,8 @@ def belt_offset(time: float, belt_speed: Belt) -> float:
 def box(size: Triple, centre: Triple, edge: float = 0.012) -> Shape:
     """Make a box with rounded edges at a place.
 
-    Args:
-        size: Lengths along x, y and z in [m].
-        centre: Its middle in [m].
-        edge: Radius of the rounding in [m].
+    ``size``: lengths along x, y and z in [m]; ``centre``: its middle in [m]; ``edge``: radius of the rounding
+    in [m].
     """
     return shapes.moved(shapes.rounded_box(size, edge), translation(centre))
 
@@ -163,9 +153,8 @@ def place(
 ) -> None:
     """Draw a part that does not move.
 
-    Args:
-        centre: Where its origin stands in [m].
-        under_shadows: Whether shadows fall on it; such a part casts none itself.
+    ``centre``: where its origin stands in [m]; ``under_shadows``: whether shadows fall on it; such a part
+    casts none itself.
     """
     path = f"{ROOT}/{name}"
     window.send(set_object(path, shape, material))
@@ -177,10 +166,7 @@ def place(
 def plate(middle: Sequence[float] | np.ndarray, length: float, width: float) -> Shape:
     """Make a rectangle on the ground, a hair above it.
 
-    Args:
-        middle: Along x and y in [m].
-        length: Along x in [m].
-        width: Along y in [m].
+    ``middle`` along x and y in [m]; ``length`` along x in [m]; ``width`` along y in [m].
     """
     corners = 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
     vertices = np.column_stack((corners + middle, np.full(4, BELT_TOP + 0.0016)))

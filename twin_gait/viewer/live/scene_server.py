@@ -42,12 +42,8 @@ class SceneServer:
     ) -> None:
         """Listen.
 
-        Args:
-            first_port: If it is taken the next one is tried; 0 lets the system choose.
-            scene: Packed commands for a scene that has just been opened.
-
-        Raises:
-            ViewerError: If no port is free.
+        ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``scene``: packed
+        commands for a scene that has just been opened. Raises ViewerError if no port is free.
         """
         self.page, self.scene = page, scene
         self.views: set[SceneSocket] = set()
