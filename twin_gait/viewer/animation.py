@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any, Unpack
 
 import numpy as np
@@ -20,7 +21,7 @@ from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.viewer.surroundings import Belt
-from twin_gait.vocabulary import HOLD, Side
+from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
@@ -50,14 +51,10 @@ def recorded_run(
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
     The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
-    ``log``: one row per tick, with the columns of a run; ``model``: the model that the log is about;
-    ``frames_per_second`` of the run; each change of a phase has a frame too; ``belt_speed`` of the treadmill
-    in [m] / [s], or the way that the belt has gone by a time; 0 on the bench; ``moments``: further moments to
-    have a frame of, in [s]; ``notes``: what else a reader has to know; ``events``: events of the run; each
-    has a frame too; ``outcome``: how it ended, in a word; ``walk``: a table of measures, a head and rows of
-    texts; ``modes``: names of the operating modes in the order of their codes; ``setting``: what is drawn
-    around the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises ModelError if the URDF cannot be
-    read. Raises ViewerError if the log does not fit the model.
+    Each change of a phase and each event has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
+    [m] / [s], or the way that the belt has gone by a time; ``outcome`` in a word; ``walk`` and ``network``:
+    tables of texts, a head and rows; ``modes``: names of the operating modes in the order of their codes.
+    Raises ModelError if the URDF cannot be read, ViewerError if the log does not fit the model.
     """
     moments = [*moments, *(event.time for event in events)]
     slope = setting.get("slope", 0.0)
@@ -81,17 +78,16 @@ def recorded_run(
         view=scene.view,
         phases=motion.phase_names,
         modes=modes,
-        legs=[_leg(side, leg) for side, leg in motion.legs.items()],
+        legs=[
+            leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
+            for side, leg in motion.legs.items()
+        ],
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
         strides=_strides(log, model, motion),
         frames=packed_json(_frames(motion)),
         scene=packed(recorder.packed()),
     )
-
-
-def _leg(side: Side, leg: LegMotion) -> dict[str, Any]:
-    return leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
 
 
 def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, Any] | None:
@@ -107,19 +103,20 @@ def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, An
 
 def _frames(motion: Motion) -> dict[str, Any]:
     """Times in [ms], curves and phases, as the script of the page reads them."""
-    legs = []
-    for leg in motion.legs.values():
-        series = {
-            name: {
-                "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
-                "values": _numbers(curve.values, _DECIMALS_OF.get(name, _CURVE_DECIMALS)),
-            }
-            for name, curve in leg.curves.items()
+    legs = [
+        {
+            "series": {
+                name: {
+                    "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
+                    "values": _numbers(curve.values, _DECIMALS_OF.get(name, _CURVE_DECIMALS)),
+                }
+                for name, curve in leg.curves.items()
+            },
+            "phases": _spells(leg.phases),
         }
-        legs.append({"series": series, "phases": _spells(leg.phases)})
-    return {
-        "times": _milliseconds(motion.times).tolist(), "legs": legs, "modes": _spells(motion.modes),
-    }  # fmt: skip
+        for leg in motion.legs.values()
+    ]
+    return {"times": _milliseconds(motion.times).tolist(), "legs": legs, "modes": _spells(motion.modes)}
 
 
 def _spells(spells: PhaseSpells | None) -> dict[str, Any] | None:
@@ -187,22 +184,25 @@ def _belt_track(duration: float, belt_speed: float) -> Track:
         offsets += [end, offsets[0]]
     times.append(max(duration, times[-1] + _SWITCH))
     offsets.append(surroundings.belt_offset(duration, belt_speed))
-    values = np.column_stack((np.round(offsets, 5), np.zeros((len(offsets), 2))))
-    return Track(surroundings.BELT, "position", np.array(times), values)
+    return _track_of_marks(times, offsets)
 
 
 def _uneven_belt_track(duration: float, belt: Callable[[float], float]) -> Track:
     """Marks on a belt that starts and stops; where they jump, between two looks at its way."""
     spacing = surroundings.BELT_MARK_SPACING
-    looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK)))
-    ways = np.array([belt(float(time)) for time in looks])
+    looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK))).tolist()
+    ways = [belt(time) for time in looks]
     times, offsets = [0.0], [-float(ways[0] % spacing)]
-    for before, time, old, way in zip(looks[:-1], looks[1:], ways[:-1], ways[1:], strict=True):
+    for (before, old), (time, way) in pairwise(zip(looks, ways, strict=True)):
         if way // spacing > old // spacing:
             jump = float(np.interp(spacing * (way // spacing), (old, way), (before, time)))
             times += [jump, jump + _SWITCH]
             offsets += [-spacing, 0.0]
-        times.append(max(float(time), times[-1] + _SWITCH))
+        times.append(max(time, times[-1] + _SWITCH))
         offsets.append(-float(way % spacing))
-    values = np.column_stack((np.round(offsets, 5), np.zeros((len(offsets), 2))))
-    return _thinned(Track(surroundings.BELT, "position", np.array(times), values))
+    return _thinned(_track_of_marks(times, offsets))
+
+
+def _track_of_marks(times: list[float], offsets: list[float]) -> Track:
+    values = np.outer(np.round(offsets, 5), [1.0, 0.0, 0.0])
+    return Track(surroundings.BELT, "position", np.array(times), values)

@@ -112,24 +112,22 @@ class Figure:
 
     def draw_skeleton(self) -> None:
         """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
-        ends = {int(index): self._ends(index) for index in range(self.model.njoints)}
-        lengths = [float(np.linalg.norm(end)) for tips in ends.values() for end in tips]
+        ends = [self._ends(index) for index in range(self.model.njoints)]
+        lengths = [float(np.linalg.norm(end)) for tips in ends for end in tips]
         radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
         material = Material(colour=STICK_COLOUR, roughness=0.8)
-        for index, tips in ends.items():
-            name = str(self.model.names[index])
-            if index > 0:
+        for name, tips in zip(map(str, self.model.names), ends, strict=True):
+            if name != FIXED_JOINT:
                 self.draw(name, "ball", shapes.ellipsoid((1.5 * radius,) * 3, columns=16), material)
-            sticks = [_stick(radius, end) for end in tips]
-            if sticks:
-                self.draw(name, "sticks", shapes.merged(sticks), material)
+            if tips:
+                self.draw(name, "sticks", shapes.merged(_stick(radius, end) for end in tips), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
         """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
         after = [child for child in range(1, self.model.njoints) if self.model.parents[child] == index]
-        places = [self.model.jointPlacements[child] for child in after]
-        if not after:
-            places = [frame.placement for frame in self.model.frames if frame.parentJoint == index]
+        places = [self.model.jointPlacements[child] for child in after] or [
+            frame.placement for frame in self.model.frames if frame.parentJoint == index
+        ]
         ends = [np.asarray(place.translation).copy() for place in places]
         return [end for end in ends if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT]
 
@@ -154,29 +152,27 @@ class Figure:
     def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Motor:
         """Size of the motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
 
-        That one stands on the link before, parallel to the axes of both joints and about neither.
-        ``default_radius``: used if there is none, in [m].
+        That one stands on the link before, parallel to the axes of both joints and about neither. Without one
+        it has the ``default_radius`` in [m].
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
         placements = {joint: pin.SE3.Identity(), parent: self.model.jointPlacements[index].inverse()}
         axis = self.axis(joint)
         found, beside = [], []
-        for disc in discs:
-            if disc.joint not in placements:
-                continue
-            placement = placements[disc.joint]
-            centre = placement.act(np.asarray(disc.centre))
+        for disc in (item for item in discs if item.joint in placements):
+            placement, own = placements[disc.joint], np.asarray(disc.centre)
+            centre = placement.act(own)
             if abs(float(placement.rotation @ disc.axis @ axis)) <= 0.99:
                 continue
             # The other leg's motor may lie on the same axis, but not here.
             if _off_axis(centre, axis) < _COAXIAL:
                 if abs(float(centre @ axis)) < 2.0 * disc.length:
                     found.append(Motor(disc.radius, disc.length, centre, joint))
-            elif disc.joint == parent and parent != FIXED_JOINT:
-                own = self.axis(parent)
-                if abs(float(disc.axis @ own)) > 0.99 and _off_axis(np.asarray(disc.centre), own) > _COAXIAL:
-                    beside.append(Motor(disc.radius, disc.length, np.asarray(disc.centre), parent))
+            elif disc.joint == parent != FIXED_JOINT:
+                before = self.axis(parent)
+                if abs(float(disc.axis @ before)) > 0.99 and _off_axis(own, before) > _COAXIAL:
+                    beside.append(Motor(disc.radius, disc.length, own, parent))
         default = Motor(default_radius, default_radius, np.zeros(3), joint)
         return max(found or beside, key=lambda motor: motor.radius, default=default)
 
@@ -193,30 +189,27 @@ class Figure:
         """Draw the arrows that show the torque of a motor, all hidden.
 
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
-        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one; ``full_torque``:
-        torque that the longest arrow stands for in [N m].
+        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one; ``full_torque``
+        that the longest arrow stands for in [N m].
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
         before = self.model.jointPlacements[index]
         axis = np.asarray(before.rotation @ self.axis(joint))
-        left = self.base[:3, :3].T @ np.array([0.0, 1.0, 0.0])
+        left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
         middle = before.act(motor.centre) if motor.link == joint else motor.centre
-        centre = middle + (0.5 * motor.length + _ARC_GAP) * face
-        up = self.base[:3, :3].T @ np.array([0.0, 0.0, 1.0])
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
         placement = np.eye(4)
-        placement[:3, 3] = centre
+        placement[:3, 3] = middle + (0.5 * motor.length + _ARC_GAP) * face
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
             arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
             name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
-            path = self.draw(parent, name, shapes.moved(arrow, placement), arc_material(number))
-            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
-            self._window.send(set_property(path, "visible", False))
-            paths[number] = path
+            paths[number] = self.draw(parent, name, shapes.moved(arrow, placement), arc_material(number))
+            self._window.send(set_property(f"{paths[number]}/<object>", "castShadow", False))
+            self._window.send(set_property(paths[number], "visible", False))
         return TorqueArc(paths, full_torque)
 
     def axis(self, joint: str) -> np.ndarray:
@@ -230,18 +223,13 @@ class Figure:
     def posture(self, q: np.ndarray) -> dict[str, tuple[list[float], list[float]]]:
         """Where every joint group is in the group of the joint before it.
 
-        ``q``: coordinates, shape ``(nq,)``. Returns position in [m] and quaternion (x, y, z, w) by the place
-        of the group.
+        Returns position in [m] and quaternion (x, y, z, w) by the place of the group.
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         groups = {}
-        for index in range(1, self.model.njoints):
-            transform = self._data.liMi[index]
+        for name, transform in zip(list(self.model.names)[1:], list(self._data.liMi)[1:], strict=True):
             quaternion = pin.Quaternion(transform.rotation).coeffs()
-            groups[self.paths[str(self.model.names[index])]] = (
-                transform.translation.tolist(),
-                quaternion.tolist(),
-            )
+            groups[self.paths[str(name)]] = (transform.translation.tolist(), quaternion.tolist())
         return groups
 
     def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:

@@ -89,12 +89,10 @@ def read_motion(
 ) -> Motion:
     """Pick the frames to show out of a log.
 
-    ``log``: one row per tick, with the columns of a run; ``model``: the model that the log is about;
-    ``frames_per_second`` in the time of the log; fewer if the log is very long; ``moments``: further moments
-    to show in [s] since the first row; ``slope`` by which the ground rises forwards in [rad]. Returns the
-    frames: evenly spaced ones, one at every change of a phase, and the moments asked for. Rows after a
-    coordinate that is not finite (a run that diverged) are left out. Raises ViewerError if the log is empty,
-    lacks a coordinate of the model or has a row without a phase.
+    Returns evenly spaced frames (fewer a second if the log is very long), one at every change of a phase, and
+    the moments asked for, in [s] since the first row. Rows after a coordinate that is not finite (a run that
+    diverged) are left out. ``slope`` by which the ground rises forwards in [rad]. Raises ViewerError if the
+    log is empty, lacks a coordinate of the model or has a row without a phase.
     """
     if not frames_per_second > 0.0:
         raise ViewerError(f"frames_per_second: expected a number above 0, got {frames_per_second!r}")
@@ -108,10 +106,11 @@ def read_motion(
     if held_rows(log).any():
         names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
-    switches = [one.starts for one in spells.values() if one is not None]
+    changes = [one.starts for one in spells.values() if one is not None]
     rows = _rows_to_show(
-        clock, frames_per_second, np.concatenate([*switches, np.asarray(moments, dtype=float)])
+        clock, frames_per_second, np.concatenate([*changes, np.asarray(moments, dtype=float)])
     )
+    shown = log.iloc[rows]
     legs = {
         side: LegMotion(
             phases=spells[side],
@@ -119,27 +118,26 @@ def read_motion(
                 name: faithful_curve(clock - clock[0], values[:n_rows], rows)
                 for name, values in leg_values(log, side).items()
             },
-            footing=_footing(log, model, side, rows, q[rows], slope),
-            torques=_torques(log, model, side, rows),
+            footing=_footing(shown, model, side, q[rows], slope),
+            torques={
+                str(joint): np.nan_to_num(shown[column].to_numpy(dtype=float))
+                for joint, _ in model.legs[side].items()
+                if (column := f"{side}_{joint}_motor_torque_Nm") in log.columns
+            },
         )
         for side in model.sides
     }
-    columns = {str(name): values.to_numpy()[rows] for name, values in log.select_dtypes("number").items()}
-    modes = None
-    if MODE in log:
-        modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock)
+    columns = {str(name): values.to_numpy() for name, values in shown.select_dtypes("number").items()}
+    modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock) if MODE in log else None
     return Motion(clock[rows] - clock[0], q[rows], legs, names, columns, modes)
 
 
 def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
     """Names of the phases in a log, in the order of its gait table if the log knows it."""
     names: dict[str, None] = {}
-    for side in sides:
-        column = log.get(f"{side}_phase")
-        if column is not None:
-            categorical = isinstance(column.dtype, pd.CategoricalDtype)
-            known = column.cat.categories if categorical else column.unique()
-            names |= dict.fromkeys(str(name) for name in known)
+    for column in (log[f"{side}_phase"] for side in sides if f"{side}_phase" in log):
+        categorical = isinstance(column.dtype, pd.CategoricalDtype)
+        names |= dict.fromkeys(map(str, column.cat.categories if categorical else column.unique()))
     return tuple(names)
 
 
@@ -149,17 +147,12 @@ def frame_rate(duration: float) -> float:
 
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
-    """Moments at which a leg changes its phase, or a hold begins.
-
-    Returns since the first row in [s], sorted, shape ``(m,)``.
-    """
+    """Moments at which a leg changes its phase, or a hold begins, since the first row in [s], sorted."""
     clock = log["time_s"].to_numpy(dtype=float)
     changed = np.zeros(len(log), dtype=bool)
-    for side in Side:
-        column = log.get(f"{side}_phase")
-        if column is not None:
-            codes = np.where(held_rows(log), -1, pd.factorize(column)[0])
-            changed[1:] |= codes[1:] != codes[:-1]
+    for column in (log[f"{side}_phase"] for side in Side if f"{side}_phase" in log):
+        codes = np.where(held_rows(log), -1, pd.factorize(column)[0])
+        changed[1:] |= codes[1:] != codes[:-1]
     return np.asarray(clock[changed] - clock[0])
 
 
@@ -235,23 +228,12 @@ def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
     return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
 
 
-def _torques(log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:
-    columns = {str(joint): f"{side}_{joint}_motor_torque_Nm" for joint, _ in model.legs[side].items()}
-    return {
-        joint: np.nan_to_num(log[name].to_numpy(dtype=float)[rows])
-        for joint, name in columns.items()
-        if name in log.columns
-    }
-
-
-def _footing(
-    log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray, q: np.ndarray, slope: float
-) -> Footing | None:
+def _footing(log: pd.DataFrame, model: LegModel, side: Side, q: np.ndarray, slope: float) -> Footing | None:
     names = [f"{side}_foot_friction_force_N", f"{side}_foot_normal_force_N"]
     frames = model.legs[side].contact_frames
     if not frames or any(name not in log.columns for name in names):
         return None
-    force = np.nan_to_num(log[names].to_numpy(dtype=float)[rows])
+    force = np.nan_to_num(log[names].to_numpy(dtype=float))
     return Footing(force, np.array([centre_of_pressure(model, posture, frames, slope) for posture in q]))
 
 

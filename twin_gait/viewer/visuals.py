@@ -137,13 +137,9 @@ def _find_mesh(name: str, folder: Path) -> Path | None:
     relative = name.removeprefix("package://").removeprefix("file://")
     inside_package = relative.split("/", 1)[-1] if name.startswith("package://") else relative
     # A copy of a packaged URDF keeps its looks without a copy of the meshes.
-    packaged = packaged_urdf(PACKAGED_URDFS[0]).parent
-    folders = (folder, *folder.resolve().parents, packaged)
-    nearby = [base / part for base in folders for part in (relative, inside_package)]
-    for candidate in (Path(relative), *nearby):
-        if candidate.is_file():
-            return candidate.resolve()
-    return None
+    folders = (folder, *folder.resolve().parents, packaged_urdf(PACKAGED_URDFS[0]).parent)
+    nearby = (base / part for base in folders for part in (relative, inside_package))
+    return next((path.resolve() for path in (Path(relative), *nearby) if path.is_file()), None)
 
 
 def _nominal(model: pin.Model, urdf: Path, text: str) -> tuple[pin.Model, pin.GeometryModel]:
@@ -232,16 +228,13 @@ def _shape_of(item: Any) -> Shape | None:
             return shapes.capsule(float(solid.radius), 2.0 * float(solid.halfLength))
         case "Cone":
             return shapes.cone(float(solid.radius), 2.0 * float(solid.halfLength))
-        case _:
-            return _shape_of_file(item) or _shape_of_mesh(item)
-
-
-def _shape_of_file(item: Any) -> Shape | None:
-    """Mesh with the normals of its file, if it has any."""
-    if not str(item.meshPath).lower().endswith(".obj"):
-        return None
-    shape = read_obj(item.meshPath)
-    return None if shape is None else shapes.moved(shape, np.diag([*np.ravel(item.meshScale), 1.0]))
+    # Only OBJ files have normals of their own.
+    shape = read_obj(item.meshPath) if str(item.meshPath).lower().endswith(".obj") else None
+    return (
+        _shape_of_mesh(item)
+        if shape is None
+        else shapes.moved(shape, np.diag([*np.ravel(item.meshScale), 1.0]))
+    )
 
 
 def _shape_of_mesh(item: Any) -> Shape | None:
