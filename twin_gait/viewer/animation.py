@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, Unpack
 
@@ -25,7 +25,7 @@ from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
-_BELT_LOOK = 0.04  # [s] between two looks at a belt that starts and stops
+_BELT_LOOK = 0.04  # [s] between two looks at the belt
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
 _CURVE_DECIMALS = 4  # of angles in [deg] and torques in [N m]
 _DECIMALS_OF = {"force": 2, "crutch": 2}  # of forces in [N]
@@ -148,9 +148,7 @@ def _tracks(scene: Scene, motion: Motion, belt_speed: Belt) -> Iterator[Track]:
     for side, leg in motion.legs.items():
         for cover in scene.covers.get(side, ()):
             yield from _colour_track(f"{cover}/<object>", leg, motion)
-    if callable(belt_speed):
-        yield _uneven_belt_track(motion.duration, belt_speed)
-    elif belt_speed != 0.0:
+    if belt_speed != 0.0:
         yield _belt_track(motion.duration, belt_speed)
 
 
@@ -174,24 +172,11 @@ def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
     yield Track(path, "material.color", np.array(times), np.round(np.array(values), 4))
 
 
-def _belt_track(duration: float, belt_speed: float) -> Track:
-    """Marks that run back by one spacing and jump forward, which nobody sees."""
-    period = surroundings.BELT_MARK_SPACING / abs(belt_speed)
-    times, offsets = [0.0], [0.0 if belt_speed > 0.0 else -surroundings.BELT_MARK_SPACING]
-    end = -surroundings.BELT_MARK_SPACING - offsets[0]
-    for jump in np.arange(1, int(duration / period) + 1) * period:
-        times += [float(jump) - _SWITCH, float(jump)]
-        offsets += [end, offsets[0]]
-    times.append(max(duration, times[-1] + _SWITCH))
-    offsets.append(surroundings.belt_offset(duration, belt_speed))
-    return _track_of_marks(times, offsets)
-
-
-def _uneven_belt_track(duration: float, belt: Callable[[float], float]) -> Track:
-    """Marks on a belt that starts and stops; where they jump, between two looks at its way."""
+def _belt_track(duration: float, belt: Belt) -> Track:
+    """Marks that go back with the belt and jump forward by one spacing, which nobody sees."""
     spacing = surroundings.BELT_MARK_SPACING
     looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK))).tolist()
-    ways = [belt(time) for time in looks]
+    ways = [belt(time) if callable(belt) else belt * time for time in looks]
     times, offsets = [0.0], [-float(ways[0] % spacing)]
     for (before, old), (time, way) in pairwise(zip(looks, ways, strict=True)):
         if way // spacing > old // spacing:
@@ -200,9 +185,5 @@ def _uneven_belt_track(duration: float, belt: Callable[[float], float]) -> Track
             offsets += [-spacing, 0.0]
         times.append(max(time, times[-1] + _SWITCH))
         offsets.append(-float(way % spacing))
-    return _thinned(_track_of_marks(times, offsets))
-
-
-def _track_of_marks(times: list[float], offsets: list[float]) -> Track:
     values = np.outer(np.round(offsets, 5), [1.0, 0.0, 0.0])
-    return Track(surroundings.BELT, "position", np.array(times), values)
+    return _thinned(Track(surroundings.BELT, "position", np.array(times), values))

@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from twin_gait.exceptions import ViewerError
@@ -27,7 +28,7 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON, rgb
 from twin_gait.viewer.surroundings import FLOOR
 from twin_gait.vocabulary import JointName, Side
 
@@ -92,6 +93,7 @@ def page_data(
     in the order of their codes; ``duration`` in [s], or None if there is no end; ``notes``: what else the
     card is to say.
     """
+    arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
     return {
         "mode": mode,
         "title": _unicode(title),
@@ -103,7 +105,7 @@ def page_data(
         "events": event_entries(events),
         "parts": _part_entries(legs),
         "legs": list(legs),
-        "arrow": {"label": _arrow_label(), "colour": GROUND_FORCE_COLOUR} if arrows else None,
+        "arrow": {"label": arrow, "colour": GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries(legs) if legs else [],
         "floor": FLOOR,  # what a dark page darkens
         "duration": duration,
@@ -134,12 +136,11 @@ def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     # Letters that two phases share would tell nothing.
     unique = len(set(initials)) == len(names)
     entries = []
-    for code, name in enumerate(names):
-        colour = phase_colour(name, code)
-        short = initials[code] if unique and initials[code] else str(code + 1)
-        label = _unicode(_words(name))
-        entries.append({"name": _unicode(name), "label": label, "short": _unicode(short),
-                        "colour": colour, "ink": _ink_on(colour)})  # fmt: skip
+    for code, (name, initial) in enumerate(zip(names, initials, strict=True)):
+        colour, short = phase_colour(name, code), initial if unique and initial else str(code + 1)
+        texts = {"name": name, "label": _words(name), "short": short}
+        texts = {key: _unicode(text) for key, text in texts.items()}
+        entries.append({**texts, "colour": colour, "ink": _ink_on(colour)})
     return entries
 
 
@@ -149,16 +150,13 @@ def _words(name: str) -> str:
 
 def _ink_on(colour: str) -> str:
     """The one of two inks that has the larger contrast ratio on a colour, as WCAG 2 defines it."""
-    ground = _luminance(colour)
-    light = (_luminance(_LIGHT_INK) + 0.05) / (ground + 0.05)
-    dark = (ground + 0.05) / (_luminance(_DARK_INK) + 0.05)
-    return _LIGHT_INK if light > dark else _DARK_INK
+    ground, light, dark = (_luminance(one) + 0.05 for one in (colour, _LIGHT_INK, _DARK_INK))
+    return _LIGHT_INK if light / ground > ground / dark else _DARK_INK
 
 
 def _luminance(colour: str) -> float:
-    shares = [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
-    red, green, blue = (s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in shares)
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    shares = (s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour))
+    return float(np.dot([0.2126, 0.7152, 0.0722], list(shares)))
 
 
 def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -171,27 +169,18 @@ def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     ]
 
 
-def _arrow_label() -> str:
-    return f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
-
-
 def _arc_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     ankle = any(JointName.ANKLE in leg["shows"] for leg in legs)
-    up, down = (
-        ("Flexion or dorsiflexion", "Extension or plantarflexion") if ankle else ("Flexion", "Extension")
-    )
+    up, down = ("lexion or dorsiflexion", "xtension or plantarflexion") if ankle else ("lexion", "xtension")
     return [
-        {"label": f"{up} torque", "colour": FLEXION_COLOUR},
-        {"label": f"{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
+        {"label": f"F{up} torque", "colour": FLEXION_COLOUR},
+        {"label": f"E{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
     ]
 
 
 def _notes(missing_meshes: Sequence[str]) -> list[str]:
-    if not missing_meshes:
-        return []
-    first = _unicode(Path(missing_meshes[0]).name)
     more = f" and {len(missing_meshes) - 1} more" if len(missing_meshes) > 1 else ""
-    return [f"Mesh not found: {first}{more}."]
+    return [f"Mesh not found: {_unicode(Path(name).name)}{more}." for name in missing_meshes[:1]]
 
 
 def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") -> str:
@@ -202,7 +191,7 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
     or ``model`` for one model.
     """
     folder = viewer_folder()
-    bundle = packed(_bundle().encode())
+    bundle = packed(_bundle())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
@@ -224,16 +213,16 @@ def live_page(*, style: str, panel: str, script: str) -> str:
         policy=LIVE_POLICY,
         title="twin_gait",
         data=embedded_json({"mode": "live"}),
-        bundle=_inside_script(_bundle()),
+        bundle=_inside_script(_bundle().decode()),
         more_style=style,
         panel=panel,
         more_script=_inside_script(script),
     )
 
 
-def _bundle() -> str:
+def _bundle() -> bytes:
     """Script of meshcat's viewer."""
-    return (viewer_folder() / "dist" / "main.min.js").read_bytes().decode("utf-8")
+    return (viewer_folder() / "dist" / "main.min.js").read_bytes()
 
 
 def packed(content: bytes) -> str:

@@ -20,11 +20,7 @@ Message = Mapping[str, Any]
 
 
 class LiveServer(SceneServer):
-    """Serves the live page.
-
-    Attributes:
-        pages: Open panels.
-    """
+    """Serves the live page."""
 
     def __init__(
         self,
@@ -41,13 +37,13 @@ class LiveServer(SceneServer):
 
         ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``on_message``: called
         with what a page says, which may be any text; ``on_stop``: called when a page asks to stop without its
-        socket; ``refusal``: makes the answer to what is refused here, of the reason; ``greeting``: messages
-        for a panel that has just been opened; ``scene``: packed commands for a scene that has just been
-        opened. Raises ViewerError if no port is free.
+        socket; ``refusal``: makes the answer to what is refused here, of the reason; ``greeting`` and
+        ``scene``: messages for a panel, and packed commands for a scene, that have just been opened. Raises
+        ViewerError if no port is free.
         """
         self.on_message, self.on_stop = on_message, on_stop
         self.refusal, self.greeting = refusal, greeting
-        self.pages: set[Panel] = set()
+        self.pages: set[Panel] = set()  # open panels
         super().__init__(page, first_port=first_port, scene=scene)
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
