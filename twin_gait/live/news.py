@@ -24,15 +24,10 @@ _ENDINGS = {
 
 
 class LatestFrame(NamedTuple):
-    """The newest frame.
+    """The newest frame."""
 
-    Attributes:
-        number: Counts frames; 0 before the first.
-        text: The frame as JSON, ready for a page.
-    """
-
-    number: int
-    text: str
+    number: int  # counts frames; 0 before the first
+    text: str  # the frame as JSON, ready for a page
 
 
 class WalkNews:
@@ -59,8 +54,7 @@ class WalkNews:
     ) -> None:
         """Begin with no news; the arguments are those of :class:`~twin_gait.live.session.LiveSession`.
 
-        Args:
-            on_rows: Takes the rows of the log for a bus, block by block.
+        ``on_rows``: takes the rows of the log for a bus, block by block.
         """
         self.ready = threading.Event()
         self.frame, self.status = LatestFrame(0, ""), "starting"

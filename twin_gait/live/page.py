@@ -46,9 +46,8 @@ class LivePage:
     def __init__(self, session: LiveSession, experiment: Experiment, *, port: int, user: str = "") -> None:
         """Draw the scene and listen.
 
-        Raises:
-            ModelError: If the URDF cannot be read.
-            ViewerError: If a mesh cannot be read or no port is free.
+        Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read or no port
+        is free.
         """
         self._session, self._user = session, user
         self._belt_speed = belt_speed_of(experiment)

@@ -68,8 +68,7 @@ class SessionRecorder:
     def __init__(self, folder: Path, *, user: str, experiment: str, document: Mapping[str, Any]) -> None:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
-        Raises:
-            SessionError: If the record cannot be written.
+        Raises SessionError if the record cannot be written.
         """
         self.failure = ""
         self._tables = 0
@@ -171,41 +170,23 @@ def _numbers(folder: Path) -> list[int]:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionEntry:
-    """One session of the record.
+    """One session of the record."""
 
-    Attributes:
-        id: Number.
-        user: Who.
-        experiment: Name of the preset or file.
-        began: When, in UTC.
-        ended: When, in UTC, or None.
-        status: How the last walk ended, ``going on``, or ``killed`` if nobody is there to end it.
-        tick: Last tick known of the last walk.
-        folders: Run folders; of a session without an end also those to come.
-        changes: How many changes were applied.
-        refusals: How many were refused.
-        versions: Versions of the gait table.
-    """
-
-    id: int
-    user: str
-    experiment: str
-    began: str
-    ended: str | None
-    status: str
-    tick: int
-    folders: tuple[str, ...]
-    changes: int
-    refusals: int
-    versions: int
+    id: int  # number
+    user: str  # who
+    experiment: str  # name of the preset or file
+    began: str  # when, in UTC
+    ended: str | None  # when, in UTC, or None
+    status: str  # how the last walk ended, ``going on``, or ``killed`` if nobody is there to end it
+    tick: int  # last tick known of the last walk
+    folders: tuple[str, ...]  # run folders; of a session without an end also those to come
+    changes: int  # how many changes were applied
+    refusals: int  # how many were refused
+    versions: int  # versions of the gait table
 
 
 def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
-    """All sessions of the record, the newest first.
-
-    Raises:
-        SessionError: If the record cannot be read.
-    """
+    """All sessions of the record, the newest first. Raises SessionError if the record cannot be read."""
     entries = [_read(folder, number)[0] for number in reversed(_known(folder))]
     return [item for item in entries if user is None or item.user == user]
 
@@ -213,12 +194,8 @@ def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
 def read_session(folder: Path, session: int) -> dict[str, Any]:
     """Everything that is recorded of a session.
 
-    Returns:
-        The entry's fields, ``document`` of the experiment, ``summary``, ``tables`` and ``log``: every event
-        in order.
-
-    Raises:
-        SessionError: If there is no such session.
+    Returns the entry's fields, ``document`` of the experiment, ``summary``, ``tables`` and ``log``: every
+    event in order. Raises SessionError if there is no such session.
     """
     _require(folder, session)
     entry, rest = _read(folder, session)
@@ -230,12 +207,8 @@ def close_killed(
 ) -> None:
     """Record how a session ended whose own processes no longer could.
 
-    Args:
-        tick: Ticks that are kept of the last walk.
-        text: What happened, in one sentence; becomes the last entry of the session's log.
-
-    Raises:
-        SessionError: If the record cannot be written.
+    ``tick``: ticks that are kept of the last walk; ``text``: what happened, in one sentence; becomes the last
+    entry of the session's log. Raises SessionError if the record cannot be written.
     """
     serial = max((item["serial"] for item in _read(folder, session)[1]["log"]), default=0) + 1
     note = dict.fromkeys(_LOGGED, "") | {"before": None, "value": None, "at": _now()}
@@ -249,8 +222,7 @@ def close_killed(
 def delete_session(folder: Path, session: int) -> None:
     """Take a session out of the record; its run folders stay.
 
-    Raises:
-        SessionError: If there is no such session, or it is still going on.
+    Raises SessionError if there is no such session, or it is still going on.
     """
     _require(folder, session)
     if _read(folder, session)[0].status == GOING_ON:
