@@ -46,16 +46,9 @@ class Piece:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the rows, as JSON takes it."""
-        return {
-            "switches": self.switches,
-            "changes": [[item.tick, dict(item.note)] for item in self.changes],
-            "table": self.table,
-            "status": str(self.status),
-            "reason": self.reason,
-            "trip": self.trip,
-            "wall_s": self.wall_s,
-            "over": self.over,
-        }
+        changes = [[item.tick, dict(item.note)] for item in self.changes]
+        entries = {key: value for key, value in vars(self).items() if key != "rows"}
+        return {**entries, "changes": changes, "status": str(self.status)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], rows: np.ndarray) -> Piece:
@@ -70,12 +63,8 @@ class Piece:
 
 
 def _trip(tick: int, cause: str, side: str | None, joint: str | None) -> Trip:
-    return Trip(
-        tick=tick,
-        cause=TripCause(cause),
-        side=None if side is None else Side(side),
-        joint=None if joint is None else JointName(joint),
-    )
+    place = None if side is None else Side(side), None if joint is None else JointName(joint)
+    return Trip(tick, TripCause(cause), *place)
 
 
 @dataclass

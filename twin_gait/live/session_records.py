@@ -14,13 +14,14 @@ import itertools
 import json
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from twin_gait.exceptions import TwinGaitError
+from twin_gait.live.protocol import Event
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 WRITE_EVERY = 0.25  # [s]; a crash loses what came after the last write
@@ -30,14 +31,6 @@ _LOGGED = ("serial", "tick", "response", "user", "subject", "before", "value", "
 
 class SessionError(TwinGaitError):
     """The record of the sessions cannot be used, or has no such session."""
-
-
-class Change(Protocol):
-    """What is recorded of an event, with the attributes of :class:`twin_gait.live.protocol.Event`."""
-
-    @property
-    def serial(self) -> int:
-        """Number of the event in its session."""
 
 
 def default_records() -> Path:
@@ -58,19 +51,14 @@ def _unusable(path: Path, error: OSError) -> SessionError:
 
 
 class SessionRecorder:
-    """Records one session; every method but :meth:`close` returns at once.
-
-    Attributes:
-        session: Number of the session in the record.
-        failure: Why nothing is recorded any more, or empty.
-    """
+    """Records one session, number ``session``; every method but :meth:`close` returns at once."""
 
     def __init__(self, folder: Path, *, user: str, experiment: str, document: Mapping[str, Any]) -> None:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
         Raises SessionError if the record cannot be written.
         """
-        self.failure = ""
+        self.failure = ""  # why nothing is recorded any more
         self._tables = 0
         self._last_table = ""
         self._waiting: list[str] = []
@@ -85,7 +73,7 @@ class SessionRecorder:
         self._thread = threading.Thread(target=self._write, name="session recorder", daemon=True)
         self._thread.start()
 
-    def event(self, event: Change) -> None:
+    def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
         row = {name: getattr(event, name) for name in _LOGGED}
         self._put({"event": {**row, "response": str(row["response"]), "at": _now()}})
@@ -113,9 +101,8 @@ class SessionRecorder:
         os.close(self._descriptor)
 
     def _put(self, entry: Mapping[str, Any]) -> None:
-        line = json.dumps(entry, ensure_ascii=False) + "\n"
         with self._lock:
-            self._waiting.append(line)
+            self._waiting.append(_line(entry))
 
     def _write(self) -> None:
         try:
@@ -213,10 +200,16 @@ def close_killed(
     serial = max((item["serial"] for item in _read(folder, session)[1]["log"]), default=0) + 1
     note = dict.fromkeys(_LOGGED, "") | {"before": None, "value": None, "at": _now()}
     event = {**note, "serial": serial, "tick": tick, "response": "note", "text": text}
-    lines = [{"event": event}, _end(KILLED, tick, summary, folders)]
     path = _file(folder, session)
-    _whole(path)  # a line that the kill has cut short goes
-    _with(path, os.O_WRONLY | os.O_APPEND, lambda descriptor: _append(descriptor, _lines(lines)))
+    try:
+        with path.open("r+b") as file:
+            file.truncate(file.read().rfind(b"\n") + 1)  # a line that the kill has cut short goes
+            file.seek(0, os.SEEK_END)
+            file.write((_line({"event": event}) + _line(_end(KILLED, tick, summary, folders))).encode())
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise _unusable(path, error) from error
 
 
 def delete_session(folder: Path, session: int) -> None:
@@ -244,24 +237,8 @@ def _require(folder: Path, session: int) -> None:
         raise SessionError(f"{folder}: no session {session}; {there}")
 
 
-def _lines(entries: Sequence[Mapping[str, Any]]) -> str:
-    return "".join(json.dumps(item, ensure_ascii=False) + "\n" for item in entries)
-
-
-def _with(path: Path, flags: int, use: Callable[[int], Any]) -> Any:
-    try:
-        descriptor = os.open(path, flags)
-        try:
-            return use(descriptor)
-        finally:
-            os.close(descriptor)
-    except OSError as error:
-        raise _unusable(path, error) from error
-
-
-def _whole(path: Path) -> None:
-    text = path.read_bytes()
-    os.truncate(path, text.rfind(b"\n") + 1)
+def _line(entry: Mapping[str, Any]) -> str:
+    return json.dumps(entry, ensure_ascii=False) + "\n"
 
 
 def _is_held(descriptor: int) -> bool:
@@ -272,18 +249,19 @@ def _is_held(descriptor: int) -> bool:
     return False
 
 
-def _nothing_yet() -> dict[str, Any]:
-    return {"user": "", "experiment": "", "document": {}, "began": _now()}
-
-
 def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
     """Entry of a session, and what else is recorded of it."""
     path = _file(folder, session)
-    held = _with(path, os.O_RDONLY, _is_held)
-    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        with path.open("rb") as file:
+            held = _is_held(file.fileno())
+            text = file.read().decode(errors="replace")
+    except OSError as error:
+        raise _unusable(path, error) from error
     try:
         entries = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
-        first: dict[str, Any] = entries[0] if entries else _nothing_yet()
+        empty = {"user": "", "experiment": "", "document": {}, "began": _now()}
+        first: dict[str, Any] = entries[0] if entries else empty
         log = [item["event"] for item in entries if "event" in item]
         tables = [item["table"] for item in entries if "table" in item]
         end: dict[str, Any] = next((item["end"] for item in entries if "end" in item), {})
@@ -291,9 +269,7 @@ def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
         responses = [item["response"] for item in log]
         entry = SessionEntry(
             id=session,
-            user=first["user"],
-            experiment=first["experiment"],
-            began=first["began"],
+            **{key: first[key] for key in ("user", "experiment", "began")},
             ended=end.get("ended"),
             status=end.get("status") or (GOING_ON if held else KILLED),
             tick=end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),

@@ -83,19 +83,12 @@ class Settings:
 def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
     """A table whose phases all have what the monitor sets."""
     sides = tuple(dict.fromkeys(side for side, _ in monitor))
-    of_side = {
-        side: PhaseParameters(
-            joints={name: monitor[side, JointName(name)].impedance(mode) for name in table.joints}
-        )
-        for side in sides
-    }
-    everywhere = {side: dict.fromkeys(table.phases, parameters) for side, parameters in of_side.items()}
-    return replace(
-        table,
-        phases=everywhere[sides[0]],
-        side_phases=everywhere if len(sides) > 1 else {},
-        scaling=Scaling(),
-    )
+    everywhere = {}
+    for side in sides:
+        joints = {name: monitor[side, JointName(name)].impedance(mode) for name in table.joints}
+        everywhere[side] = dict.fromkeys(table.phases, PhaseParameters(joints=joints))
+    own = everywhere if len(sides) > 1 else {}
+    return replace(table, phases=everywhere[sides[0]], side_phases=own, scaling=Scaling())
 
 
 def first_settings(experiment: Experiment) -> Settings:
@@ -108,16 +101,11 @@ def first_settings(experiment: Experiment) -> Settings:
     monitor = {}
     for number, joint in enumerate(problem.joints):
         leg, place = divmod(number, problem.joints_per_leg)
-        first = COLUMNS_PER_JOINT * place
-        k, b, zero, gain = problem.phase_rows[leg, 0, first : first + COLUMNS_PER_JOINT].tolist()
+        row = problem.phase_rows[leg, 0, COLUMNS_PER_JOINT * place :].tolist()
+        fields = ("stiffness", "damping", "equilibrium_angle", "friction_compensation_gain")
         target = experiment.control.target_torque.get(joint.joint, 0.0)
-        monitor[joint.side, joint.joint] = MonitorJoint(
-            stiffness=k,
-            damping=b,
-            equilibrium_angle=zero,
-            friction_compensation_gain=gain,
-            target_torque=target,
-        )
+        first = dict(zip(fields, row, strict=False))
+        monitor[joint.side, joint.joint] = MonitorJoint(**first, target_torque=target)
     return Settings(experiment=experiment, monitor=monitor)
 
 

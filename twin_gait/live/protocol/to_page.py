@@ -107,24 +107,15 @@ class Frame:
 
     def to_dict(self) -> dict[str, Any]:
         """The frame as JSON takes it; numbers that are not finite become null."""
-        return {
-            "kind": "frame",
-            "tick": self.tick,
-            "time_s": self.time_s,
-            "status": self.status,
-            "events": list(self.events),
-            "q": [_finite(item) for item in self.q],
-            "log": {key: _finite(value) for key, value in self.log.items()},
-            "deadlines": asdict(self.deadlines),
-        }
+        log = {key: _finite(value) for key, value in self.log.items()}
+        numbers = {"q": [_finite(item) for item in self.q], "log": log, "deadlines": asdict(self.deadlines)}
+        return {"kind": "frame", **vars(self), "events": list(self.events), **numbers}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Frame:
         """The frame of :meth:`to_dict`."""
         return cls(
-            tick=data["tick"],
-            time_s=data["time_s"],
-            status=data["status"],
+            **{key: data[key] for key in ("tick", "time_s", "status")},
             q=tuple(math.nan if item is None else item for item in data["q"]),
             log={key: math.nan if item is None else item for key, item in data["log"].items()},
             deadlines=DeadlineStatistics(**data["deadlines"]),
@@ -177,13 +168,12 @@ class State:
 
     def to_dict(self) -> dict[str, Any]:
         """The state as JSON takes it, with the differences from the preset."""
-        lists = {key: list(getattr(self, key)) for key in ("phases", "joints", "sides", "saved")}
+        entries = {
+            key: list(value) if isinstance(value, tuple) else value for key, value in vars(self).items()
+        }
         return {
             "kind": "state",
-            "version": self.version,
-            "serial": self.serial,
-            "experiment": self.experiment,
-            **lists,
+            **entries,
             "controls": [item.to_dict() for item in self.controls],
             "actions": [item.to_dict() for item in self.actions],
             "differences": [item.name for item in self.controls if item.changed],
