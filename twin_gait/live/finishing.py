@@ -63,11 +63,7 @@ def complete(
 
 
 def _write(
-    content: Content,
-    take: Take,
-    problem: Problem,
-    pictures: bool,
-    on_step: Callable[[str], None] | None,
+    content: Content, take: Take, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
 ) -> Completed:
     setup, run = content.setup, run_of(take, problem)
     folder, force = Path(setup["folder"]), bool(setup["force"])

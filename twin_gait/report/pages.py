@@ -41,7 +41,7 @@ class Picture(NamedTuple):
 def _environment() -> Environment:
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
-        autoescape=lambda name: name is None or name.endswith(".html"),
+        autoescape=lambda name: name is None or name.endswith((".html", ".svg")),
         undefined=StrictUndefined,  # a number that a template asks for in vain is an error, not a gap
         trim_blocks=True,
         lstrip_blocks=True,
@@ -53,7 +53,7 @@ def _environment() -> Environment:
 def render(template: str, content: Mapping[str, Any]) -> str:
     """Fill a template.
 
-    ``template``: name of a file in ``TEMPLATES``; of an HTML one all that is filled in is escaped;
+    ``template``: name of a file in ``TEMPLATES``; of HTML and SVG all that is filled in is escaped;
     ``content``: what is filled in, by name, functions among it; ``version`` is this package's.
     """
     return _environment().get_template(template).render(version=__version__, **content)
