@@ -59,23 +59,16 @@ class LivePage:
         self._number = self._serial = self._told_at = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
-            experiment.build_world().model,
-            drives=experiment.joints,
+            experiment.build_world().model, drives=experiment.joints,
             title=f"twin_gait live · {experiment.name}",
-            subtitle=describe(experiment.patient, self._belt_speed),
-            phases=experiment.table.phase_names,
-            modes=modes_of(experiment),
-            **setting_of(experiment),
-        )
+            subtitle=describe(experiment.patient, self._belt_speed), phases=experiment.table.phase_names,
+            modes=modes_of(experiment), **setting_of(experiment),
+        )  # fmt: skip
         self.server = LiveServer(
-            panel_page(),
-            first_port=port,
-            on_message=self._hear,
-            on_stop=self._stop,
-            refusal=lambda reason: self._refusal(reason).to_dict(),
-            greeting=self._greeting,
+            panel_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
+            refusal=lambda reason: self._refusal(reason).to_dict(), greeting=self._greeting,
             scene=self.figure.window.everything,
-        )
+        )  # fmt: skip
 
     @property
     def url(self) -> str:

@@ -24,13 +24,9 @@ GATE: tuple[Rule, ...] = (unstable, cannot_leave, torque_jump)
 GATE_OF_MONITOR: tuple[Rule, ...] = (unstable,)
 # What these find is told after a change has been applied.
 TOLD: tuple[Rule, ...] = (
-    equilibrium_beyond_limits,
-    unusual_gain,
-    unusual_stiffness,
-    unusual_damping_ratio,
-    effective_damping,
+    equilibrium_beyond_limits, unusual_gain, unusual_stiffness, unusual_damping_ratio, effective_damping,
     stiffness_not_served,
-)
+)  # fmt: skip
 TOLD_OF_MONITOR: tuple[Rule, ...] = (equilibrium_beyond_limits, unusual_gain, effective_damping)
 
 Place = tuple[str, str | None, str | None, str | None]

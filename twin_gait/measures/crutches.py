@@ -27,10 +27,7 @@ class CrutchUse:
 
 
 def crutch_use(log: pd.DataFrame, side: Side, tick: float, body_weight: float) -> CrutchUse | None:
-    """Measures of one crutch; None without one.
-
-    ``tick``: sampling period in [s]; ``body_weight`` of wearer and device in [N].
-    """
+    """Measures of one crutch; None without one. ``body_weight`` of wearer and device in [N]."""
     if f"{side}_crutch_normal_force_N" not in log or len(log) == 0:
         return None
     load = log[f"{side}_crutch_normal_force_N"].to_numpy()

@@ -43,10 +43,9 @@ def saturation_shares(
 ) -> SaturationShares:
     """Count the ticks in which a limit cuts what the controller asks for.
 
-    ``command``: commanded torque before limits in [N m], shape ``(n,)``; ``target_current``: current after
-    torque and current limit in [A], shape ``(n,)``; ``current``: current after the voltage limit in [A],
-    shape ``(n,)``; ``torque_limit`` in [N m]; ``current_limit`` in [A]. Returns the shares; NaN for an empty
-    record.
+    ``command``: commanded torque before limits in [N m]; ``target_current``: current after torque and current
+    limit in [A]; ``current``: current after the voltage limit in [A]; ``torque_limit`` in [N m];
+    ``current_limit`` in [A]. Returns the shares; NaN for an empty record.
     """
     if len(command) == 0:
         return SaturationShares(math.nan, math.nan, math.nan, math.nan)
@@ -146,9 +145,8 @@ class EnergyBalance(NamedTuple):
 def energy_balance(energy: np.ndarray, works: np.ndarray) -> EnergyBalance:
     """Compare the change of energy with the work of all sources.
 
-    ``energy``: kinetic and potential energy in [J], shape ``(n,)``; ``works``: work done since some instant
-    by every source in [J], shape ``(n_sources, n)``. Returns the balance; NaN where the record is empty or
-    nothing was done.
+    ``energy``: kinetic and potential energy in [J]; ``works``: work done since some instant by every source
+    in [J], shape ``(n_sources, n)``. Returns the balance; NaN where the record is empty or nothing was done.
     """
     if len(energy) == 0:
         return EnergyBalance(np.zeros(0), math.nan, math.nan, math.nan)
@@ -166,28 +164,23 @@ def interaction_torque(
 ) -> np.ndarray:
     r"""What the device does on the leg at one joint.
 
-    ``motor``: motor torque at the joint in [N m], one value a tick, shape ``(n,)``; ``friction``: torque of
-    the friction on the joint in [N m], shape ``(n,)``; ``velocity`` of the joint in [rad] / [s], shape
-    ``(n,)``, n at least 2; ``rotor_inertia`` of motor and gear seen at the joint in [kg m²]; ``tick``:
-    sampling period in [s]. Returns torque in [N m], positive in increasing angle, shape ``(n,)``; the
-    acceleration is a central difference.
+    ``motor``: motor torque at the joint in [N m], one value a tick; ``friction``: torque of the friction on
+    the joint in [N m]; ``velocity`` of the joint in [rad] / [s], n at least 2; ``rotor_inertia`` of motor and
+    gear seen at the joint in [kg m²]. Returns torque in [N m], positive in increasing angle; the acceleration
+    is a central difference.
     """
     return np.asarray(motor + friction - rotor_inertia * np.gradient(velocity, tick))
 
 
 def root_mean_square(values: np.ndarray) -> float:
-    """Root mean square.
-
-    ``values``: shape ``(n,)``. Returned in the unit of the values; NaN for an empty record.
-    """
+    """Root mean square. Returned in the unit of the values; NaN for an empty record."""
     return float(np.sqrt(np.mean(values * values))) if len(values) else math.nan
 
 
 def positive_work(torque: np.ndarray, velocity: np.ndarray, tick: float) -> float:
     r"""Work that a torque puts into the motion, :math:`\int \max(0, \tau\omega)\,dt`.
 
-    ``torque`` in [N m], one value a tick, shape ``(n,)``; ``velocity`` in [rad] / [s], shape ``(n,)``;
-    ``tick``: sampling period in [s]. Returns work in [J].
+    ``torque`` in [N m], one value a tick; ``velocity`` in [rad] / [s]. Returns work in [J].
     """
     return float(np.sum(np.maximum(torque * velocity, 0.0)) * tick)
 

@@ -51,9 +51,8 @@ def find_foot_contacts(
 ) -> FootContacts:
     """Find heel strikes, toe-offs and further contacts.
 
-    ``normal_force`` of one foot in [N], shape ``(n,)``; ``tick``: sampling period in [s]; ``hip_angle`` of
-    the same leg in [rad], flexion positive, shape ``(n,)``; without it the time off the ground alone tells
-    swings from bounces. Returns the contacts, as sample indices.
+    ``normal_force`` of one foot in [N]; ``hip_angle`` of the same leg in [rad], flexion positive; without it
+    the time off the ground alone tells swings from bounces. Returns the contacts, as sample indices.
     """
     loaded = np.concatenate(([False], is_loaded(normal_force), [False]))
     edges = np.flatnonzero(loaded[1:] != loaded[:-1])

@@ -99,9 +99,8 @@ def leg_record(
 ) -> LegRecord:
     """Take one leg out of a log.
 
-    ``log``: one row a tick, with the columns of a run; ``phase_names``: phases of the table in order;
-    ``tick``: sampling period in [s]; ``steady`` from when to when in [s] the leg walks evenly; ``device``:
-    whether the angles are the device's where braces let the wearer move against it.
+    ``phase_names``: phases of the table in order; ``steady`` from when to when in [s] the leg walks evenly;
+    ``device``: whether the angles are the device's where braces let the wearer move against it.
     """
     columns = () if device else log.columns
     angles = {

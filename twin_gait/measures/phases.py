@@ -67,10 +67,9 @@ def phases_in_order(phases: np.ndarray, n_phases: int) -> bool:
 def entry_lags(entries: np.ndarray, heel_strikes: np.ndarray, tick: float) -> np.ndarray:
     """Time from the entry into the first phase to the heel strike that belongs to it.
 
-    A strike and an entry belong together if each is the other's nearest. ``entries``: ticks of the entries,
-    shape ``(n,)``; ``heel_strikes``: ticks of the strikes, shape ``(m,)``; ``tick``: sampling period in [s].
-    Returns lag of every strike in [s], positive if the phase began before the foot landed; NaN for a strike
-    without an entry. Shape ``(m,)``.
+    A strike and an entry belong together if each is the other's nearest. ``entries``: ticks of the entries;
+    ``heel_strikes``: ticks of the strikes, shape ``(m,)``. Returns lag of every strike in [s], positive if
+    the phase began before the foot landed; NaN for a strike without an entry. Shape ``(m,)``.
     """
     lags = np.full(len(heel_strikes), np.nan)
     if len(entries) == 0:
@@ -86,8 +85,7 @@ def usual_phases(phases: np.ndarray, bounds: np.ndarray, n_phases: int) -> np.nd
     """Phase in which a leg is in most strides, at every percent of the stride.
 
     Where strides pass through the phases in the same order, the phases change at the median of their
-    boundaries. ``phases``: phase of each tick, shape ``(n,)``; ``bounds``: strides, at least one, shape
-    ``(n_strides, 2)``. Returns index of the phase at ``PERCENT``, shape ``(101,)``.
+    boundaries. ``phases``: phase of each tick. Returns index of the phase at ``PERCENT``, shape ``(101,)``.
     """
     is_phase = [normalise_strides((phases == phase).astype(float), bounds) for phase in range(n_phases)]
     votes = np.array([(share > 0.5).sum(axis=0) for share in is_phase])  # (n_phases, 101)

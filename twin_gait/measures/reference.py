@@ -62,8 +62,7 @@ def reference_covers(speed: float) -> bool:
 def key_events(joint: JointName, *, speed: float, height: float) -> tuple[KeyEvent, ...]:
     """Key events of a joint, in the order of the cycle.
 
-    ``speed``: walking speed in [m] / [s]; ``height``: body height in [m]. Raises ParameterError if the
-    regression does not reach the speed, or the height is not positive.
+    Raises ParameterError if the regression does not reach the speed, or the height is not positive.
     """
     _require_covered(speed, height)
     degree = math.pi / 180.0
@@ -92,10 +91,9 @@ def _coefficients() -> dict[JointName, list[list[list[float]]]]:
 def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, height: float) -> np.ndarray:
     """Angle of a joint over the gait cycle in healthy walking.
 
-    ``percent``: instants in [%] of the cycle from heel strike, any shape; the cycle repeats; ``speed``:
-    walking speed in [m] / [s]; ``height``: body height in [m]. Returns angles in [rad], shape of ``percent``;
-    flexion and dorsiflexion positive. Raises ParameterError if the regression does not reach the speed, or
-    the height is not positive.
+    ``percent``: instants in [%] of the cycle from heel strike, any shape; the cycle repeats. Returns angles
+    in [rad], shape of ``percent``; flexion and dorsiflexion positive. Raises ParameterError if the regression
+    does not reach the speed, or the height is not positive.
     """
     events = key_events(joint, speed=speed, height=height)
     around = (*events, events[0]._replace(percent=CYCLE))
@@ -137,9 +135,8 @@ def _bernstein(start: KeyEvent, end: KeyEvent) -> list[float]:
 def reference_cycle_time(speed: float, height: float) -> float:
     r"""Duration of the gait cycle in healthy walking.
 
-    With the step ratio :math:`r` (step length over cadence), :math:`T = 2 \sqrt{r / v}`. ``speed``: walking
-    speed in [m] / [s]; ``height``: body height in [m]. Returns duration in [s]. Raises ParameterError if the
-    regression does not reach the speed, or the height is too small for it.
+    With the step ratio :math:`r` (step length over cadence), :math:`T = 2 \sqrt{r / v}`. Returns duration in
+    [s]. Raises ParameterError if the regression does not reach the speed, or the height is too small for it.
     """
     _require_covered(speed, height)
     constant, with_speed, with_height = STEP_RATIO

@@ -53,11 +53,7 @@ def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 
 def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
-    """Duration of every stride.
-
-    ``bounds`` from :func:`stride_bounds`; ``tick``: sampling period in [s]. Returns durations in [s], shape
-    ``(n_strides,)``.
-    """
+    """Duration of every stride. Returns durations in [s], shape ``(n_strides,)``."""
     return np.asarray((bounds[:, 1] - bounds[:, 0]) * tick)
 
 
@@ -185,8 +181,7 @@ def cadence(stride_times: np.ndarray) -> float:
 def stride_lengths(stride_times: np.ndarray, speed: float) -> np.ndarray:
     """Way that the belt goes in each stride, which is the stride's length at a steady place on it.
 
-    ``stride_times`` in [s], shape ``(n,)``; ``speed`` of the belt in [m] / [s]. Returns lengths in [m], shape
-    ``(n,)``.
+    ``stride_times`` in [s]; ``speed`` of the belt in [m] / [s]. Returns lengths in [m].
     """
     return np.asarray(speed * stride_times)
 

@@ -101,9 +101,8 @@ def low_pass(signal: np.ndarray, tick: float, cut_off: float) -> np.ndarray:
     r"""Smooth a signal with a Gaussian, without delay.
 
     A sine of frequency f passes with the gain :math:`2^{-(f/f_c)^2/2}`, which is -3 dB at the cut-off. The
-    ends of the record are continued by their first and last value. ``signal``: one value a tick, shape
-    ``(n,)``, n at least 1; ``tick``: sampling period in [s]; ``cut_off``: :math:`f_c` in [Hz]. Returns the
-    smooth signal, shape ``(n,)``.
+    ends of the record are continued by their first and last value. ``signal``: one value a tick, n at least
+    1; ``cut_off``: :math:`f_c` in [Hz]. Returns the smooth signal.
     """
     deviation = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cut_off * tick)  # [ticks]
     reach = math.ceil(_KERNEL_REACH * deviation)
@@ -116,8 +115,7 @@ def joint_jerk(velocity: np.ndarray, tick: float) -> np.ndarray:
 
     A torque that steps gives a jerk that is not bounded: without a filter its root mean square would grow as
     the tick shrinks. The cut-off lets the 25 ms of a short blend through. ``velocity`` in [rad] / [s], one
-    value a tick, shape ``(n,)``; ``tick``: sampling period in [s]. Returns jerk in [rad] / [s³], 0 in the
-    first and the last tick, shape ``(n,)``.
+    value a tick. Returns jerk in [rad] / [s³], 0 in the first and the last tick.
     """
     jerk = np.zeros(len(velocity))
     if len(velocity) > 2:
@@ -135,9 +133,8 @@ def dimensionless_jerk(velocity: np.ndarray, jerk: np.ndarray, spans: np.ndarray
     after Hogan and Sternad (2009, doi:10.3200/35-09-004-RC) and Balasubramanian et al. (2015,
     doi:10.1186/s12984-015-0090-9), who give it a minus sign. A sine has :math:`(2\pi)^4/2 = 779`.
 
-    ``velocity`` in [rad] / [s], shape ``(n,)``; ``jerk`` from :func:`joint_jerk`, shape ``(n,)``; ``spans``:
-    first tick of each stride and of the next one, shape ``(m, 2)``; ``tick``: sampling period in [s]. Returns
-    one number a stride; NaN for a joint at rest. Shape ``(m,)``.
+    ``velocity`` in [rad] / [s]; ``jerk`` from :func:`joint_jerk`; ``spans``: first tick of each stride and of
+    the next one, shape ``(m, 2)``. Returns one number a stride; NaN for a joint at rest. Shape ``(m,)``.
     """
     values = np.full(len(spans), np.nan)
     for number, (start, end) in enumerate(spans):

@@ -149,18 +149,10 @@ def walk_measures(
 
 # Ends of the names of the columns of a log that the measures of a walk read, beside time and phases.
 WALK_COLUMNS = (
-    "_angle_rad",
-    "_velocity_rad_per_s",
-    "_motor_torque_Nm",
-    "_patient_torque_Nm",
-    "_foot_normal_force_N",
-    "_foot_friction_force_N",
-    "_foot_pressure_place",
-    "_foot_clearance_m",
-    "guide_force_N",
-    "pelvis_forward_m",
-    "pelvis_forward_velocity_m_per_s",
-)
+    "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_patient_torque_Nm", "_foot_normal_force_N",
+    "_foot_friction_force_N", "_foot_pressure_place", "_foot_clearance_m", "guide_force_N",
+    "pelvis_forward_m", "pelvis_forward_velocity_m_per_s",
+)  # fmt: skip
 
 
 def _ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Walkway) -> float:

@@ -37,12 +37,9 @@ def _phase_key(side: Side) -> str:
 _OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
 
 QUANTITIES = (
-    TIME,
-    *(_angle_key(side, joint) for side in Side for joint in JointName),
-    *(_load_key(side) for side in Side),
-    *(_phase_key(side) for side in Side),
-    *_OF_DEVICE,
-)
+    TIME, *(_angle_key(side, joint) for side in Side for joint in JointName),
+    *(_load_key(side) for side in Side), *(_phase_key(side) for side in Side), *_OF_DEVICE,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -109,15 +109,9 @@ def _read_csv(path: Path) -> LogTable:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
             frame = pd.read_csv(
-                io.StringIO(text),
-                sep=separator,
-                header=None,
-                index_col=False,
-                comment="#",
-                skipinitialspace=True,
-                dtype=str,
-                keep_default_na=False,
-            )
+                io.StringIO(text), sep=separator, header=None, index_col=False, comment="#",
+                skipinitialspace=True, dtype=str, keep_default_na=False,
+            )  # fmt: skip
     except (ValueError, TypeError, OverflowError, pd.errors.ParserError, pd.errors.ParserWarning) as error:
         raise ParameterFileError(path, "", f"is not a CSV table ({_short(error)})") from error
     if frame.empty:

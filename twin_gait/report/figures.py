@@ -37,16 +37,10 @@ class _Drawing(Protocol):
 
 
 FIGURES: dict[str, _Drawing] = {
-    "gait_cycle": draw_cycle,
-    "ground_forces": draw_ground_forces,
-    "joint_angles": draw_angles,
-    "torques": draw_torques,
-    "currents": draw_currents,
-    "feet": draw_feet,
-    "crutches": draw_crutches,
-    "phase_portrait": draw_portrait,
-    "energy": draw_energy,
-}
+    "gait_cycle": draw_cycle, "ground_forces": draw_ground_forces, "joint_angles": draw_angles,
+    "torques": draw_torques, "currents": draw_currents, "feet": draw_feet, "crutches": draw_crutches,
+    "phase_portrait": draw_portrait, "energy": draw_energy,
+}  # fmt: skip
 
 WIDTHS = (85, 174)  # [mm], one column and two
 NARROWEST, WIDEST = 60.0, 270.0  # [mm]

@@ -72,15 +72,8 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
     time = reference_cycle_time(*walk)
     hip, knee, ankle = (_cycle(joint, *walk) for joint in JointName)
     return {
-        "stride_time": time,
-        "cadence": cadence(np.array([time])),
-        "step_length": 0.5 * walk[0] * time,
-        "load_peak": float(force.vertical.max()),
-        **load_shape(force.vertical),
-        **fore_aft_peaks(force.forward),
-        "fore_aft_force": 0.0,
-        "belt_power": 0.0,
-        "hip_lowest": float(hip.min()),
-        **knee_shape(knee),
-        "ankle_range": float(np.ptp(ankle)),
-    }
+        "stride_time": time, "cadence": cadence(np.array([time])), "step_length": 0.5 * walk[0] * time,
+        "load_peak": float(force.vertical.max()), **load_shape(force.vertical),
+        **fore_aft_peaks(force.forward), "fore_aft_force": 0.0, "belt_power": 0.0,
+        "hip_lowest": float(hip.min()), **knee_shape(knee), "ankle_range": float(np.ptp(ankle)),
+    }  # fmt: skip

@@ -36,22 +36,11 @@ MOST_BINS = 8
 
 # Suffixes of settings that no log column has.
 _UNITS = {
-    "_kg": "kg",
-    "_deg": "deg",
-    "_Nm_per_deg": "N m/deg",
-    "_Nms_per_deg": "N m s/deg",
-    "_km_per_h": "km/h",
-    "_ms": "ms",
-    "_Hz": "Hz",
-    "_Ohm": "Ohm",
-    "_kgm2": "kg m²",
-    "_N_per_m1p5": "N/m^1.5",
-    "_Ns_per_m": "N s/m",
-    "_s_per_m": "s/m",
-    "_s_per_rad": "s/rad",
-    "_m_per_s2": "m/s²",
+    "_kg": "kg", "_deg": "deg", "_Nm_per_deg": "N m/deg", "_Nms_per_deg": "N m s/deg", "_km_per_h": "km/h",
+    "_ms": "ms", "_Hz": "Hz", "_Ohm": "Ohm", "_kgm2": "kg m²", "_N_per_m1p5": "N/m^1.5",
+    "_Ns_per_m": "N s/m", "_s_per_m": "s/m", "_s_per_rad": "s/rad", "_m_per_s2": "m/s²",
     "_Nm_per_A": "N m/A",
-}
+}  # fmt: skip
 # Rooms of an experiment that say nothing in a label.
 _ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "control", "sensors"})
 

@@ -21,14 +21,11 @@ from twin_gait.vocabulary import JointName, Side
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
 _WORDS = {
-    ".stiffness_Nm_per_deg": ", stiffness",
-    ".equilibrium_deg": ", equilibrium angle",
-    ".damping_ratio": ", damping ratio",
-    ".damping_Nms_per_rad": ", damping",
+    ".stiffness_Nm_per_deg": ", stiffness", ".equilibrium_deg": ", equilibrium angle",
+    ".damping_ratio": ", damping ratio", ".damping_Nms_per_rad": ", damping",
     ".friction_compensation_gain": ", friction compensation",
-    "blending.duration_ms": "duration of the blend",
-    ANGLE.of(""): " angle",
-}
+    "blending.duration_ms": "duration of the blend", ANGLE.of(""): " angle",
+}  # fmt: skip
 
 _TRIED: dict[str, Any] = {"marker": "o", "markersize": 3.5, "markeredgewidth": 0, "color": GREY}
 _BEST: dict[str, Any] = {"marker": "o", "markersize": 6.5, "markeredgewidth": 0, "color": AFTER_COLOUR}

@@ -16,22 +16,11 @@ HEAD = "peaks over carried weight"  # of the table
 _DEGREE = math.degrees(1.0)
 # Units of the measures in a summary, at the end of their names; all others are shares.
 _UNITS = {
-    "stride_time": "s",
-    "cadence": "per_min",
-    "step_length": "m",
-    "braking_impulse": "Ns",
-    "propulsion_impulse": "Ns",
-    "fore_aft_force": "N",
-    "ankle_range": "deg",
-    "hip_lowest": "deg",
-    "knee_at_contact": "deg",
-    "knee_yield": "deg",
-    "clearance": "m",
-    "slip": "m",
-    "swing_load": "N",
-    "belt_power": "W",
-    "wearer_power": "W",
-}
+    "stride_time": "s", "cadence": "per_min", "step_length": "m", "braking_impulse": "Ns",
+    "propulsion_impulse": "Ns", "fore_aft_force": "N", "ankle_range": "deg", "hip_lowest": "deg",
+    "knee_at_contact": "deg", "knee_yield": "deg", "clearance": "m", "slip": "m", "swing_load": "N",
+    "belt_power": "W", "wearer_power": "W",
+}  # fmt: skip
 # What a summary has under names of its own.
 _ELSEWHERE = {"strides", "stride_time", "further_contacts"}
 

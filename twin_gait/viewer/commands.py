@@ -99,12 +99,9 @@ def set_property(path: str, name: str, value: Any) -> Command:
 
 
 _TRACK_KINDS = {
-    "position": "vector3",
-    "scale": "vector3",
-    "quaternion": "quaternion",
-    "visible": "bool",
+    "position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool",
     "material.color": "color",
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -48,12 +48,9 @@ RECORDED_POLICY = (
 )
 LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _PART_LABELS = {
-    "impedance": "impedance",
-    "friction_compensation": "friction comp.",
-    "gravity_compensation": "gravity comp.",
-    "inertia_compensation": "inertia comp.",
-    "target": "target",
-}
+    "impedance": "impedance", "friction_compensation": "friction comp.",
+    "gravity_compensation": "gravity comp.", "inertia_compensation": "inertia comp.", "target": "target",
+}  # fmt: skip
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
 _LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
 
@@ -210,14 +207,10 @@ def live_page(*, style: str, panel: str, script: str) -> str:
     it brings the data to ``window.twinGait``.
     """
     return _fill(
-        policy=LIVE_POLICY,
-        title="twin_gait",
-        data=embedded_json({"mode": "live"}),
-        bundle=_inside_script(_bundle().decode()),
-        more_style=style,
-        panel=panel,
+        policy=LIVE_POLICY, title="twin_gait", data=embedded_json({"mode": "live"}),
+        bundle=_inside_script(_bundle().decode()), more_style=style, panel=panel,
         more_script=_inside_script(script),
-    )
+    )  # fmt: skip
 
 
 def _bundle() -> bytes:
