@@ -41,14 +41,12 @@ class Rates:
         fast_gain: Of the fast velocity filter.
         decimation: Ticks between two slow samples.
         blend_law: Of the setpoints, see :mod:`twin_gait.core.blending`.
-        blend_ticks: How long they fade.
     """
 
     period: float
     fast_gain: float
     decimation: int
     blend_law: int
-    blend_ticks: int
 
 
 @dataclass(slots=True)
