@@ -44,3 +44,14 @@ def test_modes_in_c_are_those_of_the_simulation(tmp_path):
     project.write(tmp_path, vectors, resolved_document(experiment, None, {}))
     built = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "4000 ticks: 0 with other bits" in built.stdout
+
+
+@pytest.mark.slow  # compiles an engine, and the C
+def test_the_walk_on_the_floor_in_c_is_that_of_the_simulation(tmp_path):
+    require_tools("gcc", "make")
+    requests = "requests=[walk@0.1s, step@0.2s, step@1.3s, stop@1.5s]"
+    experiment = load_experiment("overground", ["modes=walking", requests, "duration_s=2"]).experiment
+    vectors = record_vectors(experiment)
+    print_project(experiment).write(tmp_path, vectors, resolved_document(experiment, None, {}))
+    built = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "2000 ticks: 0 with other bits" in built.stdout

@@ -131,7 +131,7 @@ def test_interval_of_three_by_hand():
 @pytest.mark.parametrize(
     ("preset", "settings", "seeds", "message"),
     [
-        ("bench_leg", [], 1, "on the treadmill"),
+        ("bench_leg", [], 1, "on the ground"),
         ("treadmill", ["patient=null"], 1, "nobody wears"),
         ("treadmill", [], 0, "seeds"),
     ],

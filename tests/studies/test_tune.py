@@ -311,7 +311,7 @@ def test_every_departure_passes_the_person_tuned_for() -> None:
 
 def test_a_leg_on_a_bench_cannot_be_tuned(tmp_path: Path) -> None:
     bench = load_experiment("bench_leg").experiment
-    with pytest.raises(ParameterError, match="expected a treadmill with a wearer"):
+    with pytest.raises(ParameterError, match="expected a wearer who walks"):
         tune(bench, tmp_path / "new", Settings())
     assert not (tmp_path / "new").exists()
 
@@ -564,7 +564,7 @@ def test_another_tuning_cannot_be_gone_on_with(tmp_path: Path) -> None:
         (["--resume", "--force"], "--resume: does not go with --force"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
         (["--patient", "nobody"], "no person 'nobody'"),
-        (["bench_leg"], "expected a treadmill with a wearer"),
+        (["bench_leg"], "expected a wearer who walks"),
     ],
 )
 def test_a_mistake_is_told_in_one_line_and_makes_no_folder(

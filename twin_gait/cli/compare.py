@@ -39,7 +39,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare controllers on one wearer: one report.
 
-    Simulate one wearer on the treadmill with several controllers and write a folder with one HTML page, its
+    Simulate one wearer on the ground with several controllers and write a folder with one HTML page, its
     figure, and the numbers as CSV and JSON.
     """
     from twin_gait.runs.folders import check_target

@@ -39,10 +39,20 @@ class Actions:
             Action.SAVE: ("save the table", "Write the table as YAML that twin-gait simulate runs."),
             Action.STOP: ("stop", "Hold the legs with damping and lower them; only a restart ends it."),
         }
+        modes = self._problem.experiment.modes
+        if modes is not None:  # steps and walking are theirs
+            plain[Action.WALK] = ("go on", "Let the time go on.")
+            del plain[Action.STEP]
         found = [
             ActionSpec(action=action, label=label, group="walk", help=text)
             for action, (label, text) in plain.items()
         ]
+        if modes is not None and modes.requests:
+            asked = _choice("request", "request", Action.REQUEST, modes.requests)
+            text = "Ask the device for another mode, as the therapist does; it answers in the next tick."
+            found.append(
+                ActionSpec(action=Action.REQUEST, label="ask", group="walk", fields=(asked,), help=text)
+            )
         revert = ActionSpec(
             action=Action.REVERT,
             label="as it began",
@@ -98,7 +108,9 @@ class Actions:
         Raises:
             MessageRefused: If a value is unknown or out of its range.
         """
-        spec = next(item for item in self.specs() if item.action is message.action)
+        spec = next((item for item in self.specs() if item.action is message.action), None)
+        if spec is None:
+            raise MessageRefused(f"{message.action}: there is nothing like it in this experiment")
         known = {item.name: item for item in spec.fields}
         for name in message.values:
             if name not in known:

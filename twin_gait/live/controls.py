@@ -120,7 +120,7 @@ class Panel:
             choices=tuple(str(item) for item in Mode),
             help="The gait table, or one of the monitor's three controls, for which the belt stands still.",
         )
-        if HELD_PHASE in settings.table.phases:
+        if HELD_PHASE in settings.table.phases and settings.experiment.modes is None:
             yield Control(
                 name="manual",
                 label="steps by hand",

@@ -20,7 +20,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
 from twin_gait.live.pieces import AppliedChange, Piece
 from twin_gait.live.protocol import Frame
-from twin_gait.live.stepping import SteppedRun
+from twin_gait.live.stepping import Asking, SteppedRun
 from twin_gait.live.walk import LiveWalk
 from twin_gait.simulation.run import RunStatus
 from twin_gait.viewer.curves import extremes
@@ -99,6 +99,7 @@ class LiveLoop:
         self._began = now()
         self._last_frame = -np.inf
         self._traced = 0
+        self._asked: list[tuple[Asking, Mapping[str, Any]]] = []  # that the supervisor has yet to answer
         layout = run.layout
         self._columns = {
             name: layout.positions[name]
@@ -156,6 +157,7 @@ class LiveLoop:
         if self._tells_rows:
             self._send_rows(first)
         self.clock.finished(self._now())
+        self._tell_requests()
         # A look at the last row is always possible, and the page has yet to be shown what was not traced.
         self._run.forget_rows(min(self._kept.tick, self._traced) - 1)
         if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
@@ -246,6 +248,9 @@ class LiveLoop:
         while (command := self._commands()) is not None:
             answer: dict[str, Any] = {"kind": "answer", "serial": command.get("serial", 0), "refused": ""}
             try:
+                if command["command"] == "request":
+                    self._request(command)
+                    continue
                 if command["command"] == "moment":
                     answer["moment"] = self._walk.moment()
                 else:
@@ -258,6 +263,23 @@ class LiveLoop:
                 fault = {"fault": command["fault"]} if "fault" in command else {}
                 self._kept.changes.append(AppliedChange(tick, {**command["note"], **fault}))
             self._send({**answer, "tick": tick, "status": str(self.status)})
+
+    def _request(self, command: Mapping[str, Any]) -> None:
+        """Ask the supervisor; it answers when the tick has been run."""
+        if self._run.status is not RunStatus.COMPLETED:
+            raise ParameterError("request: the walk is over; start again")
+        self._asked.append((self._run.request(command["request"]), command))
+
+    def _tell_requests(self) -> None:
+        """Say what became of the requests of the ticks that have been run."""
+        while self._asked and self._asked[0][0].tick < self._run.tick:
+            asking, command = self._asked.pop(0)
+            answer = self._run.answer(asking)
+            told = {"kind": "answer", "serial": command.get("serial", 0), "refused": answer.refused}
+            text = f"{answer.request}: {answer.before} → {answer.after}"
+            if not answer.refused and "note" in command:
+                self._kept.changes.append(AppliedChange(asking.tick, {**command["note"], "text": text}))
+            self._send({**told, "text": text, "tick": asking.tick, "status": str(self.status)})
 
     def _obey(self, command: Mapping[str, Any]) -> None:
         name = command["command"]
@@ -309,7 +331,10 @@ class LiveLoop:
             self._keep_piece(over=True)
             self._kept = _Kept()
         self._walk.restart()
-        self._traced = 0
+        for _, command in self._asked:
+            refused = {"serial": command.get("serial", 0), "refused": "a new walk has begun"}
+            self._send({"kind": "answer", **refused, "tick": 0, "status": str(self.status)})
+        self._traced, self._asked = 0, []
         self._paused, self._began = False, self._now()
         self.clock.pause()
 

@@ -51,7 +51,7 @@ class LivePage:
         """
         self._session, self._user = session, user
         self._belt_speed = belt_speed_of(experiment)
-        self._scenario = experiment.scenario
+        self._scenario, self._modes = experiment.scenario, modes_of(experiment)
         self._walked_until = 0.0  # the last moment seen without a trip
         self._sides = tuple(str(side) for side in experiment.leg.legs)
         self._state: State | None = None
@@ -62,7 +62,7 @@ class LivePage:
             experiment.build_world().model, drives=experiment.joints,
             title=f"twin_gait live · {experiment.name}",
             subtitle=describe(experiment.patient, self._belt_speed), phases=experiment.table.phase_names,
-            modes=modes_of(experiment), **setting_of(experiment),
+            modes=self._modes, **setting_of(experiment),
         )  # fmt: skip
         self.server = LiveServer(
             panel_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
@@ -117,7 +117,9 @@ class LivePage:
         short = {key: entries[key] for key in ("kind", "tick", "time_s", "status", "events", "deadlines")}
         held = bool(frame.log.get("safety_state"))
         phases = {side: None if held else frame.log.get(f"{side}_phase") for side in self._sides}
-        return short | {"phases": phases}
+        code = frame.log.get("mode")
+        mode = self._modes[int(code)] if self._modes and code is not None else None
+        return short | {"phases": phases, "mode": mode}
 
     def _tell_events(self) -> None:
         for event in self._session.events(self._serial):

@@ -33,7 +33,7 @@ from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.simulation.watching import ticks
 
 # Actions that go straight to the walk, whatever is being checked meanwhile.
-DIRECT = frozenset({Action.WALK, Action.PAUSE, Action.STEP, Action.STOP, Action.PUSH, Action.FAULT})
+DIRECT = frozenset(Action) - {Action.REVERT, Action.SAVE, Action.RESTART}
 
 
 class LiveSession:
@@ -290,6 +290,8 @@ class LiveSession:
                 "ticks": ticks(duration),
             }
             text = f"push {joint}: {torque:g} Nm for {duration:g} s"
+        elif message.action is Action.REQUEST:
+            command["request"] = text = str(values["request"])
         elif message.action is Action.FAULT:
             command["fault"] = str(self._actions.fault_of(values))
             text = f"fault {command['fault'].partition('@')[0]}"
@@ -305,7 +307,7 @@ class LiveSession:
         if answer["refused"]:
             self._refuse(message, answer["refused"])
             return
-        self._tell(message, text, tick=answer["tick"])
+        self._tell(message, answer.get("text", text), tick=answer["tick"])
 
     def _tell(self, message: DoAction, text: str, **rest: Any) -> None:
         self._book.emit(

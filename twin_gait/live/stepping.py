@@ -11,7 +11,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,17 +24,32 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.fading import Fade, arrive, fade_anew
 from twin_gait.measures.outcome import RunEvent, run_events
+from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import entries
-from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.run import RunStatus, log_table
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
 from twin_gait.worlds.faults import Fault, FaultKind
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
 CHUNK_TICKS = 2000  # after which a phase that was let go is held again at the latest
+
+
+class Asking(NamedTuple):
+    """A request that is made of the supervisor.
+
+    Attributes:
+        tick: In which it is heard.
+        request: What is asked for.
+        entry_tick: Of the mode in which the device was when it was made.
+    """
+
+    tick: int
+    request: str
+    entry_tick: int
 
 
 class SteppedRun:
@@ -246,6 +261,40 @@ class SteppedRun:
         faults[spare[0]] = entries(replace(injected, start_tick=self.tick))
         self._injected.append(replace(fault, time=self.tick * TICK))
         self._episode["first_fault"] = faults["start_tick"].min()
+
+    def request(self, name: str) -> Asking:
+        """Ask the supervisor for something in the next tick in which nothing else is asked for.
+
+        Raises:
+            ParameterError: If there are no modes, they know no such request, or too many wait.
+        """
+        modes = self.problem.experiment.modes
+        if modes is None or name not in modes.requests:
+            known = "nothing" if modes is None else ", ".join(modes.requests)
+            raise ParameterError(f"request {name!r}: the modes answer {known}")
+        asked, supervisor = self._episode["requests"], self._episode["controller"]["supervisor"]
+        free = np.flatnonzero(asked["tick"] < self.tick)
+        if len(free) == 0:
+            raise ParameterError(f"request {name}: too many wait; let the time go on")
+        tick = self.tick
+        while tick in asked["tick"]:
+            tick += 1
+        asked[free[0]] = tick, 1 + modes.requests.index(name)
+        return Asking(tick, name, int(supervisor["entry_tick"]))
+
+    def answer(self, asking: Asking) -> Answer:
+        """What became of a request whose tick has been run, and whose row has not been forgotten."""
+        problem, modes, place = self.problem, self.problem.experiment.modes, min(asking.tick, 1)
+        assert modes is not None  # it has been asked for
+        log = log_table(self.rows(asking.tick - place)[: place + 1], self.layout, problem.table)
+        before = problem.experiment.initial_mode or modes.phase_names[0]
+        if place:
+            before = modes.phase_names[int(log["mode"].iloc[0])]
+        entry = int(self._episode["controller"]["supervisor"]["entry_tick"])
+        ticks = asking.tick - (entry if entry < asking.tick else asking.entry_tick)
+        weight = problem.world.body_weight
+        found = answer_at(log, place, before, ticks, modes, problem.table, weight)
+        return found._replace(tick=asking.tick)
 
     def hold_phase(self, phase: int | None) -> None:
         """Let no leg leave a phase, by index, or with None let all of them go their way again.

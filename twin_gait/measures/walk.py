@@ -132,7 +132,7 @@ def walk_measures(
         strides=len(bounds),
         stride_time=_mean(times),
         cadence=cadence(times),
-        step_length=_ground_speed(log, bounds, leg.tick, walkway) * _mean(steps),
+        step_length=ground_speed(log, bounds, leg.tick, walkway) * _mean(steps),
         load_peak=_mean(stride_extremes(load, bounds)[:, 1]),
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
@@ -155,8 +155,8 @@ WALK_COLUMNS = (
 )  # fmt: skip
 
 
-def _ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Walkway) -> float:
-    """Mean speed over the ground in [m] / [s]: of a belt, or of the pelvis where there is none."""
+def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Walkway) -> float:
+    """Mean speed over the ground in some strides, in [m] / [s]: of a belt, or of the pelvis without one."""
     if walkway.belt_speed != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
         return walkway.belt_speed
     first, last = bounds[0, 0], min(bounds[-1, 1], len(log) - 1)

@@ -62,14 +62,33 @@ def answers_in(
     )  # before each tick, and after the last
     entries = np.flatnonzero(np.diff(codes))
     for tick in np.flatnonzero(log["request"].to_numpy()).tolist():
-        before, after = modes.phase_names[codes[tick]], modes.phase_names[codes[tick + 1]]
-        request = modes.requests[int(log["request"].iloc[tick]) - 1]
-        why = ""
-        if log["refused"].iloc[tick]:
-            ticks = tick - max((int(entry) for entry in entries if entry < tick), default=0)
-            measured = signals_in(log, modes.joints, table, tick, body_weight)
-            why = _reason(why_refused(modes, before, request, measured, ticks), after)
-        yield Answer(tick, request, before, after, why)
+        ticks = tick - max((int(entry) for entry in entries if entry < tick), default=0)
+        yield answer_at(log, tick, modes.phase_names[codes[tick]], ticks, modes, table, body_weight)
+
+
+def answer_at(
+    log: pd.DataFrame,
+    tick: int,
+    before: str,
+    ticks: int,
+    modes: ModeTable,
+    table: GaitTable,
+    body_weight: float,
+) -> Answer:
+    """What became of the request of a tick.
+
+    Args:
+        tick: Row of the log.
+        before: Mode in which it was made.
+        ticks: Since that was entered.
+    """
+    row = log.iloc[tick]
+    after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]
+    why = ""
+    if row["refused"]:
+        measured = signals_in(log, modes.joints, table, tick, body_weight)
+        why = _reason(why_refused(modes, before, request, measured, ticks), after)
+    return Answer(tick, request, before, after, why)
 
 
 def _reason(why: str | None, after: str) -> str:

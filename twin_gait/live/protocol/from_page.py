@@ -27,6 +27,7 @@ class Action(StrEnum):
     WALK = "walk"
     PAUSE = "pause"
     STEP = "step"
+    REQUEST = "request"
     PUSH = "push"
     FAULT = "fault"
     REVERT = "revert"

@@ -197,9 +197,9 @@ def compare(
 
 
 def _check(experiment: Experiment, seeds: int) -> None:
-    if experiment.scenario.walking is None or not experiment.scenario.adjusts(BELT_SPEED):
+    if experiment.scenario.walking is None:
         raise ParameterError(
-            f"{experiment.name}: controllers are compared on the treadmill; name such a preset"
+            f"{experiment.name}: controllers are compared where legs walk on the ground; name such a preset"
         )
     if experiment.patient is None:
         raise ParameterError("patient: nobody wears the device; name somebody with --patient")
@@ -224,10 +224,13 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
         for place, item in patient.conditions.items()
     }
     mass = min(HEAVIEST_WEARER, (1.0 + MASS_SPREAD * draw[0]) * patient.mass)
+    scenario = experiment.scenario
+    if scenario.adjusts(BELT_SPEED):
+        scenario = scenario.adjusted(BELT_SPEED, (1.0 + SPEED_SPREAD * draw[2]) * walking.speed)
     return replace(
         experiment,
         seed=experiment.seed + seed,
         patient=replace(patient, mass=mass, conditions=conditions),
         plant=replace(plant, friction_ratio=friction),
-        scenario=experiment.scenario.adjusted(BELT_SPEED, (1.0 + SPEED_SPREAD * draw[2]) * walking.speed),
+        scenario=scenario,
     )

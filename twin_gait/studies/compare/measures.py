@@ -35,11 +35,11 @@ from twin_gait.measures.strides import (
     stride_times,
     symmetry_index,
 )
+from twin_gait.measures.walk import ground_speed
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import blend_length, summarise_side
-from twin_gait.runs.run_page import belt_speed_of
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Outcome, Side
 
@@ -88,13 +88,15 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
     record, contacts, others = leg.record, leg.record.contacts, other.record.contacts
     assert contacts is not None and others is not None  # there is a belt
     assert record.loaded is not None and other.record.loaded is not None
+    assert run.walkway is not None  # it carries a share of the weight
     times = stride_times(leg.strides, TICK)
+    speed = ground_speed(run.log, leg.strides, TICK, run.walkway)
     strikes = contacts.heel_strikes[contacts.heel_strikes >= leg.span.start]
     return {
         "strides": float(len(leg.strides)),
         "stride_time_s": leg.summary["stride_time_mean_s"],
         "cadence_per_min": cadence(times),
-        "stride_length_m": float(stride_lengths(times, belt_speed_of(run.experiment)).mean()),
+        "stride_length_m": float(stride_lengths(times, speed).mean()),
         "step_time_s": _mean(step_times(strikes, others.heel_strikes, TICK)),
         "swing_share": leg.summary["swing_share"],
         "double_support_share": double_support_share(record.loaded, other.record.loaded, leg.strides),
@@ -103,10 +105,13 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
     }
 
 
-def _mean_belt_speed(run: Run) -> float:
-    """Speed of the belt in [m] / [s], over the whole run if it starts and stops; a walk has no trip."""
+def _mean_speed(run: Run) -> float:
+    """Over the ground in [m] / [s], of the whole run if the belt starts and stops; a walk has no trip."""
     walking = run.experiment.scenario.walking
-    assert walking is not None  # there is a belt
+    assert walking is not None  # there is ground
+    if walking.belt.cruise == 0.0:
+        way = run.log["pelvis_forward_m"]
+        return float(way.iloc[-1] - way.iloc[0]) / run.duration
     if walking.belt.ramp == 0.0:
         return walking.belt.cruise
     return walking.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
@@ -266,7 +271,7 @@ def _together(run: Run, found: Measures) -> Measures:
         "current_rms_share": max(every("current_rms_share")),
         "battery_power_W": power,
         "battery_life_h": battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
-        "energy_per_metre_J": power / _mean_belt_speed(run),
+        "energy_per_metre_J": power / _mean_speed(run),
     }
 
 

@@ -52,11 +52,11 @@ class Departure(NamedTuple):
 
 
 def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
-    """How an experiment walks, and its wearer; without both on a treadmill it is a ParameterError."""
-    scenario, walking, patient = experiment.scenario, experiment.scenario.walking, experiment.patient
-    if walking is None or patient is None or not scenario.adjusts(BELT_SPEED, SUPPORT_SHARE):
+    """How an experiment walks, and its wearer; without both it is a ParameterError."""
+    walking, patient = experiment.scenario.walking, experiment.patient
+    if walking is None or patient is None:
         raise ParameterError(
-            f"{experiment.name}: expected a treadmill with a wearer; there is nothing to tune"
+            f"{experiment.name}: expected a wearer who walks on the ground; there is nothing to tune"
         )
     return walking, patient
 
@@ -75,6 +75,10 @@ def search_cases(experiment: Experiment) -> tuple[Case, ...]:
 
 def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
     """The robust set, which the best candidates walk; the nominal case first."""
+    belts = (
+        Case("belt −10 %", _faster(experiment, 0.9)),
+        Case("belt +10 %", _faster(experiment, 1.1)),
+    )
     return (
         Case(NOMINAL, _nothing),
         Case("mass −10 %", _mass(experiment, 0.9)),
@@ -84,8 +88,7 @@ def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
         Case(f"gear efficiency {LOW_EFFICIENCY:g}", _efficiency(LOW_EFFICIENCY)),
         Case("support −10 points", _more_support(experiment, -0.1)),
         Case("support +10 points", _more_support(experiment, 0.1)),
-        Case("belt −10 %", _faster(experiment, 0.9)),
-        Case("belt +10 %", _faster(experiment, 1.1)),
+        *(belts if experiment.scenario.adjusts(BELT_SPEED) else ()),
         Case(f"bus {LOW_VOLTAGE:g} V", _voltage(LOW_VOLTAGE)),
         Case(f"bus {HIGH_VOLTAGE:g} V", _voltage(HIGH_VOLTAGE)),
         Case("sensor noise", _noise),
@@ -119,13 +122,14 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     share = walking.support_share
     shares = [share + step for step in (-0.2, -0.1, 0.0, 0.1, 0.2) if 0.0 <= share + step < 1.0]
     speeds = [walking.speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
+    belt = _departure("belt speed [m/s]", walking.speed, speeds, _speed)
     return (
         _departure("wearer's mass [kg]", patient.mass, masses, lambda x: _mass(experiment, x / patient.mass)),
         _departure("wearer's height [m]", patient.height, heights, _height),
         _departure("true friction over model", ratio, ratios, _friction),
         _departure("gear efficiency", efficiency, efficiencies, _efficiency),
         _departure("supported share of weight", share, shares, _support),
-        _departure("belt speed [m/s]", walking.speed, speeds, _speed),
+        *((belt,) if experiment.scenario.adjusts(BELT_SPEED) else ()),
     )
 
 

@@ -35,7 +35,7 @@ from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import by_contact, joint_motion, joint_saturation, torque_at_switches
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.scenario import BELT_SPEED
 
 WORST = 60.0  # cost of the worst walk that does not fall
@@ -81,6 +81,11 @@ _OTHERS = (
     Part("clearance_lack_mm", _TOE, "mm", goal=3.0, weight=0.25),
     Part("asymmetry_pct", "difference of the legs", "%", goal=10.0, weight=0.25),
 )
+# Beside them, where the trunk is free: what a walk that resembles the healthy one may still lack.
+_FREE = (
+    Part("slowness_pct", "speed over the ground, lacking", "%", goal=10.0, weight=1.0),
+    Part("crutch_load_pct", "mean load of a crutch", "% of weight", goal=10.0, weight=0.5),
+)
 
 
 @lru_cache(maxsize=16)
@@ -99,6 +104,11 @@ def parts_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
     carried = () if JointName.ANKLE in joints else (ankle,)
     offset = Part("offset_deg", "offset of a joint", "°", goal=2.5, weight=0.25)
     return (*errors_of(joints), offset, *carried, *_OTHERS)
+
+
+def rated_parts(values: Mapping[str, float | None], joints: tuple[str, ...]) -> tuple[Part, ...]:
+    """What a walk with these values is rated by."""
+    return (*parts_of(joints), *(part for part in _FREE if part.name in values))
 
 
 def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
@@ -127,6 +137,22 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
         "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
         "clearance_lack_mm": _clearance_lack(sides),
         "asymmetry_pct": _percent(_asymmetry(sides)),
+        **_of_free_trunk(run),
+    }
+
+
+def _of_free_trunk(run: Run) -> dict[str, float | None]:
+    """Way and crutches; nothing where the pelvis is guided."""
+    walking = run.experiment.scenario.walking
+    if walking is None or run.experiment.scenario.pelvis is not PelvisGuide.FREE:
+        return {}
+    way = run.log["pelvis_forward_m"]
+    speed = float(way.iloc[-1] - way.iloc[0]) / run.duration
+    loads = (run.log.get(f"{side}_crutch_normal_force_N") for side in run.sides)
+    shares = [float(load.mean()) / run.body_weight for load in loads if load is not None]
+    return {
+        "slowness_pct": _lack(100.0 * (1.0 - speed / walking.speed)),
+        "crutch_load_pct": _percent(max(shares, default=0.0)),
     }
 
 
@@ -196,7 +222,7 @@ class Rating(NamedTuple):
     @property
     def parts(self) -> tuple[Part, ...]:
         """What it is rated by."""
-        return parts_of(self.joints)
+        return rated_parts(self.values, self.joints)
 
 
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
@@ -231,7 +257,7 @@ def walk_cost(
 def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
     """Cost of each part; its weight where it is not defined."""
     costs = {}
-    for part in parts_of(joints):
+    for part in rated_parts(values, joints):
         value = values[part.name]
         ratio = 1.0 if value is None else value / part.goal
         costs[part.name] = part.weight * ratio * ratio

@@ -27,6 +27,7 @@ from twin_gait.studies.tune.state import (
     write_state,
 )
 from twin_gait.studies.tune.walks import table_of
+from twin_gait.worlds.scenario import BELT_SPEED
 
 
 def tune(
@@ -47,7 +48,7 @@ def tune(
     nor on how often it was stopped and resumed.
 
     Args:
-        experiment: A treadmill with a wearer, and the table that is to be bettered.
+        experiment: A wearer who walks on the ground, and the table that is to be bettered.
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
@@ -58,6 +59,10 @@ def tune(
         RunDirectoryError: If the folder may not be used.
     """
     check_walker(experiment)
+    if (settings.everyone or settings.reference_speed) and not experiment.scenario.adjusts(BELT_SPEED):
+        raise ParameterError(
+            f"{experiment.name}: has no belt; leave out --everyone (other belts) and --reference (its speed)"
+        )
     if settings.per_side:
         experiment = replace(experiment, table=with_own_sides(experiment.table))
     directory = directory.expanduser().absolute()
@@ -77,7 +82,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     """The gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
 
     Args:
-        experiment: A treadmill with a wearer, and the table that is to be bettered.
+        experiment: A wearer who walks on the ground, and the table that is to be bettered.
         workers: Processes or a cluster that execute the walks; the calling process if None.
         **settings: Those of :class:`twin_gait.studies.tune.state.Settings`: ``minutes`` for everything
             (3), or ``generations`` of the search, with which the result does not depend on the machine's

@@ -31,7 +31,10 @@ QUICK_RULES: tuple[Rule, ...] = tuple(
     rule for module in (graph, exits, leaving, stability) for rule in module.RULES if rule.__name__ in _QUICK
 )
 # Ends of the names of the columns of a log that the parts are made of, beside time and phases.
-READ = (*WALK_COLUMNS, "_motor_command_torque_Nm", "_target_current_A", "_measured_current_A")
+READ = (
+    *(*WALK_COLUMNS, "_crutch_normal_force_N"),
+    *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
+)
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
 # For the search, where a quarter of the time buys four times the candidates: parts of the shipped
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
@@ -46,7 +49,8 @@ def table_of(document: Mapping[str, Any]) -> GaitTable:
 
 def walker(experiment: Experiment, *, duration: float, quick: bool = False) -> Experiment:
     """An experiment as the compiled engine walks it for so long in [s], by ``QUICK_INTEGRATION`` if quick."""
-    integration = QUICK_INTEGRATION if quick else None
+    step = min(QUICK_INTEGRATION.step, experiment.scenario.step)
+    integration = replace(QUICK_INTEGRATION, step=step) if quick else None
     return replace(experiment, engine=Engine.COMPILED, integration=integration, duration=duration)
 
 

@@ -9,6 +9,7 @@
   const HOMES = { push: "disturb", fault: "disturb" }; // tab of a group that has none of its own
   const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
+  const APART = [...QUICK, "request", "stop", "revert"]; // actions that have a place of their own
   const STATES = {
     walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
@@ -180,6 +181,7 @@
       get("panel-clock").textContent = `${frame.time_s.toFixed(1)} s`;
       this.deadlines(frame.deadlines);
       board.phases(frame.phases);
+      if (board.mode && frame.mode) board.mode.textContent = title(frame.mode);
     },
 
     deadlines(counted) {
@@ -489,15 +491,29 @@
       }
       for (const spec of this.state.actions) this.deeds.set(spec.action, new Deed(spec));
       get("panel-quick").replaceChildren(...QUICK.filter((name) => this.deeds.has(name)).map((name) => this.deeds.get(name).button));
+      this.requests(this.deeds.get("request")?.spec);
       this.table();
       this.monitor();
       for (const control of this.state.controls) {
         if (!["table", "monitor"].includes(control.group)) tabs.body(control.group).append(this.rows.get(control.name).node);
       }
       for (const [name, deed] of this.deeds) {
-        if (!QUICK.includes(name) && name !== "stop" && name !== "revert") tabs.body(PLACES[name] ?? deed.spec.group).append(deed.node);
+        if (!APART.includes(name)) tabs.body(PLACES[name] ?? deed.spec.group).append(deed.node);
       }
       tabs.body("walk").append(this.statistics = make("dl", { id: "panel-statistics" }));
+    },
+
+    // A button for everything that the device can be asked for, behind the mode that it is in.
+    requests(spec) {
+      get("panel-requests").hidden = !spec;
+      if (!spec) return;
+      this.mode = make("strong", {});
+      const ask = (name) => link.send({ kind: "do", action: "request", values: { request: name } }, (event) => {
+        const told = event ?? NO_ANSWER;
+        head.tell(told.response === "applied" ? "" : `${title(name)} is refused: ${words(told.text)}`);
+      });
+      get("panel-requests").replaceChildren(make("p", { title: spec.help }, "Mode ", this.mode),
+        ...spec.fields[0].choices.map((name) => make("button", { type: "button", dataset: { request: name }, onclick: () => ask(name) }, title(name))));
     },
 
     // The table, one phase at a time: chips for the phases, one column for each joint.

@@ -1,0 +1,117 @@
+"""Requests of a live session: heard in the next tick, answered by the supervisor, refused with its reason."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.exceptions import ParameterError
+from twin_gait.live.actions import Actions
+from twin_gait.live.controls import Panel
+from twin_gait.live.loop import LiveLoop
+from twin_gait.live.protocol import Action, DoAction, MessageRefused, read_message
+from twin_gait.live.stepping import SteppedRun
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.run import log_table
+
+TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
+NAMES = ("walk", "walk", "fly")
+
+
+def problem_of(*settings: str):
+    return build_problem(
+        load_experiment("overground", ["modes=walking", "duration_s=3", *settings]).experiment
+    )
+
+
+@pytest.fixture(scope="module")
+def run() -> SteppedRun:
+    return SteppedRun(problem_of())
+
+
+def ask(name: str) -> DoAction:
+    return read_message(
+        json.dumps({"kind": "do", "id": "1", "action": "request", "values": {"request": name}})
+    )
+
+
+def test_the_panel_offers_what_the_modes_declare_and_leaves_steps_by_hand_to_them():
+    twin = ["modes=twin", f"table={TABLE}"]
+    for preset, settings in (("overground", ["modes=walking"]), ("treadmill_start_stop", twin)):
+        experiment = load_experiment(preset, settings).experiment
+        panel = Panel(experiment)
+        specs = {item.action: item for item in Actions(panel.problem).specs()}
+        (field,) = specs[Action.REQUEST].fields
+        assert field.choices == experiment.modes.requests
+        assert Action.STEP not in specs
+        assert "manual" not in [item.name for item in panel.controls(panel.preset)]
+    bare = Actions(build_problem(load_experiment("treadmill").experiment))
+    assert Action.REQUEST not in {item.action for item in bare.specs()}
+    with pytest.raises(MessageRefused, match="request: there is nothing like it"):
+        bare.values_of(ask("walk"))
+
+
+def test_an_unknown_request_is_one_line():
+    actions = Actions(problem_of())
+    assert actions.values_of(ask("stop")) == {"request": "stop"}
+    with pytest.raises(MessageRefused, match="'step' or 'stop', got 'fly'") as error:
+        actions.values_of(ask("fly"))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.slow  # compiles a loop
+def test_a_request_is_heard_in_the_next_tick_as_one_of_a_schedule(run):
+    run.restart()
+    told = []
+    for ticks, name in ((500, "walk"), (101, "walk"), (200, "step"), (300, "stop")):
+        run.advance(ticks)
+        asking = run.request(name)
+        assert asking.tick == run.tick
+        run.advance(1)
+        told.append(run.answer(asking))
+    run.advance(3000 - run.tick)
+    schedule = ", ".join(f"{item.request}@{item.time:.3f}s" for item in told)
+    scheduled = simulate(problem_of(f"requests=[{schedule}]").experiment)
+    assert tuple(told) == scheduled.answers
+    assert log_table(run.rows(), run.layout, run.problem.table).equals(scheduled.log)
+    assert [item.after for item in told] == ["walk_manual", "walk_manual", "manual_step", "stopping"]
+    assert told[1].refused == "walk_manual does not answer walk; it answers step, stop"
+
+
+@pytest.mark.slow
+def test_two_requests_at_once_are_heard_one_after_the_other_and_an_unknown_one_never(run):
+    run.restart()
+    first, second = run.request("walk"), run.request("stop")
+    assert (first.tick, second.tick) == (0, 1)
+    with pytest.raises(ParameterError, match="'sit': the modes answer walk"):
+        run.request("sit")
+    run.advance(10)
+    assert [run.answer(item).after for item in (first, second)] == ["walk_manual", "stopping"]
+
+
+@pytest.mark.slow
+def test_the_loop_answers_a_page_when_the_tick_has_been_run(run):
+    run.restart()
+    sent, clock = [], iter(np.arange(0.0, 100.0, 0.005).tolist())
+    commands = [
+        {"command": "request", "request": name, "serial": number} for number, name in enumerate(NAMES)
+    ]
+    loop = LiveLoop(
+        run,
+        now=lambda: next(clock),
+        sleep=lambda seconds: None,
+        commands=lambda: commands.pop(0) if commands else None,
+        send=sent.append,
+        keep=lambda piece: None,
+        longest=100,
+    )
+    loop.run()
+    answers = {item["serial"]: item for item in sent if item["kind"] == "answer"}
+    assert [answers[number]["tick"] for number in range(2)] == [0, 1]
+    assert answers[0]["text"] == "walk: standing → walk_manual" and not answers[0]["refused"]
+    assert answers[1]["refused"] == "walk_manual does not answer walk; it answers step, stop"
+    assert answers[2]["refused"].startswith("request 'fly': the modes answer walk")

@@ -1,0 +1,78 @@
+"""Studies of many runs on the floor: there is no belt, and a walk may lean on crutches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.exceptions import ParameterError
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
+from twin_gait.simulation.problem import build_problem
+from twin_gait.studies.compare.comparing import compare, find_controllers, varied
+from twin_gait.studies.tune.cases import departures, robust_cases
+from twin_gait.studies.tune.parts import part_costs, rate_walk
+from twin_gait.studies.tune.state import Settings
+from twin_gait.studies.tune.tune import tune
+
+
+def floor(*settings: str):
+    return load_experiment("overground", list(settings)).experiment
+
+
+def way_of(run) -> float:
+    way = run.log["pelvis_forward_m"].to_numpy()
+    return float(way[-1] - way[0])
+
+
+def test_no_case_of_a_tuning_moves_a_belt_that_is_not_there():
+    experiment = floor()
+    assert not [case for case in robust_cases(experiment) if "belt" in case.name]
+    assert not [item for item in departures(experiment) if "belt" in item.name]
+    assert varied(experiment, 1).scenario == experiment.scenario
+
+
+@pytest.mark.parametrize("settings", [Settings(everyone=True), Settings(reference_speed=0.4)])
+def test_what_needs_a_belt_is_refused_before_anything_is_written(tmp_path, settings):
+    with pytest.raises(ParameterError, match="overground: has no belt; leave out --everyone"):
+        tune(floor(), tmp_path / "tuned", settings)
+    assert not (tmp_path / "tuned").exists()
+
+
+def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
+    run = simulate(floor("duration_s=8"))
+    rated = rate_walk(run)
+    lacking = 0.3 * 8.0 - way_of(run)
+    assert rated.values["slowness_pct"] == pytest.approx(max(0.0, 100.0 * lacking / (0.3 * 8.0)))
+    impulses = [run.log[f"{side}_crutch_normal_force_N"].sum() * 1e-3 for side in run.sides]
+    share = max(impulses) / run.duration / run.body_weight
+    assert rated.values["crutch_load_pct"] == pytest.approx(100.0 * share)
+    assert 0.5 * (10.0 * share) ** 2 == pytest.approx(
+        part_costs(rated.values, rated.joints)["crutch_load_pct"]
+    )
+
+
+@pytest.mark.slow  # half a minute of walking, in a loop of its own for every controller
+def test_controllers_are_compared_on_the_floor():
+    found = compare(floor("duration_s=12"), find_controllers(["table", "gravity"]))
+    table, gravity = (found.table[found.table["controller"] == name].iloc[0] for name in ("table", "gravity"))
+    assert table["walked"] == 1.0 and gravity["walked"] == 0.0 and gravity["walked_s"] < 4.0
+    energy = table["battery_power_W"] * 12.0
+    assert table["energy_per_metre_J"] == pytest.approx(energy / way_of(found.runs["table"]))
+    assert 0.5 < table["stride_length_m"] < 1.0
+
+
+@pytest.mark.slow  # compiles the loop of the lanes
+def test_in_lockstep_each_wearer_on_the_floor_walks_as_alone():
+    given = [floor(f"patient.mass_kg={60 + 2 * number}", "duration_s=1.5") for number in range(FEWEST)]
+    # One that falls leaves its lane early.
+    given[1] = replace(given[1], scenario=replace(given[1].scenario, fall_lean=0.25))
+    lanes = LaneEngine([CompiledEngine(build_problem(item)) for item in given]).run()
+    for item, other in zip(given, lanes, strict=True):
+        alone = CompiledEngine(build_problem(item)).run()
+        assert alone.switches == other.switches and alone.status is other.status
+        np.testing.assert_array_equal(alone.rows, other.rows)
+    assert len({item.status for item in lanes}) == 2
