@@ -161,17 +161,11 @@ def _chain(closing: Transition, before: dict[str, str | None]) -> str:
 
 
 class Step(NamedTuple):
-    """How a pair of phases is entered.
+    """How a pair of phases is entered."""
 
-    Attributes:
-        before: The pair before.
-        taken: Transitions that are taken in one tick, of the first leg or of both.
-        counterexample: Signals of the first leg and the other that open them.
-    """
-
-    before: Pair
-    taken: tuple[int, ...]
-    counterexample: dict[str, float | str]
+    before: Pair  # the pair before
+    taken: tuple[int, ...]  # transitions that are taken in one tick, of the first leg or of both
+    counterexample: dict[str, float | str]  # signals of the first leg and the other that open them
 
 
 def starting_pairs(case: CheckCase) -> list[Pair]:

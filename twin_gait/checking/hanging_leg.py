@@ -55,19 +55,12 @@ def friction_stiffness(law: FrictionLaw, velocity: float) -> float:
 
 @dataclass(frozen=True)
 class HangingLeg:
-    """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero.
+    """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero."""
 
-    Attributes:
-        problem: The experiment as arrays, table scaled and damping ratios resolved.
-        plant: The leg as it is, the wearer's true mass included.
-        side: Which leg.
-        shown_side: Side that findings name: None where both legs have the same numbers.
-    """
-
-    problem: Problem
-    plant: LegModel
-    side: Side
-    shown_side: Side | None
+    problem: Problem  # the experiment as arrays, table scaled and damping ratios resolved
+    plant: LegModel  # the leg as it is, the wearer's true mass included
+    side: Side  # which leg
+    shown_side: Side | None  # side that findings name: None where both legs have the same numbers
 
     @property
     def joints(self) -> tuple[JointName, ...]:

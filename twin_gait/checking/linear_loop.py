@@ -29,15 +29,10 @@ _STILL = 1e-4  # [1 / s], rounding of a mode that is zero
 
 
 class LegMotion(NamedTuple):
-    """Motion of a leg over one tick under torques that are held.
+    """Motion of a leg over one tick under torques that are held."""
 
-    Attributes:
-        free: What angles and velocities before the tick give after it, shape ``(2 n, 2 n)``.
-        driven: What the torques add, shape ``(2 n, n)``.
-    """
-
-    free: np.ndarray
-    driven: np.ndarray
+    free: np.ndarray  # what angles and velocities before the tick give after it, shape ``(2 n, 2 n)``
+    driven: np.ndarray  # what the torques add, shape ``(2 n, n)``
 
 
 def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> LegMotion:
@@ -82,31 +77,20 @@ def exponential(matrix: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class LinearLoop:
-    """Leg and firmware, linearised about a posture and a velocity, for n coupled joints.
+    """Leg and firmware, linearised about a posture and a velocity, for n coupled joints."""
 
-    Attributes:
-        motion: Of the leg in a tick.
-        stiffness: k in [N m] / [rad], shape ``(n,)``.
-        damping: b in [N m s] / [rad], on the fast velocity, shape ``(n,)``.
-        gain: G, on the slow velocity, shape ``(n,)``.
-        modelled_friction: Slope of the compensator's friction model in [N m s] / [rad], shape ``(n,)``.
-        feed_forward: Slope of the gravity compensation over the angles in [N m] / [rad], shape ``(n, n)``.
-        fast_gain: Gain of the first-order filter of the fast velocity.
-        decimation: Ticks between two slow samples.
-        window: Slow samples that are averaged.
-        delay: Ticks from a measurement to the torque that answers it.
-    """
-
-    motion: LegMotion
-    stiffness: np.ndarray
-    damping: np.ndarray
-    gain: np.ndarray
+    motion: LegMotion  # of the leg in a tick
+    stiffness: np.ndarray  # k in [N m] / [rad], shape ``(n,)``
+    damping: np.ndarray  # b in [N m s] / [rad], on the fast velocity, shape ``(n,)``
+    gain: np.ndarray  # G, on the slow velocity, shape ``(n,)``
+    # slope of the compensator's friction model in [N m s] / [rad], shape ``(n,)``
     modelled_friction: np.ndarray
+    # slope of the gravity compensation over the angles in [N m] / [rad], shape ``(n, n)``
     feed_forward: np.ndarray
-    fast_gain: float
-    decimation: int
-    window: int
-    delay: int = 0
+    fast_gain: float  # gain of the first-order filter of the fast velocity
+    decimation: int  # ticks between two slow samples
+    window: int  # slow samples that are averaged
+    delay: int = 0  # ticks from a measurement to the torque that answers it
 
     @property
     def frame(self) -> float:

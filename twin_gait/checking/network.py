@@ -20,15 +20,11 @@ from twin_gait.simulation.problem import build_problem
 
 
 class Traffic(NamedTuple):
-    """What a bus has to carry in the worst case.
+    """What a bus has to carry in the worst case."""
 
-    Attributes:
-        load: Share of its time in which it is in use.
-        responses: Longest time in [s] from the instant at which a frame is due to its arrival, by its name;
-            None where the bus is full.
-    """
-
-    load: float
+    load: float  # share of its time in which it is in use
+    # longest time in [s] from the instant at which a frame is due to its arrival, by its name; None where the
+    # bus is full
     responses: dict[str, float | None]
 
 

@@ -62,20 +62,14 @@ def _creeping(true: FrictionLaw, model: FrictionLaw) -> tuple[np.ndarray, np.nda
 
 @dataclass(frozen=True)
 class Rest:
-    """Where a leg that entered a phase at some posture comes to rest in it.
+    """Where a leg that entered a phase at some posture comes to rest in it."""
 
-    Attributes:
-        start: Posture of entry in [rad], shape ``(n_joints,)``.
-        middle: Rest without friction in [rad], shape ``(n_joints,)``.
-        corners: Rests with the left-over friction of every joint for or against it, shape
-            ``(2 ** n_joints, n_joints)``.
-        velocities: Largest speed towards the rest that the torque at the start can drive against the damper,
-            with its sign, in [rad] / [s], shape ``(n_joints,)``.
-    """
-
-    start: np.ndarray
-    middle: np.ndarray
+    start: np.ndarray  # posture of entry in [rad], shape ``(n_joints,)``
+    middle: np.ndarray  # rest without friction in [rad], shape ``(n_joints,)``
+    # rests with the left-over friction of every joint for or against it, shape ``(2 ** n_joints, n_joints)``
     corners: np.ndarray
+    # largest speed towards the rest that the torque at the start can drive against the damper, with its sign,
+    # in [rad] / [s], shape ``(n_joints,)``
     velocities: np.ndarray
 
     def path(self) -> np.ndarray:
@@ -170,15 +164,10 @@ def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
 
 
 class Postures(NamedTuple):
-    """Postures and velocities at which a switch can happen.
+    """Postures and velocities at which a switch can happen."""
 
-    Attributes:
-        angles: In [rad], shape ``(n, n_joints)``.
-        velocities: In [rad] / [s], shape ``(n, n_joints)``.
-    """
-
-    angles: np.ndarray
-    velocities: np.ndarray
+    angles: np.ndarray  # in [rad], shape ``(n, n_joints)``
+    velocities: np.ndarray  # in [rad] / [s], shape ``(n, n_joints)``
 
 
 def _thresholds(space: SignalSpace, index: int, name: str) -> list[float]:

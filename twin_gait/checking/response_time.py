@@ -13,17 +13,11 @@ from typing import NamedTuple
 
 
 class CyclicFrame(NamedTuple):
-    """A frame as the analysis sees it.
+    """A frame as the analysis sees it."""
 
-    Attributes:
-        transmission: Longest time on the wire :math:`C`, interframe space included.
-        period: Shortest time :math:`T` between two of its events.
-        jitter: Longest time :math:`J` from an event until the frame is queued.
-    """
-
-    transmission: int
-    period: int
-    jitter: int = 0
+    transmission: int  # longest time on the wire C, interframe space included
+    period: int  # shortest time T between two of its events
+    jitter: int = 0  # longest time J from an event until the frame is queued
 
 
 def bus_load(frames: Sequence[CyclicFrame]) -> Fraction:

@@ -55,17 +55,11 @@ Ranges = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Point:
-    """Signals by name in the units of the table, and the phase of the other leg.
+    """Signals by name in the units of the table, and the phase of the other leg."""
 
-    Attributes:
-        signals: Those that decide.
-        other: Phase of the other leg, or None without one.
-        phase_decides: Whether that phase decides too.
-    """
-
-    signals: Mapping[str, float]
-    other: str | None
-    phase_decides: bool = False
+    signals: Mapping[str, float]  # those that decide
+    other: str | None  # phase of the other leg, or None without one
+    phase_decides: bool = False  # whether that phase decides too
 
 
 class SignalSpace:

@@ -23,21 +23,14 @@ _MOST_TICKS = 500
 
 
 class Jump(NamedTuple):
-    """Largest change of the commanded torque of one joint over the postures of a switch.
+    """Largest change of the commanded torque of one joint over the postures of a switch."""
 
-    Attributes:
-        joint: Position of the joint.
-        whole: Change from the old phase to the new one, without blending, in [N m].
-        tick: Largest change in one tick with blending, the posture held, in [N m].
-        angles: Posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``.
-        velocities: Its velocities in [rad] / [s], shape ``(n_joints,)``.
-    """
-
-    joint: int
-    whole: float
-    tick: float
+    joint: int  # position of the joint
+    whole: float  # change from the old phase to the new one, without blending, in [N m]
+    tick: float  # largest change in one tick with blending, the posture held, in [N m]
+    # posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``
     angles: np.ndarray
-    velocities: np.ndarray
+    velocities: np.ndarray  # its velocities in [rad] / [s], shape ``(n_joints,)``
 
 
 def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:

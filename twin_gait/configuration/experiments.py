@@ -45,15 +45,10 @@ GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML file
 
 @dataclass(frozen=True)
 class LoadedExperiment:
-    """An experiment and the resolved mapping that it came from.
+    """An experiment and the resolved mapping that it came from."""
 
-    Attributes:
-        experiment: The experiment.
-        document: Everything resolved, units as typed.
-    """
-
-    experiment: Experiment
-    document: dict[str, Any]
+    experiment: Experiment  # the experiment
+    document: dict[str, Any]  # everything resolved, units as typed
 
 
 def presets() -> dict[str, str]:

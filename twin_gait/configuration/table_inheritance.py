@@ -17,26 +17,17 @@ _LISTS = ("transitions", "waive")
 
 
 class Place(NamedTuple):
-    """Where an entry of a list was written.
+    """Where an entry of a list was written."""
 
-    Attributes:
-        source: The file.
-        key: For example ``transitions[2]``, counted in that file.
-    """
-
-    source: str
-    key: str
+    source: str  # the file
+    key: str  # for example ``transitions[2]``, counted in that file
 
 
 class TableMapping(NamedTuple):
-    """A gait table as a mapping, those that it extends laid underneath.
+    """A gait table as a mapping, those that it extends laid underneath."""
 
-    Attributes:
-        data: The mapping, without ``extends``.
-        places: Of the entries of its lists, by their key in the mapping, for example ``transitions[12]``.
-    """
-
-    data: dict[str, Any]
+    data: dict[str, Any]  # the mapping, without ``extends``
+    # of the entries of its lists, by their key in the mapping, for example ``transitions[12]``
     places: Mapping[str, Place]
 
 

@@ -30,41 +30,26 @@ _DEMANDED = ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia"
 
 
 class Path(NamedTuple):
-    """A walk that is followed, or against which the tracking error is measured.
+    """A walk that is followed, or against which the tracking error is measured."""
 
-    Attributes:
-        angles: Of the joints of a leg over the cycle from foot contact in [rad], shape
-            ``(PATH_SAMPLES, joints_per_leg)``.
-        cycle_ticks: Ticks of a cycle.
-        starts: Share of the cycle at which each leg begins, shape ``(n_legs,)``.
-    """
-
+    # of the joints of a leg over the cycle from foot contact in [rad], shape ``(PATH_SAMPLES,
+    # joints_per_leg)``
     angles: np.ndarray
-    cycle_ticks: int
-    starts: np.ndarray
+    cycle_ticks: int  # ticks of a cycle
+    starts: np.ndarray  # share of the cycle at which each leg begins, shape ``(n_legs,)``
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a controller knows before the walk.
+    """What a controller knows before the walk."""
 
-    Attributes:
-        sides: The legs, in the order of the device's.
-        joints: Names of the joints of a leg, in their order.
-        phases: Names of the phases by number.
-        leading: Leg that begins with the gait cycle.
-        speed: Of walking in [m] / [s], as near to it as healthy walking is known.
-        height: Of the wearer in [m].
-        inertia: Effective inertia of a joint in [kg m²], from leg, posture and the joint's name.
-    """
-
-    sides: tuple[Side, ...]
-    joints: tuple[str, ...]
-    phases: tuple[str, ...]
-    leading: Side
-    speed: float
-    height: float
-    inertia: InertiaAt
+    sides: tuple[Side, ...]  # the legs, in the order of the device's
+    joints: tuple[str, ...]  # names of the joints of a leg, in their order
+    phases: tuple[str, ...]  # names of the phases by number
+    leading: Side  # leg that begins with the gait cycle
+    speed: float  # of walking in [m] / [s], as near to it as healthy walking is known
+    height: float  # of the wearer in [m]
+    inertia: InertiaAt  # effective inertia of a joint in [kg m²], from leg, posture and the joint's name
 
     @property
     def reference(self) -> Path:
@@ -83,13 +68,9 @@ class Plan:
 
 @dataclass(slots=True)
 class NoMemory:
-    """What a controller keeps that keeps nothing.
+    """What a controller keeps that keeps nothing."""
 
-    Attributes:
-        unused: No record is empty.
-    """
-
-    unused: int = 0
+    unused: int = 0  # no record is empty
 
 
 class Controller:

@@ -14,31 +14,21 @@ _NOTHING = SignalLayout(0, 0, 0, 0, 0, 1.0, 0.0, 0.0, 0.0)  # a signal without b
 
 @dataclass(slots=True)
 class CanMessage:
-    """A message of the DBC file.
+    """A message of the DBC file."""
 
-    Attributes:
-        identifier: Of 11 bits.
-        length: In bytes.
-        signals: In the order of the README; behind them some without bits, so that all have as many.
-    """
-
-    identifier: int
-    length: int
+    identifier: int  # Of 11 bits.
+    length: int  # In bytes.
+    # In the order of the README; behind them some without bits, so that all have as many.
     signals: list[SignalLayout]
 
 
 @dataclass(slots=True)
 class CanFrame:
-    """A frame on the bus.
+    """A frame on the bus."""
 
-    Attributes:
-        identifier: Of 11 bits.
-        length: In bytes.
-        halves: Bytes 0 to 3 and bytes 4 to 7, each as one number with the first byte lowest.
-    """
-
-    identifier: int = 0
-    length: int = 0
+    identifier: int = 0  # Of 11 bits.
+    length: int = 0  # In bytes.
+    # Bytes 0 to 3 and bytes 4 to 7, each as one number with the first byte lowest.
     halves: list[int] = field(default_factory=lambda: [0, 0])
 
 

@@ -31,15 +31,10 @@ def size_of(rows: np.ndarray) -> int:
 
 
 class Events(NamedTuple):
-    """Switches of the legs, and the trip of the monitor, leg by leg in the order of time.
+    """Switches of the legs, and the trip of the monitor, leg by leg in the order of time."""
 
-    Attributes:
-        ticks: Of each.
-        kinds: Leg, phases before and after; of a trip its cause.
-    """
-
-    ticks: np.ndarray
-    kinds: list[tuple[int, ...]]
+    ticks: np.ndarray  # of each
+    kinds: list[tuple[int, ...]]  # leg, phases before and after; of a trip its cause
 
 
 def events_of(outputs: np.ndarray) -> Events:

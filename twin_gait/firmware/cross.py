@@ -25,16 +25,12 @@ _AFTERMATH = re.compile("collect2|linker command failed")
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """C sources of a unit: the record, ``init`` and ``step`` that its header ``<name>.h`` declares.
+    """C sources of a unit: the record, ``init`` and ``step`` that its header ``<name>.h`` declares."""
 
-    Attributes:
-        name: Prefix of its functions, ``exoskeleton``; its records are ``Exoskeleton``, ``ExoskeletonInputs``
-            and ``ExoskeletonOutputs``.
-        sources: Files to compile; headers are looked for beside them.
-    """
-
+    # prefix of its functions, ``exoskeleton``; its records are ``Exoskeleton``, ``ExoskeletonInputs`` and
+    # ``ExoskeletonOutputs``
     name: str
-    sources: tuple[Path, ...]
+    sources: tuple[Path, ...]  # files to compile; headers are looked for beside them
 
     @property
     def flags(self) -> list[str]:
@@ -45,15 +41,10 @@ class Unit:
 
 
 class Sizes(NamedTuple):
-    """Bytes of memory that object files take, without the records that their caller keeps.
+    """Bytes of memory that object files take, without the records that their caller keeps."""
 
-    Attributes:
-        flash: Code, constants and the initial values of variables.
-        ram: Variables.
-    """
-
-    flash: int
-    ram: int
+    flash: int  # code, constants and the initial values of variables
+    ram: int  # variables
 
 
 def find_tool(name: str) -> str:

@@ -31,21 +31,13 @@ from twin_gait.simulation.problem import Problem
 
 @dataclass(frozen=True)
 class LinkedUnit:
-    """All that the unit of an experiment is printed from, or bound to.
+    """All that the unit of an experiment is printed from, or bound to."""
 
-    Attributes:
-        record: At tick 0.
-        inputs: Of a tick; only their shape is of meaning.
-        outputs: Likewise.
-        structure: Constants and functions of the controller that it is bound to.
-        kernel: Source of the functions of the controller's model.
-    """
-
-    record: Exoskeleton
-    inputs: ExoskeletonInputs
-    outputs: ExoskeletonOutputs
-    structure: Mapping[str, Any]
-    kernel: str
+    record: Exoskeleton  # at tick 0
+    inputs: ExoskeletonInputs  # of a tick; only their shape is of meaning
+    outputs: ExoskeletonOutputs  # likewise
+    structure: Mapping[str, Any]  # constants and functions of the controller that it is bound to
+    kernel: str  # source of the functions of the controller's model
 
 
 def linked_unit(problem: Problem) -> LinkedUnit:

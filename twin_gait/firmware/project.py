@@ -60,19 +60,12 @@ _FILES = Path(__file__).with_name("project_files")
 
 @dataclass(frozen=True)
 class Project:
-    """The firmware of an experiment.
+    """The firmware of an experiment."""
 
-    Attributes:
-        problem: The experiment, laid out.
-        linked: Gait controller and boards as one unit.
-        messages: Of the CAN network, by name; none where cantools is not installed.
-        program: All units in C.
-    """
-
-    problem: Problem
-    linked: LinkedUnit
-    messages: Mapping[str, Message]
-    program: Program
+    problem: Problem  # the experiment, laid out
+    linked: LinkedUnit  # gait controller and boards as one unit
+    messages: Mapping[str, Message]  # of the CAN network, by name; none where cantools is not installed
+    program: Program  # all units in C
 
     @property
     def joints(self) -> list[str]:

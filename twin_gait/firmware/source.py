@@ -20,25 +20,15 @@ from twin_gait.firmware.kinds import SCALARS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """A function as it is printed.
+    """A function as it is printed."""
 
-    Attributes:
-        name: In Python.
-        module: Where it stands.
-        text: As it was written.
-        first_line: In its file.
-        tree: Simplified.
-        scope: What its global names stand for.
-        hints: Of its arguments and of what it returns.
-    """
-
-    name: str
-    module: str
-    text: str
-    first_line: int
-    tree: ast.FunctionDef
-    scope: Mapping[str, Any]
-    hints: Mapping[str, Any]
+    name: str  # in Python
+    module: str  # where it stands
+    text: str  # as it was written
+    first_line: int  # in its file
+    tree: ast.FunctionDef  # simplified
+    scope: Mapping[str, Any]  # what its global names stand for
+    hints: Mapping[str, Any]  # of its arguments and of what it returns
 
     def refused(self, node: ast.AST, problem: str) -> FirmwareError:
         """What is raised for something that cannot be printed; it names function, line and construct."""

@@ -22,20 +22,12 @@ from twin_gait.worlds.faults import FaultKind
 
 
 class Vectors(NamedTuple):
-    """A run as the unit sees it.
+    """A run as the unit sees it."""
 
-    Attributes:
-        run: Of the compiled engine.
-        unit: That is to run on the inputs.
-        inputs: Of each tick, shape ``(n_ticks,)``, laid out as
-            :class:`~twin_gait.firmware.units.ExoskeletonInputs`.
-        outputs: Expected, likewise as :class:`~twin_gait.firmware.units.ExoskeletonOutputs`.
-    """
-
-    run: Run
-    unit: LinkedUnit
-    inputs: np.ndarray
-    outputs: np.ndarray
+    run: Run  # of the compiled engine
+    unit: LinkedUnit  # that is to run on the inputs
+    inputs: np.ndarray  # of each tick, shape ``(n_ticks,)``, laid out as ExoskeletonInputs
+    outputs: np.ndarray  # expected, likewise as ExoskeletonOutputs
 
 
 def without_bus(experiment: Experiment) -> Experiment:

@@ -26,36 +26,22 @@ Progress = Callable[[int, int], None]
 
 
 class Check(NamedTuple):
-    """A part of the proof.
+    """A part of the proof."""
 
-    Attributes:
-        name: What is compared.
-        passed: None if a tool is missing.
-        text: What was found, in a line.
-        figures: What was found, in numbers.
-    """
-
-    name: str
-    passed: bool | None
-    text: str
-    figures: dict[str, Any]
+    name: str  # what is compared
+    passed: bool | None  # None if a tool is missing
+    text: str  # what was found, in a line
+    figures: dict[str, Any]  # what was found, in numbers
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        source_hash: Of the C.
-        checks: Parts of the proof.
-        walk: Of the compiled engine.
-        loop_walk: Of the same plant with the emulated processor; None if a tool is missing.
-    """
-
-    source_hash: str
-    checks: tuple[Check, ...]
-    walk: Run
-    loop_walk: Run | None
+    source_hash: str  # of the C
+    checks: tuple[Check, ...]  # parts of the proof
+    walk: Run  # of the compiled engine
+    loop_walk: Run | None  # of the same plant with the emulated processor; None if a tool is missing
 
     @property
     def passed(self) -> bool:

@@ -50,15 +50,10 @@ Truths = Mapping[Condition, bool]  # of those conditions that are known
 
 
 class TruthRow(NamedTuple):
-    """One row of a truth table.
+    """One row of a truth table."""
 
-    Attributes:
-        truths: Truth of the conditions that matter; the others may be either.
-        transition: Index of the transition that is taken, or None.
-    """
-
-    truths: Truths
-    transition: int | None
+    truths: Truths  # truth of the conditions that matter; the others may be either
+    transition: int | None  # index of the transition that is taken, or None
 
 
 class PhaseLogic:

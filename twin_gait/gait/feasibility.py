@@ -28,23 +28,14 @@ Phases = tuple[str | None, ...]  # of the other leg; None stands for a leg that 
 
 @dataclass(frozen=True)
 class Bound:
-    """``upper - lower < limit`` (strict) or ``<= limit``.
+    """``upper - lower < limit`` (strict) or ``<= limit``."""
 
-    Attributes:
-        upper: Name of a number, or ``ZERO``.
-        lower: Name of a number, or ``ZERO``.
-        limit: The limit.
-        strict: Whether the limit itself is excluded.
-        room: Comfortable distance from the limit, asked for in part or in whole; 0 for none.
-        whole: Whether the difference is a whole number.
-    """
-
-    upper: str
-    lower: str
-    limit: float
-    strict: bool = False
-    room: float = 0.0
-    whole: bool = False
+    upper: str  # name of a number, or ``ZERO``
+    lower: str  # name of a number, or ``ZERO``
+    limit: float  # the limit
+    strict: bool = False  # whether the limit itself is excluded
+    room: float = 0.0  # comfortable distance from the limit, asked for in part or in whole; 0 for none
+    whole: bool = False  # whether the difference is a whole number
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -24,23 +24,14 @@ POSTURE = "posture"  # cause of a switch that an operating mode asks for; it is 
 
 
 class PhaseSwitch(NamedTuple):
-    """One switch of phase.
+    """One switch of phase."""
 
-    Attributes:
-        tick: Tick at which the new phase begins.
-        side: Leg.
-        source: Phase that was left.
-        target: Phase that was entered.
-        cause: Cause written in the gait table.
-        transition: Index of the transition in the table, -1 for a posture.
-    """
-
-    tick: int
-    side: Side
-    source: str
-    target: str
-    cause: str
-    transition: int
+    tick: int  # tick at which the new phase begins
+    side: Side  # leg
+    source: str  # phase that was left
+    target: str  # phase that was entered
+    cause: str  # cause written in the gait table
+    transition: int  # index of the transition in the table, -1 for a posture
 
     @property
     def time(self) -> float:

@@ -53,17 +53,11 @@ class Mode(Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class ModeTable(StateTable):
-    """Operating modes, and what leads from one to another.
+    """Operating modes, and what leads from one to another."""
 
-    Attributes:
-        phases: The modes by name; the device begins in the first.
-        requests: What can be asked for, if anything.
-        hold: Mode in which the device is after a trip of the safety monitor; it is not left.
-    """
-
-    phases: Mapping[str, Mode]
-    requests: tuple[str, ...]
-    hold: str
+    phases: Mapping[str, Mode]  # the modes by name; the device begins in the first
+    requests: tuple[str, ...]  # what can be asked for, if anything
+    hold: str  # mode in which the device is after a trip of the safety monitor; it is not left
 
     words: ClassVar[GuardWords] = MODE_WORDS
 
@@ -116,15 +110,10 @@ _TIMED = re.compile(r"\s*(\w+)\s*@\s*([\d.]+)\s*s\s*")
 
 @dataclass(frozen=True)
 class TimedRequest:
-    """A request at a time.
+    """A request at a time."""
 
-    Attributes:
-        name: What is asked for.
-        ticks: When, in ticks of 1 [ms].
-    """
-
-    name: str
-    ticks: int
+    name: str  # what is asked for
+    ticks: int  # when, in ticks of 1 [ms]
 
     def __str__(self) -> str:
         """Write the request in its notation."""

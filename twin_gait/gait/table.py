@@ -245,26 +245,16 @@ class State(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class StateTable:
-    """The phases of a state machine and the transitions between them: of a leg, or of the supervisor.
+    """The phases of a state machine and the transitions between them: of a leg, or of the supervisor."""
 
-    Attributes:
-        name: What the table is called.
-        joints: Joint names, in the order of the parameter arrays.
-        phases: By name, in the order of the cycle; the machine begins in the first.
-        transitions: In order of priority: of several open exits the first listed wins.
-        description: What it is for and where its numbers come from.
-        waivers: Warnings of the check that the table lives with.
-        words: What its guards may read.
-    """
+    name: str  # what the table is called
+    joints: tuple[str, ...]  # joint names, in the order of the parameter arrays
+    phases: Mapping[str, State]  # by name, in the order of the cycle; the machine begins in the first
+    transitions: tuple[Transition, ...]  # in order of priority: of several open exits the first listed wins
+    description: str = ""  # what it is for and where its numbers come from
+    waivers: tuple[Waiver, ...] = ()  # warnings of the check that the table lives with
 
-    name: str
-    joints: tuple[str, ...]
-    phases: Mapping[str, State]
-    transitions: tuple[Transition, ...]
-    description: str = ""
-    waivers: tuple[Waiver, ...] = ()
-
-    words: ClassVar[GuardWords] = LEG_WORDS
+    words: ClassVar[GuardWords] = LEG_WORDS  # what its guards may read
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
@@ -375,23 +365,16 @@ class StateTable:
 
 @dataclass(frozen=True, kw_only=True)
 class GaitTable(StateTable):
-    """Per-phase impedances and transitions.
+    """Per-phase impedances and transitions."""
 
-    Attributes:
-        phases: Parameters per phase, in the order of the cycle.
-        blending: How parameters fade at a switch.
-        side_phases: Parameters that differ on one side (hemiparesis).
-        scaling: Laws that adapt the table.
-        cycles: Cycles of phases that are meant; empty for the phases in their order.
-        postures: Phases that a supervisor may send both legs into, :mod:`twin_gait.gait.modes`.
-    """
-
-    phases: Mapping[str, PhaseParameters]
-    blending: Blending = field(default_factory=Blending)
+    phases: Mapping[str, PhaseParameters]  # parameters per phase, in the order of the cycle
+    blending: Blending = field(default_factory=Blending)  # how parameters fade at a switch
+    # parameters that differ on one side (hemiparesis)
     side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
-    scaling: Scaling = field(default_factory=Scaling)
+    scaling: Scaling = field(default_factory=Scaling)  # laws that adapt the table
+    # cycles of phases that are meant; empty for the phases in their order
     cycles: tuple[tuple[str, ...], ...] = ()
-    postures: tuple[str, ...] = ()
+    postures: tuple[str, ...] = ()  # phases that a supervisor may send both legs into, modes
 
     def _check_phases(self) -> None:
         for mapping in (self.phases, *self.side_phases.values()):

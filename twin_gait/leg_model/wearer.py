@@ -40,19 +40,12 @@ DRAWN_FOOT = FOOT_LENGTH * 1.75
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """Body segment as shares of body mass and segment length.
+    """Body segment as shares of body mass and segment length."""
 
-    Attributes:
-        mass: Share of the body mass.
-        centre_of_mass: Distance from the proximal end, share of the segment length.
-        transverse_radius: Radius of gyration about the medio-lateral axis, share of the length.
-        longitudinal_radius: Radius of gyration about the long axis, share of the length.
-    """
-
-    mass: float
-    centre_of_mass: float
-    transverse_radius: float
-    longitudinal_radius: float
+    mass: float  # share of the body mass
+    centre_of_mass: float  # distance from the proximal end, share of the segment length
+    transverse_radius: float  # radius of gyration about the medio-lateral axis, share of the length
+    longitudinal_radius: float  # radius of gyration about the long axis, share of the length
 
 
 # de Leva (1996), J Biomech 29(9), table 4: thigh HJC-KJC, shank KJC-AJC, foot HEEL-TTIP.
@@ -117,19 +110,13 @@ def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceSizes:
-    """Sizes that the device is set to.
+    """Sizes that the device is set to."""
 
-    Attributes:
-        femur: Distance from hip to knee in [m], one of ``FEMUR_SIZES``.
-        tibia: Distance from knee to ankle in [m].
-        waist: Distance between the hips in [m], one of ``WAIST_SIZES``.
-        foot: Length of the wearer's foot in [m]; the foot plate is as much larger than drawn as it is longer
-            than ``DRAWN_FOOT``.
-    """
-
-    femur: float
-    tibia: float
-    waist: float
+    femur: float  # distance from hip to knee in [m], one of ``FEMUR_SIZES``
+    tibia: float  # distance from knee to ankle in [m]
+    waist: float  # distance between the hips in [m], one of ``WAIST_SIZES``
+    # length of the wearer's foot in [m]; the foot plate is as much larger than drawn as it is longer than
+    # ``DRAWN_FOOT``
     foot: float
 
 

@@ -26,15 +26,10 @@ def journal_of(folder: Path) -> Path:
 
 
 class FolderKind(NamedTuple):
-    """What a command leaves behind.
+    """What a command leaves behind."""
 
-    Attributes:
-        name: With its article, for messages.
-        mark: File by which such a folder is known.
-    """
-
-    name: str
-    mark: str
+    name: str  # with its article, for messages
+    mark: str  # file by which such a folder is known
 
     def owns(self, folder: Path) -> bool:
         """Whether a folder is of this kind, or empty."""

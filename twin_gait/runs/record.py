@@ -43,19 +43,12 @@ RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A run read back from its directory.
+    """A run read back from its directory."""
 
-    Attributes:
-        directory: Where it is.
-        experiment: What was run.
-        log: One row per tick.
-        summary: Content of ``summary.json``.
-    """
-
-    directory: Path
-    experiment: Experiment
-    log: pd.DataFrame
-    summary: dict[str, Any]
+    directory: Path  # where it is
+    experiment: Experiment  # what was run
+    log: pd.DataFrame  # one row per tick
+    summary: dict[str, Any]  # content of ``summary.json``
 
     @property
     def trip(self) -> Trip | None:

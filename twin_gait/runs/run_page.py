@@ -31,28 +31,17 @@ MOST_RUNS = 2
 
 @dataclass(frozen=True, eq=False)
 class ShownRun:
-    """A run to be looked at.
+    """A run to be looked at."""
 
-    Attributes:
-        name: What its heading says.
-        experiment: What was run.
-        log: One row per tick.
-        notes: What a reader has to know.
-        events: Faults, trip, fall and divergence.
-        outcome: How it ended, in a word.
-        walk: Its measures beside those of healthy walking, rows of texts; see
-            :func:`twin_gait.report.walk_words.table_of_walk`.
-        network: What the bus carried, likewise; see :func:`twin_gait.report.network_words.table_of_network`.
-    """
-
-    name: str
-    experiment: Experiment
-    log: pd.DataFrame
-    notes: tuple[str, ...] = ()
-    events: tuple[RunEvent, ...] = ()
-    outcome: str = ""
+    name: str  # what its heading says
+    experiment: Experiment  # what was run
+    log: pd.DataFrame  # one row per tick
+    notes: tuple[str, ...] = ()  # what a reader has to know
+    events: tuple[RunEvent, ...] = ()  # faults, trip, fall and divergence
+    outcome: str = ""  # how it ended, in a word
+    # its measures beside those of healthy walking, rows of texts; see table_of_walk
     walk: Sequence[Sequence[str]] = ()
-    network: Sequence[Sequence[str]] = ()
+    network: Sequence[Sequence[str]] = ()  # what the bus carried, likewise; see table_of_network
 
     @property
     def duration(self) -> float:

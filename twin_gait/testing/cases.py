@@ -27,22 +27,15 @@ Check = Callable[[MachineFactory], None]
 
 @dataclass(frozen=True)
 class TransitionTest:
-    """One test of a machine against one entry of a gait table.
+    """One test of a machine against one entry of a gait table."""
 
-    Attributes:
-        name: Transition and what is shown, for example
-            ``late_stance→swing_flexion (trailing_limb)::holds just below hip.angle_deg < -2.8``.
-        phase: Phase in which it starts.
-        machine: Builds the machine under test.
-        check: Drives a machine and raises AssertionError; None if no measurements can show it.
-        ticks: About how many ticks it drives a machine through.
-    """
-
+    # transition and what is shown, for example ``late_stance→swing_flexion (trailing_limb)::holds just below
+    # hip.angle_deg < -2.8``
     name: str
-    phase: str
-    machine: MachineFactory
-    check: Check | None
-    ticks: int = 0
+    phase: str  # phase in which it starts
+    machine: MachineFactory  # builds the machine under test
+    check: Check | None  # drives a machine and raises AssertionError; None if no measurements can show it
+    ticks: int = 0  # about how many ticks it drives a machine through
 
     @property
     def undecided(self) -> str | None:

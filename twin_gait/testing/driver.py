@@ -138,17 +138,11 @@ def _measured(vector: Vector) -> str:
 
 
 class Refusal(NamedTuple):
-    """A machine that is about to take an exit is given one bad measurement instead.
+    """A machine that is about to take an exit is given one bad measurement instead."""
 
-    Attributes:
-        table: The gait table.
-        phase: Phase that the leg has entered at tick 0.
-        steps: Good steps that take the exit; the last one is spoilt.
-    """
-
-    table: StateTable
-    phase: str
-    steps: Steps
+    table: StateTable  # the gait table
+    phase: str  # phase that the leg has entered at tick 0
+    steps: Steps  # good steps that take the exit; the last one is spoilt
 
     def broken_signals(self, factory: MachineFactory) -> None:
         """Each signal in turn is NaN or infinite; raises AssertionError if that is accepted."""

@@ -27,33 +27,20 @@ LONGEST_RUN = 20_000  # ticks; a longer debounce or time-out is not driven throu
 
 
 class Scenario(NamedTuple):
-    """Measurements tick by tick, and what the leg has to do.
+    """Measurements tick by tick, and what the leg has to do."""
 
-    Attributes:
-        what: What it shows, in words.
-        phase: Phase that the leg has entered at tick 0.
-        steps: The measurements.
-        expected: For every step the index of the transition that is taken, or None.
-    """
-
-    what: str
-    phase: str
-    steps: Steps
-    expected: tuple[int | None, ...]
+    what: str  # what it shows, in words
+    phase: str  # phase that the leg has entered at tick 0
+    steps: Steps  # the measurements
+    expected: tuple[int | None, ...]  # for every step the index of the transition that is taken, or None
 
 
 class Decisive(NamedTuple):
-    """A condition of a guard, and what makes it alone decide.
+    """A condition of a guard, and what makes it alone decide."""
 
-    Attributes:
-        atom: The condition.
-        requirements: All other parts of the guard, as they have to be.
-        group: The innermost list that holds it with others, or None.
-    """
-
-    atom: Comparison | PhaseMembership
-    requirements: tuple[Requirement, ...] = ()
-    group: AllOf | AnyOf | None = None
+    atom: Comparison | PhaseMembership  # the condition
+    requirements: tuple[Requirement, ...] = ()  # all other parts of the guard, as they have to be
+    group: AllOf | AnyOf | None = None  # the innermost list that holds it with others, or None
 
 
 def decisive(guard: Guard) -> Iterator[Decisive]:

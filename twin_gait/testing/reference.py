@@ -15,14 +15,10 @@ from twin_gait.gait.table import TICK, StateTable, Transition
 
 
 class Vector(NamedTuple):
-    """Measurements of both legs, without the own time in the phase.
+    """Measurements of both legs, without the own time in the phase."""
 
-    Attributes:
-        signals: Value per name in the units of the table; names that do not matter are 0.
-        other_phase: Phase of the other leg, or None without another leg; of modes the request, or None.
-    """
-
-    signals: Mapping[str, float]
+    signals: Mapping[str, float]  # value per name in the units of the table; names that do not matter are 0
+    # phase of the other leg, or None without another leg; of modes the request, or None
     other_phase: str | None
 
 
