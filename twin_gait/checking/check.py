@@ -85,12 +85,9 @@ def load_case(
 def build_case(table: StateTable, experiment: Experiment | None = None) -> CheckCase:
     """Lay out what is checked.
 
-    Args:
-        experiment: What it drives; its own table is replaced. None checks the table by itself.
-
-    Returns:
-        The table, scaled to the experiment, with the limits of its joints: those of the URDF, or
-        without an experiment the normal ranges of human joints.
+    ``experiment``: what it drives; its own table is replaced. None checks the table by itself. Returns the
+    table, scaled to the experiment, with the limits of its joints: those of the URDF, or without an
+    experiment the normal ranges of human joints.
     """
     if experiment is None or not isinstance(table, GaitTable):
         limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, *device_parts())}
@@ -131,11 +128,8 @@ def _velocity(world: World, joint: JointName) -> float:
 def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding]:
     """Check a table.
 
-    Args:
-        chosen: Rules; all that there are for its kind by default.
-
-    Returns:
-        The findings, waived ones marked, the worst first and then in the order of the phases.
+    ``chosen``: rules; all that there are for its kind by default. Returns the findings, waived ones marked,
+    the worst first and then in the order of the phases.
     """
     if chosen is None:
         chosen = MODE_RULES if isinstance(case.table, ModeTable) else RULES

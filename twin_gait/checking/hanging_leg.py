@@ -178,8 +178,7 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
     """Legs of a case that have numbers of their own.
 
-    Returns:
-        One leg where the table gives both sides the same numbers, else all; none without an experiment.
+    Returns one leg where the table gives both sides the same numbers, else all; none without an experiment.
     """
     experiment = case.experiment
     if experiment is None:
@@ -207,12 +206,8 @@ def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Si
 
     The leg hangs in the air from a pelvis that is held, at the equilibrium angles of the phase.
 
-    Args:
-        experiment: With its table.
-        velocity: Of all joints in [rad] / [s]; where the friction laws are linearised.
-
-    Returns:
-        Loops by side and phase; one side only where both have the same numbers.
+    ``experiment``: with its table. ``velocity``: of all joints in [rad] / [s]; where the friction laws are
+    linearised. Returns loops by side and phase; one side only where both have the same numbers.
     """
     return {
         (leg.side, phase): leg.linear_loop(index, velocity)

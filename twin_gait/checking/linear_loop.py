@@ -40,13 +40,9 @@ def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> 
 
     The zero-order hold of :math:`M \ddot q = -K q - D \dot q + \tau`.
 
-    Args:
-        mass: M in [kg m²], armature included, shape ``(n, n)``.
-        stiffness: K, the slope of the leg's own torques over the angles, in [N m] / [rad], shape ``(n, n)``.
-        damping: Diagonal of D, the slope of its friction, in [N m s] / [rad], shape ``(n,)``.
-
-    Returns:
-        The motion.
+    ``mass``: M in [kg m²], armature included, shape ``(n, n)``. ``stiffness``: K, the slope of the leg's own
+    torques over the angles, in [N m] / [rad], shape ``(n, n)``. ``damping``: diagonal of D, the slope of its
+    friction, in [N m s] / [rad], shape ``(n,)``. Returns the motion.
     """
     n = len(damping)
     inverse = np.linalg.inv(mass)
@@ -142,11 +138,7 @@ def transition_matrix(loop: LinearLoop) -> np.ndarray:
 
     The first tick of the frame takes a slow sample, the others do not.
 
-    Args:
-        loop: The loop.
-
-    Returns:
-        Shape ``(n_states, n_states)`` with ``(5 + window + delay) n`` states.
+    ``loop``: the loop. Returns shape ``(n_states, n_states)`` with ``(5 + window + delay) n`` states.
     """
     n, states = len(loop.stiffness), _states(loop)
     leg, on_the_way = np.eye(states), RING + loop.window
@@ -172,12 +164,8 @@ def effective_damping_ratio(matrix: np.ndarray, frame: float) -> float:
     :math:`\zeta = -\operatorname{Re}(s) / |s|`. A pair is dominant unless it decays ``DOMINANCE`` times as
     fast as the slowest mode; this leaves the modes of the filters out.
 
-    Args:
-        matrix: From :func:`transition_matrix`.
-        frame: T in [s].
-
-    Returns:
-        ζ of the dominant pair with the least of it; negative if unstable, 1 if nothing dominant oscillates.
+    ``matrix``: from :func:`transition_matrix`. ``frame``: T in [s]. Returns ζ of the dominant pair with the
+    least of it; negative if unstable, 1 if nothing dominant oscillates.
     """
     values = np.linalg.eigvals(matrix)
     modes = np.log(values[np.abs(values) > _GONE].astype(complex)) / frame

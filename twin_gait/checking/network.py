@@ -33,8 +33,7 @@ def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Tr
 
     Frames that errors destroy are not counted.
 
-    Args:
-        messages: By identifier, the lowest first.
+    ``messages``: by identifier, the lowest first.
     """
     bus = new_bus(network, messages, 0, TICK)
     frames = [
@@ -52,8 +51,7 @@ def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Tr
 def traffic_of(experiment: Experiment) -> Traffic:
     """What the bus of an experiment has to carry in the worst case; see :func:`worst_traffic`.
 
-    Raises:
-        ParameterError: If it has none.
+    Raises ParameterError if it has none.
     """
     if experiment.network is None:
         raise ParameterError("network: ideal has no bus; set network to can")

@@ -258,8 +258,7 @@ def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = 
     nearest to the entry of the phase before is taken. Time-outs count only where no guard leads into the
     phase. So many phases before this one are followed; the first of them is entered at rest.
 
-    Returns:
-        Postures in [rad], each once, of all ways into the phase.
+    Returns postures in [rad], each once, of all ways into the phase.
     """
     key = (first_entries, leg.side, phase, depth)
     found: list[np.ndarray] = space.case.once(key, lambda: _first_entries(space, leg, phase, depth))

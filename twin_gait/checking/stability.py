@@ -138,13 +138,9 @@ def stability_margin(case: CheckCase) -> list[Finding]:
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:
     """Largest value up to which a loop is stable, beginning from the value that it has.
 
-    Args:
-        radius: Spectral radius for a value.
-        start: Value that the loop has.
-        most: Largest value of interest.
-
-    Returns:
-        The value at which the spectral radius passes 1, ``most`` if it does not; None if even 0 is unstable.
+    ``radius``: spectral radius for a value. ``start``: value that the loop has. ``most``: largest value of
+    interest. Returns the value at which the spectral radius passes 1, ``most`` if it does not; None if even 0
+    is unstable.
     """
 
     def stable(value: float) -> bool:

@@ -129,9 +129,8 @@ def build_parser() -> ProgramParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command with arguments without the program name, those of the process if None.
 
-    Returns:
-        Exit status: 0 done, 1 failed or diverged, 2 bad input, 70 an error that nobody foresaw,
-        130 interrupted.
+    Returns exit status: 0 done, 1 failed or diverged, 2 bad input, 70 an error that nobody foresaw, 130
+    interrupted.
     """
     write_on_any_terminal()
     warn_on_one_line()

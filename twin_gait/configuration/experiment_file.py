@@ -35,12 +35,9 @@ def experiment_from_mapping(
 ) -> Experiment:
     """Turn a resolved mapping (presets merged, table inline) into an experiment.
 
-    Args:
-        data: The mapping.
-        source: File name for messages.
-        folder: Folder that relative paths start from.
-        like: One that was turned before. Sections that are the very same objects in both mappings are not
-            converted again, which takes most of the time.
+    ``data``: the mapping. ``source``: file name for messages. ``folder``: folder that relative paths start
+    from. ``like``: one that was turned before. Sections that are the very same objects in both mappings are
+    not converted again, which takes most of the time.
     """
     entry: Any = validate(_file_about(data.get("scenario"), source), data, source)
     # A table without a name has the experiment's.

@@ -64,16 +64,10 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     packaged one or by path; all are resolved here. ``settings`` are laid over everything; a table or patient
     named in them takes the place of the whole one.
 
-    Args:
-        source: Name of a preset, or path of a YAML file.
-        settings: Assignments such as ``patient.mass_kg=80``; keys of the table begin with ``table.``.
-
-    Returns:
-        The experiment with its resolved mapping.
-
-    Raises:
-        ParameterFileError: If the file has a mistake.
-        ParameterError: If there is no such preset or file, or an assignment cannot be read.
+    ``source``: name of a preset, or path of a YAML file. ``settings``: assignments such as
+    ``patient.mass_kg=80``; keys of the table begin with ``table.``. Returns the experiment with its resolved
+    mapping. Raises ParameterFileError if the file has a mistake. Raises ParameterError if there is no such
+    preset or file, or an assignment cannot be read.
     """
     path, where = _find(source)
     data = _resolve_preset(read_yaml(path), path)

@@ -92,14 +92,10 @@ class GaitTableFile(Strict):
 def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
     """Read a gait table.
 
-    Args:
-        source: YAML file, or as a text the name of a table that ships with the package, such as
-            ``treadmill``.
-        draft: Whether phases may lack exits or be out of reach, which a check reports itself.
-
-    Raises:
-        ParameterError: If there is no such table.
-        ParameterFileError: If the file has a mistake; the message names file, key and value.
+    ``source``: YAML file, or as a text the name of a table that ships with the package, such as
+    ``treadmill``. ``draft``: whether phases may lack exits or be out of reach, which a check reports itself.
+    Raises ParameterError if there is no such table. Raises ParameterFileError if the file has a mistake; the
+    message names file, key and value.
     """
     path = source if isinstance(source, Path) else gait_table_path(source)
     data, places = read_gait_table(path)
@@ -112,11 +108,9 @@ def gait_table_from_mapping(
 ) -> GaitTable:
     """Turn parsed YAML into a gait table.
 
-    Args:
-        data: The parsed file.
-        source: File name for messages.
-        name: Name of the table if the file gives none.
-        draft: Whether to make a :class:`~twin_gait.gait.table.DraftTable`, which need not be closed.
+    ``data``: the parsed file. ``source``: file name for messages. ``name``: name of the table if the file
+    gives none. ``draft``: whether to make a :class:`~twin_gait.gait.table.DraftTable`, which need not be
+    closed.
     """
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
@@ -197,13 +191,8 @@ def transition_of(
 ) -> Transition:
     """A transition in SI.
 
-    Args:
-        entry: As it was read.
-        joints: Of the table.
-        members: What a membership may name.
-        source: File name for messages.
-        key: Place in the file, likewise.
-        words: What guards may read.
+    ``entry``: as it was read. ``joints``: of the table. ``members``: what a membership may name. ``source``:
+    file name for messages. ``key``: place in the file, likewise. ``words``: what guards may read.
     """
 
     def build() -> Transition:

@@ -26,11 +26,8 @@ def comment_for(kind: str) -> str:
 def json_schema(kind: str) -> dict[str, Any]:
     """JSON Schema of a kind of file, as it is written: over a preset, or over the table that it extends.
 
-    Args:
-        kind: ``experiment``, ``table`` or ``modes``.
-
-    Returns:
-        The schema; nothing is required, since what is left out comes from what lies underneath.
+    ``kind``: ``experiment``, ``table`` or ``modes``. Returns the schema; nothing is required, since what is
+    left out comes from what lies underneath.
     """
     table = _table()
     if kind == "table":

@@ -49,10 +49,8 @@ class Section(Strict):
     def value_of(self, item: Declaration, beneath: Any, *, named: bool = True) -> Any:
         """Value of a field in SI; ``MISSING`` where none is given.
 
-        Args:
-            item: What is declared of it.
-            beneath: What it is laid over.
-            named: Whether its key stands in front of what is wrong inside it.
+        ``item``: what is declared of it. ``beneath``: what it is laid over. ``named``: whether its key stands
+        in front of what is wrong inside it.
         """
         if item.mark(AsInFile):
             return MISSING
@@ -71,8 +69,7 @@ class Section(Strict):
     def values(self, default: Any = None) -> dict[str, Any]:
         """Fields that are given, in SI.
 
-        Args:
-            default: Parameters underneath, parts of which may stay as they are.
+        ``default``: parameters underneath, parts of which may stay as they are.
         """
         found = {}
         for item in declarations(self.parameters):
@@ -83,8 +80,7 @@ class Section(Strict):
     def convert(self, default: Any = None) -> Any:
         """The parameters in SI.
 
-        Args:
-            default: Parameters underneath, if there are any.
+        ``default``: parameters underneath, if there are any.
         """
         if default is not None and type(default) is self.parameters:
             return replace(default, **self.values(default))
@@ -130,10 +126,8 @@ class Form:
     def read(self, value: Any, factor: float, beneath: Any) -> Any:
         """A value in SI.
 
-        Args:
-            value: As pydantic has checked it.
-            factor: SI value of the unit of its key.
-            beneath: What it is laid over.
+        ``value``: as pydantic has checked it. ``factor``: SI value of the unit of its key. ``beneath``: what
+        it is laid over.
         """
         return value if factor == 1.0 else factor * value
 

@@ -114,12 +114,8 @@ class Controller:
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
         """Setpoints of a leg by phase.
 
-        Args:
-            rows: What the gait table says: k, b, θ0, G of each joint and the gravity share, shape
-                ``(n_phases, n_columns)``; may be changed in place.
-
-        Returns:
-            The same shape.
+        ``rows``: what the gait table says: k, b, θ0, G of each joint and the gravity share, shape
+        ``(n_phases, n_columns)``; may be changed in place. Returns the same shape.
         """
         return rows
 
@@ -151,8 +147,7 @@ class UncompiledControllerError(ParameterError):
 def require_controller(controller: Any) -> None:
     """Refuse what is no controller, or whose tick does not take what it is handed.
 
-    Raises:
-        ParameterError: In one line, with what was expected.
+    Raises ParameterError: in one line, with what was expected.
     """
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
@@ -180,8 +175,7 @@ def require_controller(controller: Any) -> None:
 def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
     """Setpoints of a leg, as :meth:`Controller.setpoints`.
 
-    Raises:
-        ParameterError: If they are not finite numbers of the same shape.
+    Raises ParameterError if they are not finite numbers of the same shape.
     """
     shape, given = rows.shape, controller.setpoints(plan, side, rows)
     try:
@@ -199,12 +193,9 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
 def checked(name: str, tick: TickFunction) -> TickFunction:
     """A tick that is handed nothing that is not finite, and whose demands are looked at.
 
-    Args:
-        name: Of the controller.
-
-    Returns:
-        The tick; it raises MeasurementError if a measurement is not finite, ParameterError if it returns
-        something or demands what is no number. A demand that is not finite is for the safety monitor.
+    ``name``: of the controller. Returns the tick; it raises MeasurementError if a measurement is not finite,
+    ParameterError if it returns something or demands what is no number. A demand that is not finite is for
+    the safety monitor.
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
@@ -228,11 +219,7 @@ def checked(name: str, tick: TickFunction) -> TickFunction:
 def require_no_answer(name: str, answer: Any) -> None:
     """Refuse a tick that returns something, which nobody would read.
 
-    Args:
-        name: Of the controller.
-
-    Raises:
-        ParameterError: If it is not None.
+    ``name``: of the controller. Raises ParameterError if it is not None.
     """
     if answer is not None:
         raise ParameterError(

@@ -153,8 +153,7 @@ def hear_load(controller: ControllerState, number: int, load: float) -> None:
 def hear_board(controller: ControllerState, limits: Limits, number: int, heard: bool) -> None:
     """Note over a bus whether a board has been silent for too long.
 
-    Args:
-        heard: Whether its measurement came since the tick before.
+    ``heard``: whether its measurement came since the tick before.
     """
     joint = controller.joints[number]
     joint.silent_ticks = 0 if heard else joint.silent_ticks + 1
@@ -405,10 +404,8 @@ def demand_setpoint(controller: ControllerState, number: int) -> None:
 def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: float) -> None:
     """Ask a board to brake its joint and let it down slowly.
 
-    Args:
-        joint: Its demand is changed in place.
-        support: Share of the weight that is still carried.
-        weight: Gravity torque in [N m].
+    ``joint``: its demand is changed in place. ``support``: share of the weight that is still carried.
+    ``weight``: gravity torque in [N m].
     """
     asked = joint.demand
     asked.stiffness, asked.damping, asked.gain = 0.0, limits.hold_damping, 0.0

@@ -125,9 +125,7 @@ class BoardState:
 def read_encoder(board: BoardState, rates: Rates, first: bool, reading: float) -> None:
     """Angle and fast velocity of this tick.
 
-    Args:
-        first: Whether only the angle is read, for want of one before.
-        reading: Of the encoder in [rad].
+    ``first``: whether only the angle is read, for want of one before. ``reading``: of the encoder in [rad].
     """
     measure_angle(board.encoder, first, reading, rates.period, rates.fast_gain)
 
@@ -239,8 +237,7 @@ def sum_up(board: BoardState) -> None:
 def check(board: BoardState, watching: bool) -> None:
     """Sum the command up, and note the cause of a trip if the drive may not be asked for it.
 
-    Args:
-        watching: Whether the monitor is on.
+    ``watching``: whether the monitor is on.
     """
     sum_up(board)
     asked = board.command
@@ -252,9 +249,7 @@ def check(board: BoardState, watching: bool) -> None:
 def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None:
     """Take what the gait controller demands over the bus; hold the joint alone where that cannot be.
 
-    Args:
-        demand: What came last.
-        heard: Whether it came since the tick before.
+    ``demand``: what came last. ``heard``: whether it came since the tick before.
     """
     board.silent_ticks = 0 if heard else board.silent_ticks + 1
     if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
@@ -270,8 +265,7 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
 def obey(board: BoardState, limits: Limits, watching: bool) -> None:
     """Command what is demanded; hold the joint at once if that is wild.
 
-    Args:
-        watching: Whether the monitor is on.
+    ``watching``: whether the monitor is on.
     """
     ask(board)
     check(board, watching)
@@ -316,10 +310,8 @@ def set_current(board: BoardState, limits: Limits, torque: float) -> None:
 def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:
     """Keep for the monitor what the drive did in this tick.
 
-    Args:
-        voltage: On the winding in [V].
-        current: Measured in [A].
-        deviation: Of the current from what the drive should give, in [A].
+    ``voltage``: on the winding in [V]. ``current``: measured in [A]. ``deviation``: of the current from what
+    the drive should give, in [A].
     """
     watched, bounds = board.watched, board.bounds
     watched.commanded = board.command.torque

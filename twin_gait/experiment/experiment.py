@@ -157,9 +157,8 @@ class Experiment(Parameters):
     def build_world(self) -> World:
         """Build the world with its rigid-body model.
 
-        Raises:
-            ModelError: If the URDF cannot be used.
-            ParameterError: If something does not fit together, or the step does not carry braces or bristles.
+        Raises ModelError if the URDF cannot be used. Raises ParameterError if something does not fit
+        together, or the step does not carry braces or bristles.
         """
         model, plant = self._plant_model(Bodies.BOTH), self.plant
         rows = build_plant(

@@ -68,11 +68,9 @@ def bus_frames(
 
     Boards that the log does not have send none.
 
-    Args:
-        rows: Columns of the log by name, with the names of the phases.
-        first: Tick of the first row.
-        body_weight: Of wearer and device in [N].
-        tripped: Board that the monitor tripped on, such as ``left_knee``; empty for none.
+    ``rows``: columns of the log by name, with the names of the phases. ``first``: tick of the first row.
+    ``body_weight``: of wearer and device in [N]. ``tripped``: board that the monitor tripped on, such as
+    ``left_knee``; empty for none.
     """
     ticks = first + np.arange(len(rows["safety_state"]))
     found: list[BusFrame] = []

@@ -67,13 +67,9 @@ def export_inverse_dynamics(
     ``opensim-cmd run-tool inverse_dynamics.xml`` in the folder then writes ``inverse_dynamics.sto``, to be
     compared with ``joint_moments.sto``.
 
-    Args:
-        folder: An existing, empty folder.
-        convention: Names and signs of the coordinates.
-        device: Whether bodies and motion are the device's where braces bind the wearer to it.
-
-    Raises:
-        ParameterError: If the convention has no column names of its own, or the log is too short.
+    ``folder``: an existing, empty folder. ``convention``: names and signs of the coordinates. ``device``:
+    whether bodies and motion are the device's where braces bind the wearer to it. Raises ParameterError if
+    the convention has no column names of its own, or the log is too short.
     """
     if len(run.log) < 2:
         raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")

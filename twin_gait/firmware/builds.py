@@ -28,9 +28,7 @@ class Bench:
     def __init__(self, project: Project, vectors: Sequence[Vectors], folder: Path) -> None:
         """Write the C; nothing is built before it is asked for.
 
-        Args:
-            vectors: Of some runs.
-            folder: For all builds; it exists.
+        ``vectors``: of some runs. ``folder``: for all builds; it exists.
         """
         self.project, self.vectors, self.folder = project, vectors, folder
         self.unit = project.write_linked(folder)

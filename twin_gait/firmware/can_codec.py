@@ -35,10 +35,8 @@ class CanFrame:
 def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
     """Write numbers into a frame.
 
-    Args:
-        message: Whose frame it is.
-        values: One for each of its signals in its unit, NaN for none.
-        frame: Changed in place.
+    ``message``: whose frame it is. ``values``: one for each of its signals in its unit, NaN for none.
+    ``frame``: changed in place.
     """
     frame.identifier = message.identifier
     frame.length = message.length
@@ -48,13 +46,8 @@ def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
 def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> bool:
     """Read numbers from a frame, if it is one of a message.
 
-    Args:
-        message: Which it may be.
-        frame: As it was received.
-        values: One for each signal, NaN for none; changed in place.
-
-    Returns:
-        Whether it is.
+    ``message``: which it may be. ``frame``: as it was received. ``values``: one for each signal, NaN for
+    none; changed in place. Returns whether it is.
     """
     if frame.identifier != message.identifier or frame.length != message.length:
         return False

@@ -11,9 +11,7 @@ import numpy as np
 def differing(first: np.ndarray, second: np.ndarray) -> int:
     """Numbers of two arrays of records that are not the same bits; of NaN any is the same.
 
-    Args:
-        first: Shape ``(n, ...)``.
-        second: Of the same layout.
+    ``first``: shape ``(n, ...)``. ``second``: of the same layout.
     """
     if first.dtype.names is not None:
         return sum(differing(first[name], second[name]) for name in first.dtype.names)

@@ -50,8 +50,7 @@ class Sizes(NamedTuple):
 def find_tool(name: str) -> str:
     """Path of a program.
 
-    Raises:
-        MissingToolError: It is not installed; the message says how to get it.
+    Raises MissingToolError: it is not installed; the message says how to get it.
     """
     path = shutil.which(name)
     if path is None:
@@ -63,8 +62,7 @@ def find_tool(name: str) -> str:
 def build_objects(unit: Unit, folder: Path, *, flags: Sequence[str] = ()) -> tuple[Path, ...]:
     """Compile the sources of a unit for the Cortex-M4F into object files in a folder that exists.
 
-    Raises:
-        FirmwareError: No cross compiler, or it refuses a source.
+    Raises FirmwareError: no cross compiler, or it refuses a source.
     """
     objects = tuple(folder / f"{source.stem}.o" for source in unit.sources)
     for source, made in zip(unit.sources, objects, strict=True):
@@ -78,8 +76,7 @@ def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
 
     The C library gives ``memcpy`` and its like; there is no libm to link with.
 
-    Raises:
-        FirmwareError: No cross compiler, or it refuses a source.
+    Raises FirmwareError: no cross compiler, or it refuses a source.
     """
     harness = [TARGET / name for name in ("main.c", "cortex_m4.c", "clock.S")]
     script = ["-nostartfiles", "--specs=nano.specs", "-T", TARGET / "mps2_an386.ld"]
@@ -93,14 +90,9 @@ def build_host(
 ) -> Path:
     """Link a unit with the same main loop into a program of this machine.
 
-    Args:
-        path: The program to write.
-        compiler: ``gcc`` or ``clang``.
-        sanitize: Stop at undefined behaviour and at wrong addresses.
-        flags: More words for the compiler.
-
-    Raises:
-        FirmwareError: No such compiler, or it refuses a source.
+    ``path``: the program to write. ``compiler``: ``gcc`` or ``clang``. ``sanitize``: stop at undefined
+    behaviour and at wrong addresses. ``flags``: more words for the compiler. Raises FirmwareError: no such
+    compiler, or it refuses a source.
     """
     checks = SANITIZE if sanitize else ()
     words = [*FLAGS, *checks, *unit.flags, *flags, *unit.sources, TARGET / "main.c", TARGET / "host.c"]
@@ -111,8 +103,7 @@ def build_host(
 def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
     """Compile sources into a shared library of this machine, beside the first of them.
 
-    Raises:
-        FirmwareError: No such compiler, or it refuses a source.
+    Raises FirmwareError: no such compiler, or it refuses a source.
     """
     path = sources[0].with_suffix(".so")
     _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])

@@ -47,10 +47,8 @@ class UnitProcess:
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
         """Keep what to start.
 
-        Args:
-            name: Of the process, for messages.
-            command: Program and arguments.
-            timeout: Longest time without an answer, in [s].
+        ``name``: of the process, for messages. ``command``: program and arguments. ``timeout``: longest time
+        without an answer, in [s].
         """
         self._name, self._command, self._timeout = name, [str(word) for word in command], timeout
         self._process: subprocess.Popen[bytes] | None = None
@@ -90,22 +88,16 @@ class UnitProcess:
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
         """Run one tick.
 
-        Args:
-            inputs: The record of inputs as numbers of any type, in all ``input_bytes`` long.
-
-        Returns:
-            The record of outputs as 4-byte words, to be viewed as what they are.
-
-        Raises:
-            FirmwareError: Inputs of another size, a process that has ended or does not answer.
+        ``inputs``: the record of inputs as numbers of any type, in all ``input_bytes`` long. Returns the
+        record of outputs as 4-byte words, to be viewed as what they are. Raises FirmwareError: inputs of
+        another size, a process that has ended or does not answer.
         """
         return np.asarray(self.exchange_many(inputs[np.newaxis])[0])
 
     def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
         """Run a tick for each row of inputs, none of which depends on an answer; a row of outputs for each.
 
-        Raises:
-            FirmwareError: Inputs of another size, a process that has ended or does not answer.
+        Raises FirmwareError: inputs of another size, a process that has ended or does not answer.
         """
         rows = np.ascontiguousarray(inputs)
         if rows.nbytes != len(rows) * self.input_bytes:
@@ -178,8 +170,7 @@ class Emulator(UnitProcess):
     def __init__(self, image: Path, *, timeout: float = 10.0) -> None:
         """Keep the image; nothing starts before the ``with`` statement.
 
-        Raises:
-            FirmwareError: QEMU is not installed; the message says how to get it.
+        Raises FirmwareError: QEMU is not installed; the message says how to get it.
         """
         command = [find_tool("qemu-system-arm"), *_MACHINE, "-kernel", image.resolve()]
         super().__init__("qemu-system-arm", command, timeout)

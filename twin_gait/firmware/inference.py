@@ -34,8 +34,7 @@ class Inference(ExpressionKinds):
     def _block(self, statements: Sequence[ast.stmt]) -> bool:
         """Go through statements.
 
-        Returns:
-            Whether what comes after them is reached.
+        Returns whether what comes after them is reached.
         """
         for number, statement in enumerate(statements):
             if not self._statement(statement):

@@ -116,8 +116,7 @@ class Shapes:
 def kind_of_hint(hint: Any) -> Kind:
     """Kind that an annotation says; lists have no length.
 
-    Raises:
-        TypeError: If it is none.
+    Raises TypeError if it is none.
     """
     if hint in SCALARS:
         return SCALARS[hint]

@@ -31,14 +31,9 @@ class Library:
     ) -> None:
         """Compile and load a program.
 
-        Args:
-            program: From :func:`twin_gait.firmware.print_units`.
-            double: Whether numbers are double, as in Python; else they are float, as on the device.
-            compiler: ``gcc`` or ``clang``.
-            flags: More words for it.
-
-        Raises:
-            FirmwareError: There is no such compiler.
+        ``program``: from :func:`twin_gait.firmware.print_units`. ``double``: whether numbers are double, as
+        in Python; else they are float, as on the device. ``compiler``: ``gcc`` or ``clang``. ``flags``: more
+        words for it. Raises FirmwareError: there is no such compiler.
         """
         self.program, self._records = program, program.records
         self._number = ctypes.c_double if double else ctypes.c_float
@@ -54,13 +49,9 @@ class Library:
     def call(self, name: str, *given: Any) -> Any:
         """Call an entry.
 
-        Args:
-            name: Of the function in Python.
-            given: Numbers, records and lists, which are changed as the function changes them; or structures
-                of :meth:`structure`, which are handed on as they are.
-
-        Returns:
-            What the function returns in Python.
+        ``name``: of the function in Python. ``given``: numbers, records and lists, which are changed as the
+        function changes them; or structures of :meth:`structure`, which are handed on as they are. Returns
+        what the function returns in Python.
         """
         function = self._functions[name]
         called = self.handle[identifier(name)]

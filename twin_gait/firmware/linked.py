@@ -68,10 +68,8 @@ def linked_unit(problem: Problem) -> LinkedUnit:
 def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int]]) -> None:
     """Take out the entries that mean nothing, with which tables of like size share a compiled loop.
 
-    Args:
-        program: Of the table.
-        room: The same with such entries; changed in place.
-        debounces: Counters of its transitions, likewise.
+    ``program``: of the table. ``room``: the same with such entries; changed in place. ``debounces``: counters
+    of its transitions, likewise.
     """
     count = max(1, len(program.transitions))
     del room.transitions[count:]
@@ -86,9 +84,7 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
 
     A time of whole ticks that meets its threshold exactly in double numbers need not do so in float.
 
-    Args:
-        program: Changed in place.
-        signals: Names of its signals.
+    ``program``: changed in place. ``signals``: names of its signals.
     """
     for comparison in program.comparisons:
         if comparison.factor_b == 0.0 and signals[comparison.signal_a].endswith(TIME):
@@ -100,8 +96,7 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
 def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any]:
     """Layout of a record in C, its numbers float or double, addresses of tables as a Cortex-M has them.
 
-    Args:
-        real: Type of the numbers.
+    ``real``: type of the numbers.
     """
 
     def layout(kind: Kind, name: str) -> tuple[Any, ...]:
@@ -123,9 +118,7 @@ def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any
 def converted(rows: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
     """Rows in another layout, field by field; what the other one does not have is left out.
 
-    Args:
-        rows: Records, shape ``(n, ...)``.
-        dtype: Its names are among those of the rows.
+    ``rows``: records, shape ``(n, ...)``. ``dtype``: its names are among those of the rows.
     """
     result = np.zeros(rows.shape, dtype)
     for name in dtype.names or ():

@@ -75,11 +75,8 @@ class Project:
     def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
         """Write everything.
 
-        Args:
-            folder: Which exists and is empty.
-            vectors: Of a short walk.
-            document: The experiment, from
-                :func:`twin_gait.configuration.experiments.resolved_document`.
+        ``folder``: which exists and is empty. ``vectors``: of a short walk. ``document``: the experiment,
+        from :func:`twin_gait.configuration.experiments.resolved_document`.
         """
         self.write_linked(folder)
         texts = {}
@@ -163,9 +160,8 @@ class Project:
 def print_project(experiment: Experiment) -> Project:
     """Print the firmware of an experiment.
 
-    Raises:
-        FirmwareError: If it uses something that the firmware does not have; key, value and way out.
-        GaitTableError: If its table has more phases or conditions than the device's whole numbers have bits.
+    Raises FirmwareError if it uses something that the firmware does not have; key, value and way out. Raises
+    GaitTableError if its table has more phases or conditions than the device's whole numbers have bits.
     """
     refuse_what_c_has_not(experiment)
     problem = build_problem(experiment)
@@ -184,8 +180,7 @@ def print_project(experiment: Experiment) -> Project:
 def refuse_what_c_has_not(experiment: Experiment) -> None:
     """Refuse what the simulation does in place of the firmware.
 
-    Raises:
-        FirmwareError: With key, value and way out.
+    Raises FirmwareError: with key, value and way out.
     """
     control, network = experiment.control, experiment.network
     unprinted = control.controller().unprinted

@@ -33,10 +33,8 @@ class Records:
     def __init__(self, functions: Functions, entries: Iterable[Function], samples: Iterable[Any]) -> None:
         """Decide what is a table and what is not.
 
-        Args:
-            functions: All that is printed.
-            entries: What is called from outside.
-            samples: Records that have a table of their own.
+        ``functions``: all that is printed. ``entries``: what is called from outside. ``samples``: records
+        that have a table of their own.
         """
         self.functions, self.fields = functions, functions.shapes.fields
         self.in_ram: set[type] = set()
@@ -143,8 +141,7 @@ class Tables:
     def initialiser(self, sample: Any, name: str) -> str:
         """Contents of a record; its tables are added.
 
-        Args:
-            name: Of the record, for those of its tables.
+        ``name``: of the record, for those of its tables.
         """
         record, parts = type(sample), []
         for field, kind in self.records.used(record):

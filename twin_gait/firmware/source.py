@@ -44,9 +44,8 @@ class Sources:
     def __init__(self, names: Mapping[str, Any], text: str) -> None:
         """Keep what takes the place of globals.
 
-        Args:
-            names: Constants, and functions, by the names of the globals that they replace.
-            text: Source of more functions, likewise; what they call is found in ``names``.
+        ``names``: constants, and functions, by the names of the globals that they replace. ``text``: source
+        of more functions, likewise; what they call is found in ``names``.
         """
         self.names = names
         self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}

@@ -99,8 +99,7 @@ class Printed:
     def _statement(self, node: ast.stmt, fresh: set[str]) -> None:
         """One statement.
 
-        Args:
-            fresh: Names that it declares if it assigns them.
+        ``fresh``: names that it declares if it assigns them.
         """
         match node:
             case ast.Assign(targets=[target], value=value):

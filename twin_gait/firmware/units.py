@@ -116,10 +116,7 @@ class JointBoard:
 def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointBoardOutputs) -> None:
     """Measure, and set the current of what the gait controller has demanded last.
 
-    Args:
-        unit: Changed in place.
-        inputs: What the board reads and has heard.
-        outputs: Changed in place.
+    ``unit``: changed in place. ``inputs``: what the board reads and has heard. ``outputs``: changed in place.
     """
     board, settings = unit.state, unit.settings
     measure(board, settings, inputs, unit.tick)
@@ -291,10 +288,7 @@ def gait_controller_step(
 ) -> None:
     """Take what the boards have told, decide, and say what every board is to do.
 
-    Args:
-        unit: Changed in place.
-        inputs: What it reads and has heard.
-        outputs: Changed in place.
+    ``unit``: changed in place. ``inputs``: what it reads and has heard. ``outputs``: changed in place.
     """
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
@@ -341,10 +335,7 @@ class ExoskeletonOutputs:
 def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: ExoskeletonOutputs) -> None:
     """Measure everywhere, decide, and set every current, all in one tick.
 
-    Args:
-        unit: Changed in place.
-        inputs: What is read.
-        outputs: Changed in place.
+    ``unit``: changed in place. ``inputs``: what is read. ``outputs``: changed in place.
     """
     controller, settings, tick = unit.controller, unit.settings, unit.tick
     for number in range(len(unit.boards)):

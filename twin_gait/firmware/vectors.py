@@ -33,8 +33,7 @@ class Vectors(NamedTuple):
 def without_bus(experiment: Experiment) -> Experiment:
     """The experiment as a unit without a bus runs it.
 
-    Raises:
-        FirmwareError: Its controller goes wrong by itself, which no vector can hold against the unit.
+    Raises FirmwareError: its controller goes wrong by itself, which no vector can hold against the unit.
     """
     for fault in experiment.faults:
         if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
@@ -49,13 +48,9 @@ def record_vectors(
 ) -> Vectors:
     """Run an experiment on the compiled engine, and keep what the unit reads and gives in each tick.
 
-    Args:
-        experiment: Run without its bus.
-        progress: Called now and then with ticks done and ticks in all.
-        on_compile: Called if the engine has to be compiled first.
-
-    Raises:
-        FirmwareError: A fault of the controller itself.
+    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
+    ``on_compile``: called if the engine has to be compiled first. Raises FirmwareError: a fault of the
+    controller itself.
     """
     problem = build_problem(without_bus(experiment))
     engine, unit = CompiledEngine(problem, on_compile=on_compile), linked_unit(problem)
@@ -82,8 +77,7 @@ Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and whe
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
     """Inputs that stand in an engine's record from the end of a tick to that of the next.
 
-    Args:
-        record: Of the engine, shape ``(1,)``.
+    ``record``: of the engine, shape ``(1,)``.
     """
     boards, joints = inputs["boards"], record["joints"]
     return [

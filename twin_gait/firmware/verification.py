@@ -57,13 +57,9 @@ def verify(
     Its walk is run, and a shorter one with a fault of each kind. A controller that runs away is a fault of
     the controller itself, which no C has.
 
-    Args:
-        experiment: Run without its bus.
-        progress: Called now and then with ticks done and ticks in all.
-        on_compile: Called if an engine has to be compiled first.
-
-    Raises:
-        FirmwareError: It uses something that the firmware does not have, or a compiler refuses the C.
+    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
+    ``on_compile``: called if an engine has to be compiled first. Raises FirmwareError: it uses something that
+    the firmware does not have, or a compiler refuses the C.
     """
     project = print_project(experiment)
     cases = list(cases_of(experiment))

@@ -92,8 +92,7 @@ class PhaseLogic:
         It branches on a condition of the first exit that may open. Combinations that no measurements can
         have are left out.
 
-        Returns:
-            Rows that exclude each other and cover every combination that measurements can have.
+        Returns rows that exclude each other and cover every combination that measurements can have.
         """
         chosen = chosen or {}
         known = {**chosen, **self._implied(chosen)}
@@ -178,8 +177,7 @@ def number(value: float, digits: int = 10) -> str:
 def transition_table(table: StateTable) -> str:
     """State-transition table: a row per transition, the exits of a phase in order of priority.
 
-    Returns:
-        Markdown, ending with a line break; guards as the file writes them.
+    Returns markdown, ending with a line break; guards as the file writes them.
     """
     rows = []
     for phase, parameters in table.phases.items():
@@ -200,9 +198,8 @@ def transition_table(table: StateTable) -> str:
 def truth_table(table: StateTable) -> str:
     """Truth table of every phase, with what the phase sets.
 
-    Returns:
-        Markdown, ending with a line break. It holds every number of the table that has an effect, to ten
-        digits, and is the same for equal tables: a change of the table is a change of the text.
+    Returns markdown, ending with a line break. It holds every number of the table that has an effect, to ten
+    digits, and is the same for equal tables: a change of the table is a change of the text.
     """
     parts = [
         f"# Truth tables of {_text(table.name)}\n",

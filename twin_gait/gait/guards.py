@@ -150,15 +150,10 @@ def parse_guard(
 ) -> Guard:
     """Parse one guard string.
 
-    Args:
-        text: For example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``,
-            ``"other.phase in [early_stance, middle_stance]"`` or ``"request in [walk]"``.
-        joints: Of the table.
-        phases: What a membership may name.
-        words: What the guards of the table may read.
-
-    Raises:
-        GaitTableError: If the text is not a guard, or names an unknown signal or phase.
+    ``text``: for example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``,
+    ``"other.phase in [early_stance, middle_stance]"`` or ``"request in [walk]"``. ``joints``: of the table.
+    ``phases``: what a membership may name. ``words``: what the guards of the table may read. Raises
+    GaitTableError if the text is not a guard, or names an unknown signal or phase.
     """
     membership = _MEMBERSHIP.fullmatch(text)
     if membership and membership.group(1) == words.of:

@@ -60,14 +60,9 @@ class GaitStateMachine:
     ) -> None:
         """Build the machine.
 
-        Args:
-            table: The gait table.
-            side: The leg.
-            initial_phase: Phase at tick 0; the first of the table if None.
-            program: The compiled table, to share it between legs.
-
-        Raises:
-            GaitTableError: If the initial phase is not in the table.
+        ``table``: the gait table. ``side``: the leg. ``initial_phase``: phase at tick 0; the first of the
+        table if None. ``program``: the compiled table, to share it between legs. Raises GaitTableError if the
+        initial phase is not in the table.
         """
         self.table = table
         self.side = side
@@ -117,18 +112,10 @@ class GaitStateMachine:
     ) -> PhaseSwitch | None:
         """Advance by one tick on named signals.
 
-        Args:
-            tick: Present tick.
-            own: Measurements of this leg.
-            other: Measurements of the other leg, or None for a one-legged bench.
-            other_phase: Phase of the other leg at the start of the tick, or None.
-            other_time_in_phase: Time since the other leg entered its phase in [s].
-
-        Returns:
-            The switch, or None if the leg stays.
-
-        Raises:
-            MeasurementError: If a measurement is missing or not finite.
+        ``tick``: present tick. ``own``: measurements of this leg. ``other``: measurements of the other leg,
+        or None for a one-legged bench. ``other_phase``: phase of the other leg at the start of the tick, or
+        None. ``other_time_in_phase``: time since the other leg entered its phase in [s]. Returns the switch,
+        or None if the leg stays. Raises MeasurementError if a measurement is missing or not finite.
         """
         signals = signal_list(self.table, self.time_in_phase(tick), own, other, other_time_in_phase)
         other_index = -1 if other_phase is None else self.table.phase_index(other_phase)
@@ -137,16 +124,10 @@ class GaitStateMachine:
     def take(self, tick: int, signals: Mapping[str, float], member: str | None = None) -> PhaseSwitch | None:
         """Advance by one tick on signals by their names.
 
-        Args:
-            tick: Present tick.
-            signals: In the units of their names; what is missing is 0, the time in the phase is counted.
-            member: Phase of the other leg, or of the supervisor the request that is made, or None.
-
-        Returns:
-            The switch, or None if the phase stays.
-
-        Raises:
-            MeasurementError: If a signal is not finite.
+        ``tick``: present tick. ``signals``: in the units of their names; what is missing is 0, the time in
+        the phase is counted. ``member``: phase of the other leg, or of the supervisor the request that is
+        made, or None. Returns the switch, or None if the phase stays. Raises MeasurementError if a signal is
+        not finite.
         """
         given = {**signals, TIME: self.time_in_phase(tick)}
         values = [scale * given.get(name, 0.0) for name, scale in self._scales]
@@ -212,18 +193,10 @@ def signal_list(
 ) -> list[float]:
     """Lay the signals of both legs out as the guard program reads them.
 
-    Args:
-        table: The gait table.
-        time_in_phase: Of this leg in [s].
-        own: Measurements of this leg.
-        other: Measurements of the other leg, or None.
-        other_time_in_phase: Of the other leg in [s].
-
-    Returns:
-        This leg's numbers, the other's, and those of the device; NaN for an absent other leg.
-
-    Raises:
-        MeasurementError: If the number of joints is not that of the table.
+    ``table``: the gait table. ``time_in_phase``: of this leg in [s]. ``own``: measurements of this leg.
+    ``other``: measurements of the other leg, or None. ``other_time_in_phase``: of the other leg in [s].
+    Returns this leg's numbers, the other's, and those of the device; NaN for an absent other leg. Raises
+    MeasurementError if the number of joints is not that of the table.
     """
     for leg in (own,) if other is None else (own, other):
         if len(leg.angles) != len(table.joints) or len(leg.velocities) != len(table.joints):

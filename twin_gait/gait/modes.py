@@ -166,15 +166,9 @@ def why_refused(
 ) -> str | None:
     """Why a request is not answered in a mode, in words.
 
-    Args:
-        table: The modes.
-        mode: Present one.
-        request: That is made.
-        signals: Measured, in the units of their names; what is missing is 0.
-        ticks: Since the mode was entered.
-
-    Returns:
-        What each transition that would answer lacks; None if one of them is open.
+    ``table``: the modes. ``mode``: present one. ``request``: that is made. ``signals``: measured, in the
+    units of their names; what is missing is 0. ``ticks``: since the mode was entered. Returns what each
+    transition that would answer lacks; None if one of them is open.
     """
     answers = table.answers(mode, request)
     if not answers:

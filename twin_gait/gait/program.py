@@ -27,11 +27,7 @@ DEVICE_BITS = 30  # of an int32_t, so that all of them may be shifted once more
 def compile_guards(table: StateTable) -> GuardProgram:
     """Compile the transitions of a table.
 
-    Args:
-        table: Of gait or of modes.
-
-    Returns:
-        The program, with thresholds in SI units.
+    ``table``: of gait or of modes. Returns the program, with thresholds in SI units.
     """
     nodes: list[GuardNode] = []
     comparisons: list[core.Comparison] = []
@@ -62,10 +58,8 @@ def compile_guards(table: StateTable) -> GuardProgram:
 def guard_is_open(guard: Guard, table: StateTable, signals: Sequence[float], member: int) -> bool:
     """Whether a guard by itself is true, by the evaluator of programs.
 
-    Args:
-        table: That it is of.
-        signals: In SI, in the order of the list of the table.
-        member: Place among the members of the table, negative for none.
+    ``table``: that it is of. ``signals``: in SI, in the order of the list of the table. ``member``: place
+    among the members of the table, negative for none.
     """
     nodes: list[GuardNode] = []
     comparisons: list[core.Comparison] = []
@@ -89,11 +83,7 @@ def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN
 def require_bits(table: StateTable, program: GuardProgram, bits: int = DEVICE_BITS) -> None:
     """Refuse a table whose phases or waiting results are too many for whole numbers of so many bits.
 
-    Args:
-        bits: By default those that the device has.
-
-    Raises:
-        GaitTableError: It has more.
+    ``bits``: by default those that the device has. Raises GaitTableError: it has more.
     """
     if len(table.members) > bits:
         raise GaitTableError(f"{len(table.members)} {table.words.member}s; at most {bits} fit")

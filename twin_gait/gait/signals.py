@@ -211,9 +211,7 @@ class LegSignals(NamedTuple):
 def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:
     """Signals of a leg by their names.
 
-    Args:
-        joints: Of the table.
-        value: In SI by the name of a signal.
+    ``joints``: of the table. ``value``: in SI by the name of a signal.
     """
     found: dict[str, tuple[float, ...] | float] = {}
     for signal in SIGNALS:

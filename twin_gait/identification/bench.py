@@ -60,9 +60,7 @@ class BenchSetup(Parameters):
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
         """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
 
-        Args:
-            angle: Joint angle in [rad], shape ``(n,)``.
-            mass: On the link in [kg].
+        ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: on the link in [kg].
         """
         tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
         return np.asarray(self.gravity * (mass * self.lever + self.link_moment) * np.cos(tilt))

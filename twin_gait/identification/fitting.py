@@ -114,8 +114,7 @@ def fit_model(
 ) -> Fit:
     """Fit a model to samples with every column that it needs.
 
-    Args:
-        seeds: Further starts beside the many: the fits of simpler models.
+    ``seeds``: further starts beside the many: the fits of simpler models.
     """
     full = rows_of(model, samples)
     low, high = bounds(model, full, physical=options.physical)

@@ -199,12 +199,9 @@ def bristle_deflection(
     The velocity holds from the sample before to the sample. A test starts with straight bristles; what is
     left of another start is :func:`remembered_start`.
 
-    Args:
-        velocity: In [rad] / [s], shape ``(n,)`` as the next three.
-        period: Since the sample before in [s].
-        fresh: Where a test starts; true at the first sample.
-        level: g of :func:`twin_gait.core.friction_models.bristle_rate` in [N m].
-        stiffness: σ0 in [N m] / [rad].
+    ``velocity``: in [rad] / [s], shape ``(n,)`` as the next three. ``period``: since the sample before in
+    [s]. ``fresh``: where a test starts; true at the first sample. ``level``: g of
+    :func:`twin_gait.core.friction_models.bristle_rate` in [N m]. ``stiffness``: σ0 in [N m] / [rad].
     """
     return np.asarray(_loop()(velocity, period, fresh, level, stiffness))
 

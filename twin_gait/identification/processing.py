@@ -51,8 +51,7 @@ class _Motion:
 def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) -> FrictionTest:
     """Turn a log into samples of friction torque; without a bench only friction torques are expected.
 
-    Raises:
-        ParameterFileError: If the log lacks what is needed, or cannot be what it is read as.
+    Raises ParameterFileError if the log lacks what is needed, or cannot be what it is read as.
     """
     log, counts, notes = clean(log, joint_known=bench is not None)
     if Quantity.FRICTION_TORQUE in log.columns:

@@ -57,8 +57,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on. Columns
     with a known name are found without being named in ``columns``.
 
-    Raises:
-        ParameterFileError: If the file cannot be read as numbers; one line with file, column and row.
+    Raises ParameterFileError if the file cannot be read as numbers; one line with file, column and row.
     """
     columns = columns or LogColumns()
     layout = _layout(path, set(columns.names.values()))

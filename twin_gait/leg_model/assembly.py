@@ -39,13 +39,9 @@ class Assembly:
     def __init__(self, path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> None:
         """Read a URDF and lock the joints that are not asked for.
 
-        Args:
-            legs: Joint names of each leg; a minus in front turns a joint round.
-            pelvis: How it is held.
-            up_axis: ``"z"`` or ``"y"``.
-
-        Raises:
-            ModelError: If the URDF cannot be read or lacks a joint or frame.
+        ``legs``: joint names of each leg; a minus in front turns a joint round. ``pelvis``: how it is held.
+        ``up_axis``: ``"z"`` or ``"y"``. Raises ModelError if the URDF cannot be read or lacks a joint or
+        frame.
         """
         self._path, self._pelvis, self._up_axis = path, pelvis, up_axis
         model = self._read()
@@ -64,8 +60,7 @@ class Assembly:
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
         from the ankle in the same proportion.
 
-        Raises:
-            ModelError: If two joints coincide, so that there is no tube between them.
+        Raises ModelError if two joints coincide, so that there is no tube between them.
         """
         for leg in self.legs.values():
             placements = self.model.jointPlacements
@@ -89,8 +84,7 @@ class Assembly:
     def put_on(self, patient: Patient) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
-        Raises:
-            ModelError: If hip and knee coincide, so that there is no thigh between them.
+        Raises ModelError if hip and knee coincide, so that there is no thigh between them.
         """
         segments = segments_of(patient)
         for leg in self.legs.values():
@@ -116,16 +110,14 @@ class Assembly:
     def set_gravity(self, gravity: float) -> None:
         """Let gravity pull down.
 
-        Args:
-            gravity: Its magnitude in [m] / [s²].
+        ``gravity``: its magnitude in [m] / [s²].
         """
         self.model.gravity.linear = -gravity * self._up()
 
     def set_armature(self, armature: Mapping[JointName, float]) -> None:
         """Set the inertia of rotors and gears at the joints.
 
-        Args:
-            armature: Per joint name in [kg m²]; 0 if absent.
+        ``armature``: per joint name in [kg m²]; 0 if absent.
         """
         values = np.zeros(self.model.nv)
         for leg in self.legs.values():

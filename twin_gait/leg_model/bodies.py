@@ -40,11 +40,8 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
 
     A continuous joint counts with its angle, where Pinocchio has cosine and sine.
 
-    Returns:
-        Bodies in the order of the joints, so that ``q[i]`` moves body ``i``.
-
-    Raises:
-        ModelError: If a joint has more than one degree of freedom or is a helical or mimic joint.
+    Returns bodies in the order of the joints, so that ``q[i]`` moves body ``i``. Raises ModelError if a joint
+    has more than one degree of freedom or is a helical or mimic joint.
     """
     bodies = []
     for index in range(1, model.njoints):

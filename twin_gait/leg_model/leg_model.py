@@ -114,15 +114,8 @@ class LegModel:
     def index(self, side: Side, joint: JointName) -> int:
         """Position of a joint in ``q``, ``v`` and ``tau``.
 
-        Args:
-            side: Which leg.
-            joint: Which joint.
-
-        Returns:
-            Index.
-
-        Raises:
-            ModelError: If the leg has no such joint.
+        ``side``: which leg. ``joint``: which joint. Returns index. Raises ModelError if the leg has no such
+        joint.
         """
         if side not in self.legs:
             raise ModelError(f"{self.urdf_path}: the model has no {side} leg; it has {', '.join(self.legs)}")
@@ -172,34 +165,23 @@ class LegModel:
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
         """Torques that hold the posture against gravity, in [N m] ([N] at the pelvis).
 
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-
-        Returns:
-            :math:`g(q)`, shape ``(nv,)``; add it to compensate gravity.
+        ``q``: joint angles, shape ``(nv,)``. Returns :math:`g(q)`, shape ``(nv,)``; add it to compensate
+        gravity.
         """
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """Joint-space inertia with armature, in [kg m²].
 
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-
-        Returns:
-            :math:`M(q)`, shape ``(nv, nv)``, symmetric.
+        ``q``: joint angles, shape ``(nv,)``. Returns :math:`M(q)`, shape ``(nv, nv)``, symmetric.
         """
         return np.array(pin.crba(self.model, self.data, q))
 
     def inertia_torque(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
         r"""Torques that accelerate the joints: :math:`M(q)\,\ddot q`, armature included.
 
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            a: Joint accelerations in [rad] / [s²], shape ``(nv,)``.
-
-        Returns:
-            Torques in [N m], shape ``(nv,)``.
+        ``q``: joint angles, shape ``(nv,)``. ``a``: joint accelerations in [rad] / [s²], shape ``(nv,)``.
+        Returns torques in [N m], shape ``(nv,)``.
         """
         return np.asarray(self.mass_matrix(q) @ a)
 
@@ -210,38 +192,24 @@ class LegModel:
     def nonlinear_effects(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         r"""Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m].
 
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            v: Joint velocities in [rad] / [s], shape ``(nv,)``.
-
-        Returns:
-            Shape ``(nv,)``.
+        ``q``: joint angles, shape ``(nv,)``. ``v``: joint velocities in [rad] / [s], shape ``(nv,)``. Returns
+        shape ``(nv,)``.
         """
         return np.array(pin.nonLinearEffects(self.model, self.data, q, v))
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Torques that give an acceleration, armature included (recursive Newton-Euler).
 
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            v: Joint velocities, shape ``(nv,)``.
-            a: Joint accelerations, shape ``(nv,)``.
-
-        Returns:
-            Torques in [N m], shape ``(nv,)``.
+        ``q``: joint angles, shape ``(nv,)``. ``v``: joint velocities, shape ``(nv,)``. ``a``: joint
+        accelerations, shape ``(nv,)``. Returns torques in [N m], shape ``(nv,)``.
         """
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
     def forward_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint accelerations under torques (articulated-body algorithm).
 
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            v: Joint velocities, shape ``(nv,)``.
-            tau: Joint torques in [N m], shape ``(nv,)``.
-
-        Returns:
-            Accelerations in [rad] / [s²], shape ``(nv,)``.
+        ``q``: joint angles, shape ``(nv,)``. ``v``: joint velocities, shape ``(nv,)``. ``tau``: joint torques
+        in [N m], shape ``(nv,)``. Returns accelerations in [rad] / [s²], shape ``(nv,)``.
         """
         return np.asarray(pin.aba(self.model, self.data, q, v, tau))
 
@@ -256,15 +224,8 @@ class LegModel:
     def frame_position(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame in the world in [m].
 
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            frame: Name of a frame of the URDF.
-
-        Returns:
-            Shape ``(3,)``.
-
-        Raises:
-            ModelError: If there is no such frame.
+        ``q``: joint angles, shape ``(nv,)``. ``frame``: name of a frame of the URDF. Returns shape ``(3,)``.
+        Raises ModelError if there is no such frame.
         """
         if not self.model.existFrame(frame):
             known = ", ".join(item.name for item in self.model.frames)

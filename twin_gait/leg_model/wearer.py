@@ -127,14 +127,8 @@ def device_sizes(patient: Patient) -> DeviceSizes:
     the foot plate made for the foot. The joints of wearer and device are taken as aligned: what is left
     (at most 1 cm at the femur) is neglected.
 
-    Args:
-        patient: The wearer.
-
-    Returns:
-        The sizes.
-
-    Raises:
-        ParameterError: If the shank is outside the range of the tibia.
+    ``patient``: the wearer. Returns the sizes. Raises ParameterError if the shank is outside the range of the
+    tibia.
     """
     tibia = SHANK_LENGTH * patient.height
     fits = TIBIA_RANGE[0] <= tibia <= TIBIA_RANGE[1]
@@ -154,13 +148,9 @@ def segment_inertia(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, centre of mass and rotational inertia of a limb segment.
 
-    Args:
-        body_mass: In [kg].
-        axis: From the proximal to the distal joint in [m], shape ``(3,)``.
-
-    Returns:
-        Mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia
-        about the centre of mass in [kg m²], shape ``(3, 3)``.
+    ``body_mass``: in [kg]. ``axis``: from the proximal to the distal joint in [m], shape ``(3,)``. Returns
+    mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia about the centre
+    of mass in [kg m²], shape ``(3, 3)``.
     """
     mass = segment.mass * body_mass
     length = float(np.linalg.norm(axis))

@@ -50,11 +50,7 @@ def summarise_side(
 ) -> dict[str, Any]:
     """Gait and effort of one leg.
 
-    Args:
-        measures: Of the walk on a belt.
-
-    Returns:
-        Numbers by name; NaN or None where a number is not defined.
+    ``measures``: of the walk on a belt. Returns numbers by name; NaN or None where a number is not defined.
     """
     if record is None:
         record = run.leg_record(side)
@@ -217,11 +213,8 @@ def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
 def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
     """Root mean square distance of a joint's strides from healthy walking.
 
-    Args:
-        bounds: First tick of each stride and of the next one, shape ``(n_strides, 2)``.
-
-    Returns:
-        Distance in [deg]; NaN without strides or without a reference.
+    ``bounds``: first tick of each stride and of the next one, shape ``(n_strides, 2)``. Returns distance in
+    [deg]; NaN without strides or without a reference.
     """
     reference = reference_cycle(run.experiment, joint)
     if reference is None:

@@ -105,8 +105,7 @@ def write_run(
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
-    Args:
-        drawing_processes: Who draws the figures while all else is written; by default they are drawn here.
+    ``drawing_processes``: who draws the figures while all else is written; by default they are drawn here.
     """
     tell = on_step or (lambda name: None)
     drawing = drawing_processes or DrawingProcesses()
@@ -179,8 +178,7 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
 def load_run(directory: Path) -> StoredRun:
     """Read a run back.
 
-    Raises:
-        RunDirectoryError: If it is not a complete run directory.
+    Raises RunDirectoryError if it is not a complete run directory.
     """
     directory = Path(directory).expanduser()
     if journal_of(directory.absolute()).is_file():

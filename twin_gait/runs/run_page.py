@@ -67,9 +67,7 @@ def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
 
     Two runs get their frames at the same moments, so that the page can subtract one from the other.
 
-    Args:
-        runs: One or two.
-        moments: Moments to have a frame of, in [s].
+    ``runs``: one or two. ``moments``: moments to have a frame of, in [s].
     """
     if not 1 <= len(runs) <= MOST_RUNS:
         raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")
@@ -152,9 +150,7 @@ def trip_time_of(log: pd.DataFrame) -> float:
 def describe(patient: Patient | None, belt_speed: float) -> str:
     """One line on wearer and belt speed.
 
-    Args:
-        patient: The wearer, or None.
-        belt_speed: In [m] / [s]; 0 on the bench.
+    ``patient``: the wearer, or None. ``belt_speed``: in [m] / [s]; 0 on the bench.
     """
     who = wearer_words(patient)
     return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"

@@ -59,12 +59,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     A number that is not defined for the run (a stride time without strides, a reference without a
     belt) is None. Angles are in degrees, as the keys say.
 
-    Args:
-        run: The run.
-        skip_strides: Strides at the start that do not count.
-
-    Returns:
-        Plain numbers, texts, mappings and None.
+    ``run``: the run. ``skip_strides``: strides at the start that do not count. Returns plain numbers, texts,
+    mappings and None.
     """
     walk = run.walk_measures(skip=skip_strides)
     sides = {
@@ -120,8 +116,7 @@ READ_IN_BRIEF = (
 def summarise_in_brief(run: Run) -> dict[str, Any]:
     """The part of :func:`summarise` that a table of many runs holds, and the seed; in a third of the time.
 
-    Args:
-        run: The run; its log needs no columns but those of ``READ_IN_BRIEF``.
+    ``run``: the run; its log needs no columns but those of ``READ_IN_BRIEF``.
     """
     plain: dict[str, Any] = _plain(
         {

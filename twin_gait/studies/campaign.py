@@ -238,8 +238,7 @@ def run_campaign(
 ) -> CampaignResult:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
-    Raises:
-        RunDirectoryError: If the folder exists or cannot be written.
+    Raises RunDirectoryError if the folder exists or cannot be written.
     """
     if directory.exists():
         raise RunDirectoryError(f"{directory}: exists; choose another --out")

@@ -50,8 +50,7 @@ class TransitionTest:
     def run(self) -> None:
         """Drive the machine; a test that is :attr:`undecided` does nothing.
 
-        Raises:
-            AssertionError: If the machine does not do what the table says.
+        Raises AssertionError if the machine does not do what the table says.
         """
         if self.check is not None:
             self.check(self.machine)
@@ -64,13 +63,9 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
     of ``all`` and ``any`` by itself, debounce, minimum duration, time-out, priority, the clock
     of the next phase, bad measurements refused. What is expected is worked out from the table alone.
 
-    Args:
-        table: Of gait or of modes.
-        machine: Builds the machine under test in a phase that it has entered at tick 0; the package's own
-            machine for this table if None.
-
-    Returns:
-        The tests, each with a name of its own, in the order of the table.
+    ``table``: of gait or of modes. ``machine``: builds the machine under test in a phase that it has entered
+    at tick 0; the package's own machine for this table if None. Returns the tests, each with a name of its
+    own, in the order of the table.
     """
     factory = machine_of(table) if machine is None else machine
     tests: dict[str, TransitionTest] = {}
@@ -149,12 +144,8 @@ def _playing(table: StateTable, item: Scenario) -> Shown:
 def approval_text(table: StateTable) -> str:
     """Write everything that a gait table says as Markdown.
 
-    Args:
-        table: The gait table.
-
-    Returns:
-        Transitions in their order of priority, laws, parameters and truth table of each phase, as ``twin-gait
-        diagram`` prints them; the same text for the same table.
+    ``table``: the gait table. Returns transitions in their order of priority, laws, parameters and truth
+    table of each phase, as ``twin-gait diagram`` prints them; the same text for the same table.
     """
     return f"{transition_table(table)}\n{truth_table(table)}"
 
@@ -162,11 +153,8 @@ def approval_text(table: StateTable) -> str:
 def check_approved(path: Path, present: str) -> str | None:
     """Compare a text with the one that was approved.
 
-    Returns:
-        None if they are the same, else what is wrong: a unified diff, or that there is no such file.
-
-    Raises:
-        ParameterFileError: If the file cannot be read.
+    Returns None if they are the same, else what is wrong: a unified diff, or that there is no such file.
+    Raises ParameterFileError if the file cannot be read.
     """
     if not path.exists():
         return f"{path}: there is no approved text yet"

@@ -106,8 +106,7 @@ def _given(table: StateTable, vector: Vector) -> _Legs | _Asked:
 def play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
     """Drive a machine through a scenario.
 
-    Raises:
-        AssertionError: At the first tick in which the machine does something else.
+    Raises AssertionError: at the first tick in which the machine does something else.
     """
     machine, phase = factory(scenario.phase), scenario.phase
     given: dict[int, _Legs | _Asked] = {}

@@ -81,12 +81,9 @@ def find(
 ) -> Vector | None:
     """Find measurements that fulfil all requirements over a window of ticks.
 
-    Args:
-        phases: Allowed phases of the other leg; ``(None,)`` for a leg without another.
-        requirements: What has to be open or closed.
-
-    Returns:
-        The measurements, as far from all other thresholds as can be; None if there are none.
+    ``phases``: allowed phases of the other leg; ``(None,)`` for a leg without another. ``requirements``: what
+    has to be open or closed. Returns the measurements, as far from all other thresholds as can be; None if
+    there are none.
     """
     ends = sorted(set(window))
 

@@ -66,9 +66,8 @@ class Sweep:
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
     """Read a sweep specification; settings such as ``duration_s=5`` are laid over those of the file.
 
-    Raises:
-        ParameterFileError: If the file has a mistake.
-        ParameterError: If an assignment or the experiment that it names does.
+    Raises ParameterFileError if the file has a mistake. Raises ParameterError if an assignment or the
+    experiment that it names does.
     """
     path = Path(path).expanduser()
     if path.is_dir():
