@@ -1,7 +1,5 @@
 """Check a gait table by all rules: what it is checked against, the rules, and the report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Exits of a phase: open at once, never open, behind another, following a switch at once; idle conditions."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 

@@ -5,8 +5,6 @@ is the id of all its findings, the first line of its docstring says what is foun
 ``RULES``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum

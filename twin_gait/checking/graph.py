@@ -1,7 +1,5 @@
 """The graph of phases: what one leg reaches and leaves again, and what two legs get into together."""
 
-from __future__ import annotations
-
 import itertools
 from collections import deque
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """One leg of an experiment as the physical rules see it: hanging from a pelvis that is held."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

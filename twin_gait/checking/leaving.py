@@ -1,7 +1,5 @@
 """Can a leg leave a phase by its own motors, or does only the time-out take it on?"""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from enum import IntEnum

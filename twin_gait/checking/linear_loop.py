@@ -6,8 +6,6 @@ measures (:func:`twin_gait.core.control_tick.measure_joint`), answers with a tor
 each of these is a matrix; their product over the ticks of a frame is exact, with nothing averaged.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Whether the CAN bus carries what the central unit and the boards tell each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple

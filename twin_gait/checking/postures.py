@@ -1,7 +1,5 @@
 """Where a leg enters a phase, comes to rest in it, and can leave it for the next."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator

@@ -5,8 +5,6 @@ Controller Area Network (CAN) schedulability analysis: refuted, revisited and re
 its waiting ones. All times are whole numbers of one unit, here [ps], so that nothing is rounded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import NamedTuple

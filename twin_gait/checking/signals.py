@@ -1,7 +1,5 @@
 """Ranges of the signals that a table reads, and points in them where guards are open or closed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

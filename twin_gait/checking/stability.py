@@ -1,7 +1,5 @@
 """Stability of the sampled loop of the joints in every phase."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """What a phase asks of the motors: a jump at the switch, and stiffness that the limits cannot serve."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """``twin-gait compare``."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """Parse the command line, run a command, turn errors into one line."""
 
-from __future__ import annotations
-
 import argparse
 import gc
 import os

@@ -1,7 +1,5 @@
 """Experiments as YAML: the section of an experiment, with its gait table, and its conversion to SI."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import MISSING, replace
 from functools import cache

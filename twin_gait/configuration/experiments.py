@@ -1,7 +1,5 @@
 """Load an experiment from a preset or a file, with changes laid over it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points

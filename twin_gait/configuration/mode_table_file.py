@@ -1,7 +1,5 @@
 """Tables of operating modes as YAML; transitions are written as in gait tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 

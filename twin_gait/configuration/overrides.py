@@ -1,7 +1,5 @@
 """Lay one mapping of parameters over another, and read ``--set key=value``."""
 
-from __future__ import annotations
-
 import copy
 import re
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 What holds for both sides stands under ``both``; ``left`` and ``right`` are laid over it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal

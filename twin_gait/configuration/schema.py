@@ -1,7 +1,5 @@
 """JSON Schemas of experiment and gait-table files, by which editors complete and check them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from twin_gait.configuration.gait_table_file import GaitTableFile, phase_section

@@ -4,8 +4,6 @@ A quantity may be given in one of its units, ``amplitude_deg`` or ``amplitude_ra
 or null, keeps what is underneath: the default of the parameters that the section is a part of.
 """
 
-from __future__ import annotations
-
 import math
 import types
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """How one gait table extends another, and which entry of which file a mistake is in."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

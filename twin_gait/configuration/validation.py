@@ -1,7 +1,5 @@
 """Read YAML safely and turn every mistake into one line with file, key, value and the way out."""
 
-from __future__ import annotations
-
 import difflib
 import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence

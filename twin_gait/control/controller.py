@@ -5,8 +5,6 @@ them, with what is fed forward, into the demand of each joint. A controller with
 before the boards hear them. It keeps nothing but its memory, which is part of the record of an episode.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 import reprlib

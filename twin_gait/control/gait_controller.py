@@ -6,8 +6,6 @@ weight of the legs, and tells every board what it wants. The rooms of the simula
 functions, and the C firmware is printed from them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -4,8 +4,6 @@ The device has one for each joint, and one gait controller (:mod:`twin_gait.cont
 of them. The rooms of the simulation's tick call these functions, and the C firmware is printed from them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from twin_gait.core.actuator import Motor

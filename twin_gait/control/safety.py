@@ -1,7 +1,5 @@
 """Causes of a trip and what is noted of it."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ table. In a tick it takes the request that is made, if any, and what is measured
 notes that the request is refused. After a trip of the safety monitor it is in the mode of the hold.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, guard_holds, next_transition

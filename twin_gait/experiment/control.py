@@ -1,7 +1,5 @@
 """What the controller of an experiment knows and may do."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """One frozen value that says everything a run needs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated
 

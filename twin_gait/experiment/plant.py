@@ -1,7 +1,5 @@
 """What the leg of an experiment is, beside its rigid bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated

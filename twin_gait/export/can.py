@@ -1,7 +1,5 @@
 """Frames that a walk puts on the CAN network, from the rows of its log, and files of them for other tools."""
 
-from __future__ import annotations
-
 import io
 import struct
 from collections.abc import Iterable, Iterator, Mapping

@@ -17,8 +17,6 @@ the guides of both in one sum, so that what OpenSim finds as ``pelvis_tx_force``
 then what the guide does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path

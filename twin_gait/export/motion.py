@@ -3,8 +3,6 @@
 A storage file of OpenSim has a header, ``endheader``, the names of the columns and rows of numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the builds of an experiment's firmware give for the vectors of its runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Frames of the CAN network as the firmware packs and unpacks them; these functions are printed as C."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """How far the outputs of two builds of a unit are apart."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Compile a unit of the controller with the main loop that feeds it, for the Cortex-M4F or this machine."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

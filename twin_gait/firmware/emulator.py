@@ -3,8 +3,6 @@
 Inputs go down a pipe, outputs come back on another; QEMU has no network, and its image opens those two only.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -1,7 +1,5 @@
 """Expressions in C, every operation in the order of Python."""
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """How the C looks: names, comments and lines of bounded length."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Iterator

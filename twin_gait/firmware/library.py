@@ -1,7 +1,5 @@
 """A printed program as a shared library of this machine, called with the records of Python."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The gait controller of an experiment linked with the boards of all joints, as one unit without a bus."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

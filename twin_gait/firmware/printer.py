@@ -5,8 +5,6 @@ recursion, allocation and anything of the C library. Built with double numbers (
 the bits of Python; a microcontroller takes float.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """Processor in the loop: the plant in our engine, the gait controller in a unit elsewhere, tick by tick."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Protocol

@@ -1,7 +1,5 @@
 """What ``twin-gait firmware`` leaves behind: readable C, a walk to compare it with, how to use it."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -4,8 +4,6 @@ What no printed function writes to is a parameter: a structure has its address, 
 is part of the structure, and lies in RAM.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

@@ -4,8 +4,6 @@ Names are looked up as :mod:`twin_gait.simulation.binding` binds them: first wha
 of the function.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

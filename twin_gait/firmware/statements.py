@@ -1,7 +1,5 @@
 """Functions in C, statement by statement; every name is declared where the narrowest block needs it."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from collections.abc import Iterator, Sequence

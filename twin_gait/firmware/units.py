@@ -6,8 +6,6 @@ episodes at once (:mod:`twin_gait.simulation.rooms.tick`), with sensors, bus and
 functions are printed as C. A step takes a unit with its inputs, and changes unit and outputs in place.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from twin_gait.control.gait_controller import (

@@ -1,7 +1,5 @@
 """What the linked unit reads tick by tick in a run of the compiled engine, and what it is to give."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

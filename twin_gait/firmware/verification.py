@@ -1,7 +1,5 @@
 """The proof that what is printed is what walks in the simulation: on this machine, and on a Cortex-M4F."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -6,8 +6,6 @@ time-out, debounce). Guards are read here in three values, true, false and not y
 :mod:`twin_gait.core.guards` is not asked, so that each can be tested against the other.
 """
 
-from __future__ import annotations
-
 import math
 import string
 from collections.abc import Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@
 decided by the one evaluator in :mod:`twin_gait.core.guards`. Time is the tick count handed in.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property

@@ -6,8 +6,6 @@ phase is the request: of a schedule, a live panel or the therapist's tablet, mad
 :mod:`twin_gait.control.supervisor` runs a table of modes.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Compile a gait table into the program that the core evaluates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from twin_gait.core import guards as core

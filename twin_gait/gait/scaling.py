@@ -1,7 +1,5 @@
 """Adapt a gait table to wearer, support and belt speed, by the laws that the table states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ A further one is declared here; the gait controller keeps and writes it
 diagram, replay and firmware go by the declaration.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

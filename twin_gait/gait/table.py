@@ -5,8 +5,6 @@ replay, checks, diagrams and tests. Angles are in [rad] and times in ticks of 1 
 edge (:mod:`twin_gait.configuration`) converts.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

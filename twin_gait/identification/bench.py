@@ -1,7 +1,5 @@
 """The joint test bench of the thesis as an identification sees it, and how its logs are processed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated

@@ -6,8 +6,6 @@ polished on part of the samples by :func:`scipy.optimize.least_squares` (trust r
 on all of them by :mod:`twin_gait.identification.refining`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Identify friction: logs in, models out, best first."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence

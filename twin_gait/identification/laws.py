@@ -5,8 +5,6 @@ bristles as ratios to it, so that each law is linear in its coefficients. The la
 what is reported.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """From a log to samples of speed and friction torque (thesis 2.3.1, 2.3.2 and 3.1)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

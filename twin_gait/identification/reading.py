@@ -1,7 +1,5 @@
 """Read logs and series of measurements: any text table, any column names, units declared or by name."""
 
-from __future__ import annotations
-
 import csv
 import re
 import warnings

@@ -5,8 +5,6 @@ the way to the end of the range, where the balance of torques becomes larger tha
 speeds, by more than a wrong inertia could explain.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt

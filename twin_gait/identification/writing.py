@@ -1,7 +1,5 @@
 """What an identification leaves behind: the document, parameter files, samples and figures in a folder."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -1,7 +1,5 @@
 """From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which way the joints of a URDF turn, and joints that turn the other way."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Collection, Mapping

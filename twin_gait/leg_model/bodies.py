@@ -1,7 +1,5 @@
 """A rigid-body model as plain numbers, for engines that do not know Pinocchio."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -5,8 +5,6 @@ that a user's URDF counts the other way are turned round, see :mod:`twin_gait.le
 have one degree of freedom, so ``q`` and ``v`` have the same length; torques act on the joints.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Find and read URDF files, with errors that help."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """Body segments of the wearer and the sizes of the device that fit them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The CAN bus between the central unit and the boards of the joints."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence

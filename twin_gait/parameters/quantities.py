@@ -9,8 +9,6 @@ reference pages are made from that.
 ...     stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 75.0
 """
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import math

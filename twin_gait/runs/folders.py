@@ -1,7 +1,5 @@
 """Folders that appear when all in them is written, and replace only their own kind."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """One leg of a run in numbers, for the summary."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

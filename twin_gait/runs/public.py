@@ -1,7 +1,5 @@
 """What a user does with one run in Python: keep it, read it again, draw it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from matplotlib.figure import Figure

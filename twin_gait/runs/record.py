@@ -1,7 +1,5 @@
 """The run directory: what a run leaves behind, written atomically, and how it is read again."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

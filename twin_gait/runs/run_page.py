@@ -1,7 +1,5 @@
 """Runs as a page shows them: one alone, or two beside each other."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

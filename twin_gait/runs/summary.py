@@ -1,7 +1,5 @@
 """A run in numbers: what goes into ``summary.json``."""
 
-from __future__ import annotations
-
 import math
 import platform
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The testing campaign of the thesis (section 2.2.3) on the simulated joint bench, and the one it lacked."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Mapping

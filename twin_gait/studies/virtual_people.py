@@ -3,8 +3,6 @@
 Person number i of a seed is the same in a cohort of any size.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

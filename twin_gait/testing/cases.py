@@ -4,8 +4,6 @@ The tests follow the table, so they cannot notice that the table itself was edit
 approved by a person, can.
 """
 
-from __future__ import annotations
-
 import difflib
 import itertools
 from collections.abc import Callable, Iterator

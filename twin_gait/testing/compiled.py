@@ -4,8 +4,6 @@ Guards, thresholds and the choice of a transition are printed as for the device,
 the C compiler of this machine, and called where :class:`~twin_gait.gait.GaitStateMachine` calls Python.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import partial

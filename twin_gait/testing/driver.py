@@ -1,7 +1,5 @@
 """Drive a machine under test: through a scenario, and with measurements that it has to refuse."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol

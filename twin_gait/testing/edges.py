@@ -1,7 +1,5 @@
 """Scenarios at the thresholds of a guard: just past, just below, on them; and of two exits due at once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ Plain recursion over the guards and plain counting of ticks. Nothing here calls 
 :mod:`twin_gait.core.guards`: the kit compares the two.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

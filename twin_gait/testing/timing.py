@@ -1,7 +1,5 @@
 """Scenarios in time and across phases: debounce, minimum duration, time-outs, the clock of the next phase."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from twin_gait.gait.feasibility import Requirement

@@ -1,7 +1,5 @@
 """A share of the impedance that another controller asks for: fixed, or as much as is needed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A stiff spring that follows a predetermined path (TWIN's walk mode)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

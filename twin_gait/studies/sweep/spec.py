@@ -1,7 +1,5 @@
 """Sweep specifications as YAML, and their conversion to a base experiment and a design."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ are merged into ``table.parquet``. A kill between the two leaves rows in both, o
 equal.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import io

@@ -1,7 +1,5 @@
 """Sweeps: an experiment over any of its parameters, resumable, on this machine or a cluster."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Wearers, plants and sensors that a table is tried on besides those that it is tuned for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce

@@ -1,7 +1,5 @@
 """The folder of a tuning: ``table.yaml``, ``tune.json``, ``report.html`` and the figures."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence
