@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from twin_gait.configuration import table_inheritance
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
@@ -17,13 +18,6 @@ from twin_gait.configuration.mode_table_file import (
 from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.readers import SIDES, section_of
-from twin_gait.configuration.table_inheritance import (
-    extended_table,
-    gait_table_path,
-    own_entries_named,
-    packaged_gait_tables,
-    read_gait_table,
-)
 from twin_gait.configuration.validation import (
     converting,
     descriptions,
@@ -197,15 +191,15 @@ def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
         if "extends" not in table:
             return table
         source, name = f"{path}: table", path.stem
-        data, places = extended_table(table, path, source)
+        data, places = table_inheritance.extended_table(table, path, source)
     elif isinstance(table, str):
-        found = converting(str(path), "table", lambda: gait_table_path(table, path.parent))
+        found = converting(str(path), "table", lambda: table_inheritance.gait_table_path(table, path.parent))
         source, name = str(found), found.stem
-        data, places = read_gait_table(found)
+        data, places = table_inheritance.read_gait_table(found)
         data = {"name": name, **data}
     else:
-        known = ", ".join(packaged_gait_tables())
+        known = ", ".join(table_inheritance.packaged_gait_tables())
         raise ParameterFileError(path, "table", f"expected a packaged table ({known}), a path or a mapping")
-    with own_entries_named(places):  # while it is known what was written where
+    with table_inheritance.own_entries_named(places):  # while it is known what was written where
         gait_table_from_mapping(data, source, name)
     return data

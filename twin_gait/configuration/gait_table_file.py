@@ -13,20 +13,8 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import Count, Number, Strict, converting, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterFileError
+from twin_gait.gait import table
 from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
-from twin_gait.gait.table import (
-    LONGEST,
-    TICK,
-    Blending,
-    DraftTable,
-    DrivenBy,
-    GaitTable,
-    JointImpedance,
-    PhaseParameters,
-    Scaling,
-    Transition,
-    Waiver,
-)
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
@@ -36,13 +24,13 @@ SCHEMA_VERSION = 1
 def phase_section(joints: tuple[str, ...]) -> Any:
     """The section of a phase of a table for some joints."""
     fields: dict[str, Any] = dict.fromkeys(joints, (_Joint, ...))
-    section: Any = create_model("Phase", __base__=section_of(PhaseParameters), **fields)
+    section: Any = create_model("Phase", __base__=section_of(table.PhaseParameters), **fields)
     section.joints = joints
     return section
 
 
 _Joint, _Blending, _Scaling, _Waiver = (  # sections made from what the classes declare
-    section_of(kind) for kind in (JointImpedance, Blending, Scaling, Waiver)
+    section_of(kind) for kind in (table.JointImpedance, table.Blending, table.Scaling, table.Waiver)
 )
 
 
@@ -54,9 +42,11 @@ class TransitionEntry(Strict):
     cause: str = Field(min_length=1)
     all: list[Any] | None = None
     any: list[Any] | None = None
-    after_s: Number | None = Field(default=None, gt=TICK / 2, le=LONGEST * TICK)  # rounded to ticks
-    debounce_ms: Count | None = Field(default=None, ge=1, le=LONGEST)
-    driven_by: DrivenBy = DrivenBy.JOINT
+    after_s: Number | None = Field(
+        default=None, gt=table.TICK / 2, le=table.LONGEST * table.TICK
+    )  # rounded to ticks
+    debounce_ms: Count | None = Field(default=None, ge=1, le=table.LONGEST)
+    driven_by: table.DrivenBy = table.DrivenBy.JOINT
     remove: bool = False
 
     @model_validator(mode="after")
@@ -89,7 +79,7 @@ class GaitTableFile(Strict):
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
-def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
+def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
     """Read a gait table.
 
     ``source``: YAML file, or as a text the name of a table that ships with the package, such as
@@ -105,7 +95,7 @@ def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
 
 def gait_table_from_mapping(
     data: dict[str, Any], source: str, name: str, *, draft: bool = False
-) -> GaitTable:
+) -> table.GaitTable:
     """Turn parsed YAML into a gait table.
 
     ``data``: the parsed file. ``source``: file name for messages. ``name``: name of the table if the file
@@ -138,7 +128,7 @@ def gait_table_from_mapping(
         for side, differences in entry.sides.items()
         if differences
     }
-    kind = DraftTable if draft else GaitTable
+    kind = table.DraftTable if draft else table.GaitTable
     return converting(
         source,
         "",
@@ -168,7 +158,7 @@ def _on_side(
     return merge(entry.phases[phase], differences)
 
 
-def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> PhaseParameters:
+def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
     for joint in joints:
         if not isinstance(values.get(joint), dict):
@@ -177,7 +167,7 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
         entry: Any = validate(phase_section(joints), values, source)
     except ParameterFileError as error:
         raise ParameterFileError(source, f"{key}.{error.key}".rstrip("."), error.problem) from error
-    phase: PhaseParameters = converting(source, key, entry.convert)
+    phase: table.PhaseParameters = converting(source, key, entry.convert)
     return phase
 
 
@@ -188,26 +178,26 @@ def transition_of(
     source: str,
     key: str,
     words: GuardWords = LEG_WORDS,
-) -> Transition:
+) -> table.Transition:
     """A transition in SI.
 
     ``entry``: as it was read. ``joints``: of the table. ``members``: what a membership may name. ``source``:
     file name for messages. ``key``: place in the file, likewise. ``words``: what guards may read.
     """
 
-    def build() -> Transition:
+    def build() -> table.Transition:
         guard: Guard = AllOf(guards=())
         if entry.all is not None:
             guard = AllOf(guards=tuple(_guard(item, joints, members, words) for item in entry.all))
         elif entry.any is not None:
             guard = AnyOf(guards=tuple(_guard(item, joints, members, words) for item in entry.any))
-        return Transition(
+        return table.Transition(
             source=entry.from_,
             target=entry.to,
             cause=entry.cause,
             guard=guard,
             debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
-            time_out_ticks=None if entry.after_s is None else round(entry.after_s / TICK),
+            time_out_ticks=None if entry.after_s is None else round(entry.after_s / table.TICK),
             driven_by=entry.driven_by,
         )
 

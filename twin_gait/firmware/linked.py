@@ -8,17 +8,9 @@ import numpy as np
 
 from twin_gait.control.joint_board import Command
 from twin_gait.core.guards import GuardProgram
+from twin_gait.firmware import units
 from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
 from twin_gait.firmware.records import Records
-from twin_gait.firmware.units import (
-    Decision,
-    Exoskeleton,
-    ExoskeletonInputs,
-    ExoskeletonOutputs,
-    JointBoardInputs,
-    Settings,
-    Surroundings,
-)
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK
@@ -31,9 +23,9 @@ from twin_gait.simulation.problem import Problem
 class LinkedUnit:
     """All that the unit of an experiment is printed from, or bound to."""
 
-    record: Exoskeleton  # at tick 0
-    inputs: ExoskeletonInputs  # of a tick; only their shape is of meaning
-    outputs: ExoskeletonOutputs  # likewise
+    record: units.Exoskeleton  # at tick 0
+    inputs: units.ExoskeletonInputs  # of a tick; only their shape is of meaning
+    outputs: units.ExoskeletonOutputs  # likewise
     structure: Mapping[str, Any]  # constants and functions of the controller that it is bound to
     kernel: str  # source of the functions of the controller's model
 
@@ -52,15 +44,19 @@ def linked_unit(problem: Problem) -> LinkedUnit:
         trim(compile_guards(modes), controller.supervisor.program, [controller.supervisor.debounce])
         part_ticks(controller.supervisor.program, modes.signals)
     joints, legs = len(boards), len(episode.controller.legs)
-    settings = Settings(episode.rates, episode.limits, episode.watching)
-    inputs = ExoskeletonInputs([JointBoardInputs() for _ in range(joints)], Surroundings([0.0] * legs))
-    outputs = ExoskeletonOutputs([Command() for _ in range(joints)], Decision([0] * legs, [0] * legs))
+    settings = units.Settings(episode.rates, episode.limits, episode.watching)
+    inputs = units.ExoskeletonInputs(
+        [units.JointBoardInputs() for _ in range(joints)], units.Surroundings([0.0] * legs)
+    )
+    outputs = units.ExoskeletonOutputs(
+        [Command() for _ in range(joints)], units.Decision([0] * legs, [0] * legs)
+    )
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
     if structure["INERTIA_WANTED"]:
         texts.append(write_control_inertia(bodies.control_bodies))
     kernel = "\n\n".join([*write_side_by_side("".join(texts)), *texts])
     names = {**structure, **problem.controller.functions()}
-    return LinkedUnit(Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
+    return LinkedUnit(units.Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
 
 
 def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int]]) -> None:

@@ -13,16 +13,7 @@ from typing import Annotated, ClassVar
 
 from twin_gait.core.guards import GuardProgram
 from twin_gait.exceptions import GaitTableError, ParameterError
-from twin_gait.gait.guards import (
-    MODE_WORDS,
-    AllOf,
-    AnyOf,
-    Comparison,
-    Guard,
-    GuardWords,
-    PhaseMembership,
-    atoms,
-)
+from twin_gait.gait import guards
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import guard_is_open
 from twin_gait.gait.signals import TIME, signal_scale
@@ -57,7 +48,7 @@ class ModeTable(StateTable):
     requests: tuple[str, ...]  # what can be asked for, if anything
     hold: str  # mode in which the device is after a trip of the safety monitor; it is not left
 
-    words: ClassVar[GuardWords] = MODE_WORDS
+    words: ClassVar[guards.GuardWords] = guards.MODE_WORDS
 
     def _check_phases(self) -> None:
         _require(len(self.requests) <= MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
@@ -71,7 +62,7 @@ class ModeTable(StateTable):
         super()._check_transition(place, item)
         _require(item.source != self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
         late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
-        asks = any(isinstance(atom, PhaseMembership) for atom in atoms(item.guard))
+        asks = any(isinstance(atom, guards.PhaseMembership) for atom in guards.atoms(item.guard))
         _require(item.debounce_ticks == 1 or not asks, f"{late}; leave debounce_ms out")
 
     @property
@@ -91,7 +82,8 @@ class ModeTable(StateTable):
             for item in self.transitions
             if item.source == mode
             and any(
-                isinstance(atom, PhaseMembership) and request in atom.phases for atom in atoms(item.guard)
+                isinstance(atom, guards.PhaseMembership) and request in atom.phases
+                for atom in guards.atoms(item.guard)
             )
         ]
 
@@ -186,18 +178,18 @@ def _missing(
     return waits + _closed(table, item.guard, values, table.member_index(request))
 
 
-def _closed(table: ModeTable, guard: Guard, values: list[float], request: int) -> list[str]:
+def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request: int) -> list[str]:
     """The conditions that keep a guard closed, with what is measured."""
     if guard_is_open(guard, table, values, request):
         return []
-    if isinstance(guard, (AllOf, AnyOf)):
+    if isinstance(guard, (guards.AllOf, guards.AnyOf)):
         parts = [_closed(table, inner, values, request) for inner in guard.guards]
         return [text for part in parts for text in part]
     return [f"{guard} is not true{_measured(table, guard, values)}"]
 
 
-def _measured(table: ModeTable, atom: Comparison | PhaseMembership, values: list[float]) -> str:
-    if isinstance(atom, PhaseMembership):
+def _measured(table: ModeTable, atom: guards.Comparison | guards.PhaseMembership, values: list[float]) -> str:
+    if isinstance(atom, guards.PhaseMembership):
         return ""
     names = [name for name in (atom.signal, atom.minus) if name is not None]
     shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in names]

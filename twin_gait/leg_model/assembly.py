@@ -7,20 +7,10 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
+from twin_gait.leg_model import wearer
 from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
 from twin_gait.leg_model.joints import ALL_GUIDES, GUIDES, LegJoints
 from twin_gait.leg_model.urdf import build_model
-from twin_gait.leg_model.wearer import (
-    DRAWN_FOOT,
-    TRUNK_CENTRE_OF_MASS,
-    TRUNK_LENGTH,
-    TRUNK_RADIUS_OF_GYRATION,
-    DeviceSizes,
-    foot_line,
-    segment_inertia,
-    segments_of,
-    trunk_mass,
-)
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
@@ -51,7 +41,7 @@ class Assembly:
         if turned:
             self.model = self._lock_other_joints(self._read(turned))
 
-    def fit(self, sizes: DeviceSizes) -> None:
+    def fit(self, sizes: wearer.DeviceSizes) -> None:
         """Set femur, tibia, waist and foot: places of joints and soles, and the device's own inertia.
 
         The mass of a link stays; its centre of mass along the tube moves with the length and its
@@ -72,7 +62,7 @@ class Assembly:
             if leg.ankle is not None:
                 ankle = self._id(leg.ankle)
                 self._stretch(knee, ankle, sizes.tibia)
-                self._grow_foot(ankle, sizes.foot / DRAWN_FOOT)
+                self._grow_foot(ankle, sizes.foot / wearer.DRAWN_FOOT)
 
     def take_device_away(self) -> None:
         """Leave the joints where they are, and the links without mass."""
@@ -84,7 +74,7 @@ class Assembly:
 
         Raises ModelError if hip and knee coincide, so that there is no thigh between them.
         """
-        segments = segments_of(patient)
+        segments = wearer.segments_of(patient)
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
@@ -92,15 +82,15 @@ class Assembly:
                 raise ModelError(
                     f"{self._path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
                 )
-            self._append(hip, *segment_inertia(segments["thigh"], patient.mass, thigh))
+            self._append(hip, *wearer.segment_inertia(segments["thigh"], patient.mass, thigh))
             if leg.ankle is None:
                 down = thigh / np.linalg.norm(thigh)
                 shank = SHANK_LENGTH * patient.height * down
-                self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
+                self._append(knee, *wearer.segment_inertia(segments["shank"], patient.mass, shank))
                 continue
             ankle = self._id(leg.ankle)
             shank = self.model.jointPlacements[ankle].translation.copy()
-            self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
+            self._append(knee, *wearer.segment_inertia(segments["shank"], patient.mass, shank))
             self._append_foot(ankle, patient)
         if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
@@ -193,18 +183,23 @@ class Assembly:
 
     def _append_foot(self, ankle: int, patient: Patient) -> None:
         forward_and_up = np.array([FORWARD, self._up()])
-        start, axis = (vector @ forward_and_up for vector in foot_line(patient))
-        mass, from_start, inertia = segment_inertia(segments_of(patient)["foot"], patient.mass, axis)
+        start, axis = (vector @ forward_and_up for vector in wearer.foot_line(patient))
+        mass, from_start, inertia = wearer.segment_inertia(
+            wearer.segments_of(patient)["foot"], patient.mass, axis
+        )
         self._append(ankle, mass, start + from_start, inertia)
 
     def _append_trunk(self, patient: Patient) -> None:
-        mass = trunk_mass(patient)
-        length = TRUNK_LENGTH * patient.height
-        radius = TRUNK_RADIUS_OF_GYRATION * length
+        mass = wearer.trunk_mass(patient)
+        length = wearer.TRUNK_LENGTH * patient.height
+        radius = wearer.TRUNK_RADIUS_OF_GYRATION * length
         along = np.outer(self._up(), self._up())
         inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
         self._append(
-            self._id(GUIDES[self._pelvis][-1]), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia
+            self._id(GUIDES[self._pelvis][-1]),
+            mass,
+            wearer.TRUNK_CENTRE_OF_MASS * length * self._up(),
+            inertia,
         )
 
     def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:

@@ -13,15 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError, ParameterError
+from twin_gait.leg_model import joints
 from twin_gait.leg_model.assembly import Assembly
-from twin_gait.leg_model.joints import (
-    FORWARD_JOINT,
-    GUIDES,
-    PELVIS_JOINT,
-    PITCH_JOINT,
-    Bodies,
-    LegJoints,
-)
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
@@ -42,7 +35,7 @@ class LegModel:
     def __init__(
         self,
         urdf: str | Path,
-        legs: Mapping[Side, LegJoints],
+        legs: Mapping[Side, joints.LegJoints],
         *,
         patient: Patient | None = None,
         fit_device: bool = True,
@@ -50,7 +43,7 @@ class LegModel:
         armature: Mapping[JointName, float] | None = None,
         gravity: float = 9.81,
         up_axis: str = "z",
-        bodies: Bodies = Bodies.BOTH,
+        bodies: joints.Bodies = joints.Bodies.BOTH,
     ) -> None:
         """Build the model.
 
@@ -85,12 +78,12 @@ class LegModel:
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
             assembly.fit(self.sizes)
-        if patient is not None and bodies is Bodies.WEARER:
+        if patient is not None and bodies is joints.Bodies.WEARER:
             assembly.take_device_away()
-        if patient is not None and bodies is not Bodies.DEVICE:
+        if patient is not None and bodies is not joints.Bodies.DEVICE:
             assembly.put_on(patient)
         assembly.set_gravity(gravity)
-        assembly.set_armature({} if bodies is Bodies.WEARER else armature or {})
+        assembly.set_armature({} if bodies is joints.Bodies.WEARER else armature or {})
         self.model = assembly.model
         self.data = self.model.createData()
 
@@ -125,27 +118,27 @@ class LegModel:
     @property
     def pelvis_index(self) -> int | None:
         """Position of the vertical pelvis coordinate, or None if the pelvis is fixed."""
-        return self._guide_index(PELVIS_JOINT)
+        return self._guide_index(joints.PELVIS_JOINT)
 
     @property
     def forward_index(self) -> int | None:
         """Position of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards."""
-        return self._guide_index(FORWARD_JOINT)
+        return self._guide_index(joints.FORWARD_JOINT)
 
     @property
     def pitch_index(self) -> int | None:
         """Position of the pitch of pelvis and trunk, forwards positive, or None if the pelvis is guided."""
-        return self._guide_index(PITCH_JOINT)
+        return self._guide_index(joints.PITCH_JOINT)
 
     def _guide_index(self, name: str) -> int | None:
-        if name not in GUIDES[self.pelvis]:
+        if name not in joints.GUIDES[self.pelvis]:
             return None
         return int(self.model.joints[self._joint_id(name)].idx_v)
 
     @property
     def trunk_joint(self) -> str | None:
         """Name of the joint that carries pelvis and trunk, or None if the pelvis is fixed."""
-        guides = GUIDES[self.pelvis]
+        guides = joints.GUIDES[self.pelvis]
         return guides[-1] if guides else None
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.machine import POSTURE
 from twin_gait.gait.table import TICK, Blending, BlendingLaw
+from twin_gait.measures import switching
 from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
@@ -21,14 +22,6 @@ from twin_gait.measures.strides import (
     stride_extremes,
     stride_times,
     swing_shares,
-)
-from twin_gait.measures.switching import (
-    blend_windows,
-    dimensionless_jerk,
-    joint_jerk,
-    sums_over,
-    switching_energy,
-    torque_jumps,
 )
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle
@@ -248,8 +241,8 @@ def _work(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str,
     mass = math.nan if run.experiment.patient is None else run.experiment.patient.mass
     return {
         "power_peak_W": _mean(stride_extremes(power, strides)[:, 1]),
-        "positive_work_J_per_kg": TICK * _mean(sums_over(np.maximum(power, 0.0), strides)) / mass,
-        "negative_work_J_per_kg": TICK * _mean(sums_over(np.minimum(power, 0.0), strides)) / mass,
+        "positive_work_J_per_kg": TICK * _mean(switching.sums_over(np.maximum(power, 0.0), strides)) / mass,
+        "negative_work_J_per_kg": TICK * _mean(switching.sums_over(np.minimum(power, 0.0), strides)) / mass,
     }
 
 
@@ -293,7 +286,7 @@ def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int)
     command = run.log[f"{record.side}_{joint}_motor_command_torque_Nm"].to_numpy()
     return {
         "switch_torque_jump_Nm": _largest(
-            torque_jumps(command, blend_windows(counted, length, len(command)))
+            switching.torque_jumps(command, switching.blend_windows(counted, length, len(command)))
         ),
         "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, length).over_blending),
     }
@@ -307,24 +300,24 @@ def _energy_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int
     controller keeps the motor from acting like it.
     """
     name, log, strides = f"{record.side}_{joint}", run.log, record.strides(skip=skip)
-    energy = switching_energy(
+    energy = switching.switching_energy(
         log[f"{name}_measured_angle_rad"].to_numpy(),
         log[f"{name}_stiffness_Nm_per_rad"].to_numpy(),
         log[f"{name}_equilibrium_rad"].to_numpy(),
     )
     return {
-        "switch_energy_J": _mean(sums_over(energy, strides)),
-        "switch_energy_put_in_J": _mean(sums_over(np.maximum(energy, 0.0), strides)),
+        "switch_energy_J": _mean(switching.sums_over(energy, strides)),
+        "switch_energy_put_in_J": _mean(switching.sums_over(np.maximum(energy, 0.0), strides)),
     }
 
 
 def _jerk(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
     """Jerk of a joint over the counted strides, filtered as :mod:`twin_gait.measures.switching` says."""
     velocity = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
-    strides, jerk = record.strides(skip=skip), joint_jerk(velocity, TICK)
+    strides, jerk = record.strides(skip=skip), switching.joint_jerk(velocity, TICK)
     ticks = (strides[:, 1] - strides[:, 0]).sum()
-    squared = sums_over(jerk * jerk, strides).sum()
+    squared = switching.sums_over(jerk * jerk, strides).sum()
     return {
         "jerk_rms_rad_per_s3": math.sqrt(squared / ticks) if ticks else math.nan,
-        "jerk_dimensionless": _mean(dimensionless_jerk(velocity, jerk, strides, TICK)),
+        "jerk_dimensionless": _mean(switching.dimensionless_jerk(velocity, jerk, strides, TICK)),
     }
