@@ -6,24 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait.checking import (
-    exits,
-    graph,
-    leaving,
-    network,
-    sense,
-    stability,
-    torques,
-)
-from twin_gait.checking.finding import (
-    CheckCase,
-    Finding,
-    Rule,
-    Severity,
-    unknown_rule,
-    unused_waiver,
-    waive,
-)
+from twin_gait.checking import exits, graph, leaving, network, sense, stability, torques
+from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, unknown_rule, unused_waiver, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_state_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets

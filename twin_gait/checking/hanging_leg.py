@@ -93,9 +93,7 @@ class HangingLeg:
         """Torque at the joint at the current limit, in [N m]."""
         motor = self.actuator(joint)
         return current_to_torque(
-            self.problem.experiment.control.limits.current,
-            motor.torque_constant,
-            motor.gear_ratio,
+            self.problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio
         )
 
     def torque_limits(self) -> np.ndarray:

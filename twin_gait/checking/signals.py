@@ -7,16 +7,7 @@ from dataclasses import dataclass, replace
 from twin_gait.checking.finding import CheckCase
 from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import (
-    ZERO,
-    Bound,
-    Requirement,
-    Way,
-    bound_of,
-    equal,
-    solutions,
-    translated,
-)
+from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
 from twin_gait.gait.guards import Comparison, Guard, atoms
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards

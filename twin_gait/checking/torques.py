@@ -96,11 +96,7 @@ def torque_jump(case: CheckCase) -> list[Finding]:
 
 def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
     limits = leg.torque_limits()
-    worst = max(
-        jumps,
-        key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint],
-        default=None,
-    )
+    worst = max(jumps, key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint], default=None)
     if worst is None:
         return []
     limit = float(limits[worst.joint])

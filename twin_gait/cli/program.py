@@ -94,8 +94,7 @@ def complete_files(parser: argparse.ArgumentParser) -> None:
 def build_parser() -> ProgramParser:
     """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
     parser = ProgramParser(
-        prog="twin-gait",
-        description="Gait simulation of the TWIN leg exoskeleton. Not a medical device.",
+        prog="twin-gait", description="Gait simulation of the TWIN leg exoskeleton. Not a medical device."
     )
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
     parser.add_argument(

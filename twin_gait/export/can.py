@@ -141,10 +141,7 @@ def _measurement(
 
 def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
     held = rows["safety_state"] == SafetyState.HOLD.code
-    found: dict[str, Any] = {
-        "safety_state": rows["safety_state"],
-        "trip_cause": _trip_causes(message, rows),
-    }
+    found: dict[str, Any] = {"safety_state": rows["safety_state"], "trip_cause": _trip_causes(message, rows)}
     for side in Side:
         name = f"{side}_phase"
         codes = message.codes.get(name, {})

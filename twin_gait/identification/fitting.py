@@ -104,11 +104,7 @@ def _scale(scale: Scale, samples: Samples) -> float:
 
 
 def fit_model(
-    model: FrictionModel,
-    samples: Samples,
-    options: FitOptions,
-    *,
-    seeds: Sequence[np.ndarray] = (),
+    model: FrictionModel, samples: Samples, options: FitOptions, *, seeds: Sequence[np.ndarray] = ()
 ) -> Fit:
     """Fit a model to samples with every column that it needs.
 

@@ -134,9 +134,7 @@ def urdf_hash(path: Path) -> str:
 
 
 def build_model(
-    path: Path,
-    root_joints: Sequence[tuple[pin.JointModel, str]] = (),
-    reversed_joints: Collection[str] = (),
+    path: Path, root_joints: Sequence[tuple[pin.JointModel, str]] = (), reversed_joints: Collection[str] = ()
 ) -> pin.Model:
     """Build a Pinocchio model of a URDF file.
 

@@ -33,11 +33,7 @@ SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start'
 
 
 def summarise_side(
-    run: Run,
-    side: Side,
-    skip: int,
-    record: LegRecord | None = None,
-    measures: WalkMeasures | None = None,
+    run: Run, side: Side, skip: int, record: LegRecord | None = None, measures: WalkMeasures | None = None
 ) -> dict[str, Any]:
     """Gait and effort of one leg.
 

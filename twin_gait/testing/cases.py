@@ -115,9 +115,7 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
     last = taking.steps[-leave.debounce - 1 :]
     away = (phase for phase in table.phase_names if phase != leave.phase)
     for item in itertools.chain(
-        timing.clock(leave, last),
-        timing.again(leave),
-        *(timing.elsewhere(leave, phase) for phase in away),
+        timing.clock(leave, last), timing.again(leave), *(timing.elsewhere(leave, phase) for phase in away)
     ):
         yield _playing(table, item)
     steps = comfortable(leave, [Requirement(leave.item.guard)], fires) or last

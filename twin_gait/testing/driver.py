@@ -8,14 +8,7 @@ from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.modes import ModeMachine, ModeTable
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import (
-    OTHER,
-    OTHER_TIME,
-    TIME,
-    LegSignals,
-    leg_signals,
-    signal_scale,
-)
+from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME, LegSignals, leg_signals, signal_scale
 from twin_gait.gait.table import StateTable
 from twin_gait.testing.exits import Scenario
 from twin_gait.testing.reference import Steps, Vector

@@ -9,15 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import (
-    ZERO,
-    Bound,
-    Phases,
-    Requirement,
-    Way,
-    bound_of,
-    most_comfortable,
-)
+from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, Way, bound_of, most_comfortable
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition

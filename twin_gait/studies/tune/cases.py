@@ -185,8 +185,7 @@ def _friction(ratio: float) -> Change:
 def _efficiency(efficiency: float) -> Change:
     return _plant(
         lambda plant: replace(
-            plant,
-            actuators={k: replace(v, gear_efficiency=efficiency) for k, v in plant.actuators.items()},
+            plant, actuators={k: replace(v, gear_efficiency=efficiency) for k, v in plant.actuators.items()}
         )
     )
 
