@@ -14,9 +14,6 @@ from twin_gait.gait.table import TICK, Transition
 _NOISY, _ENTRY = "noisy.", (TICK, TICK)
 
 
-# ---------------------------------------------------------------------- exits that contend
-
-
 def ambiguity(case: CheckCase) -> list[Finding]:
     """Two exits of a phase with different targets can be open at once; time-outs are exempt."""
     space, findings = signal_space(case), list[Finding]()
@@ -133,9 +130,6 @@ def _wins_somewhere(space: SignalSpace, index: int, before: list[int]) -> bool:
     return all(open_behind(group) for group in [quick, *slow])
 
 
-# ---------------------------------------------------------------------- conditions that decide nothing
-
-
 def threshold_beyond_limits(case: CheckCase) -> list[Finding]:
     """A threshold lies outside what its signal can measure: the condition is always or never true."""
     space = signal_space(case)
@@ -219,9 +213,6 @@ def _superfluous(
         if not decides:
             kept = rest
             yield member, tuple(rest)
-
-
-# ---------------------------------------------------------------------- switches that follow one another
 
 
 def cascade(case: CheckCase) -> list[Finding]:

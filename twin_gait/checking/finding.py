@@ -99,9 +99,6 @@ def about(
     )
 
 
-# ---------------------------------------------------------------------- waivers
-
-
 def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
     """The table waives a rule that does not exist."""
     return [

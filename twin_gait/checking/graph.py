@@ -15,9 +15,6 @@ from twin_gait.gait.table import GaitTable, Transition
 Pair = tuple[str, str]
 
 
-# ---------------------------------------------------------------------- one leg
-
-
 def firing(case: CheckCase) -> list[Transition]:
     """Transitions of a table that can fire inside the limits, in its order."""
     space = signal_space(case)
@@ -152,9 +149,6 @@ def _chain(closing: Transition, before: dict[str, str | None]) -> str:
     while (previous := before[phases[0]]) is not None:
         phases.insert(0, previous)
     return " → ".join([closing.source, *phases])
-
-
-# ---------------------------------------------------------------------- two legs
 
 
 class Step(NamedTuple):
@@ -331,9 +325,6 @@ def deadlock(case: CheckCase) -> list[Finding]:
             for index in legs.space.exits(own)
         )
     ]
-
-
-# ---------------------------------------------------------------------- modes
 
 
 def unanswered_request(case: CheckCase) -> list[Finding]:

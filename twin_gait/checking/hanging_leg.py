@@ -83,8 +83,6 @@ class HangingLeg:
         """``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
-    # ------------------------------------------------------------------ motors
-
     def actuator(self, joint: JointName) -> ActuatorParameters:
         """Motor and gear of a joint."""
         return self.problem.experiment.plant.actuators[joint]
@@ -105,8 +103,6 @@ class HangingLeg:
         """Speed in [rad] / [s] at which the back-EMF takes up the whole battery voltage."""
         motor = self.actuator(joint)
         return self.problem.experiment.plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
-
-    # ------------------------------------------------------------------ mechanics
 
     def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
         q = np.zeros(model.nv)
@@ -135,8 +131,6 @@ class HangingLeg:
         model = self.problem.control_model
         q, indices = self._posture(model, angles)
         return model.gravity_torque(q)[indices]
-
-    # ------------------------------------------------------------------ the linear loop
 
     @property
     def sticks(self) -> bool:

@@ -80,9 +80,6 @@ def _some_exit_opens(
     return False
 
 
-# ---------------------------------------------------------------------- rules
-
-
 def _leavings(case: CheckCase) -> list[_Leaving]:
     """Worst way out of every phase, found once for both rules."""
     found: list[_Leaving] = case.once(_Leaving, lambda: [*_each_leaving(case)])

@@ -158,9 +158,6 @@ def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
     return found or [np.clip(equilibria[phase], *leg.limits().T)]
 
 
-# ---------------------------------------------------------------------- on the way through a phase
-
-
 class Postures(NamedTuple):
     """Postures and velocities at which a switch can happen."""
 

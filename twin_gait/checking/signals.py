@@ -73,8 +73,6 @@ class SignalSpace:
         self._openings: dict[tuple[int, str | None], Point | None] = {}
         self._firing: dict[int, bool] = {}
 
-    # ------------------------------------------------------------------ the table
-
     def exits(self, phase: str) -> list[int]:
         """Indices of the transitions that leave a phase."""
         return [index for index, item in enumerate(self.table.transitions) if item.source == phase]
@@ -101,8 +99,6 @@ class SignalSpace:
         item = self.transition(index)
         earliest = max(1, self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
         return earliest * TICK, self.time_out(item.source)
-
-    # ------------------------------------------------------------------ points
 
     def range(self, name: str) -> tuple[float, float]:
         """Range of a measured signal in the units of the table; either leg's."""
@@ -207,8 +203,6 @@ class SignalSpace:
         last = Requirement(translated(item.guard, lambda name: _END + name, lambda membership: True))
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
         return self.possible([self.requirement(index), last], times, equal(_END + TIME, TIME, stay))
-
-    # ------------------------------------------------------------------ evaluation
 
     def measured(self, point: Point) -> list[float]:
         """Signals of a point as the evaluator reads them; those that it leaves open are 0."""

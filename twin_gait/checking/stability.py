@@ -130,9 +130,6 @@ def stability_margin(case: CheckCase) -> list[Finding]:
     return findings
 
 
-# ---------------------------------------------------------------------- margins
-
-
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:
     """Largest value up to which a loop is stable, beginning from the value that it has.
 

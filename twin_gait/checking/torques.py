@@ -131,9 +131,6 @@ def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
     return found
 
 
-# ---------------------------------------------------------------------- what a spring asks for
-
-
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
     r"""Largest speed of a damped spring and mass that are let go at rest.
 

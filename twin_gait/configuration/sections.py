@@ -101,9 +101,6 @@ def within(key: str, read: Any, *arguments: Any) -> Any:
         raise ParameterError(f"{key}{joint}{error}") from error
 
 
-# ------------------------------------------------------------------ how values stand in a file
-
-
 class Form:
     """How a number, a word or a truth value stands in a file."""
 
@@ -289,9 +286,6 @@ def _form(item: quantities.Declaration, kind: Any) -> Form:
 
 
 _forms: dict[quantities.Declaration, Form] = {}
-
-
-# ------------------------------------------------------------------ sections made from declarations
 
 
 def reads(parameters: type[Any]) -> Any:

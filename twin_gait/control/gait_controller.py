@@ -138,9 +138,6 @@ class ControllerState:
     last_rest: int = 0  # Last tick in which the legs were told to stand.
 
 
-# ------------------------------------------------------------------ what is heard
-
-
 def hear_load(controller: ControllerState, number: int, load: float) -> None:
     """Take the load of a foot over body weight."""
     leg = controller.legs[number]
@@ -176,9 +173,6 @@ def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
     controller.common.walk = walk
     if walk == 0.0:
         controller.last_rest = tick
-
-
-# ------------------------------------------------------------------ the monitor
 
 
 def watch_phase(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
@@ -234,9 +228,6 @@ def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
         for joint in controller.joints:
             # The angles of this tick may be what the monitor tripped on.
             joint.hold_angle = joint.measurement.last_angle
-
-
-# ------------------------------------------------------------------ the state machine of a leg
 
 
 def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
@@ -301,9 +292,6 @@ def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> N
         leg.gravity = blend(leg.gravity_start, leg.gravity_shares[leg.phase], share)
 
 
-# ------------------------------------------------------------------ the operating modes
-
-
 def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
     """Choose the mode, and tell the legs what it sets; :func:`send_to_posture` follows for each leg."""
     supervisor = controller.supervisor
@@ -337,9 +325,6 @@ def send_to_posture(controller: ControllerState, number: int, tick: int) -> None
     """Send a leg into the posture of the mode."""
     supervisor = controller.supervisor
     begin_phase(controller, number, supervisor.modes[supervisor.mode].posture, tick)
-
-
-# ------------------------------------------------------------------ what is demanded
 
 
 def wants_gravity(controller: ControllerState) -> bool:

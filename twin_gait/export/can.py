@@ -159,9 +159,6 @@ def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     return np.take(own, rows["trip_cause"].astype(int))
 
 
-# ---------------------------------------------------------------------- files
-
-
 def export_can(frames: Iterable[BusFrame], path: Path, kind: str) -> int:
     """Write frames as ``candump``, the log of can-utils, or ``asc``, that of Vector; how many there are."""
     try:

@@ -100,9 +100,6 @@ def _bodies_of(world: World, device: bool) -> LegModel:
     return world.braces.device if device else world.braces.wearer
 
 
-# ---------------------------------------------------------------------- loads
-
-
 def external_loads(run: Run, world: World, *, device: bool = False) -> list[ExternalLoad]:
     """What ground, support and guide do; nothing on the bench."""
     if world.model.pelvis_index is None:
@@ -200,9 +197,6 @@ def _pelvis_load(run: Run, world: World, device: bool) -> ExternalLoad:
     return ExternalLoad("harness", PELVIS, force, point, torque)
 
 
-# ---------------------------------------------------------------------- motion and moments
-
-
 def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
     if world.model.pelvis_index is None:
         return {}
@@ -259,9 +253,6 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
     rotor = run.experiment.plant.actuators[joint].armature * np.gradient(velocity, TICK)
     orthosis = log[f"{name}_orthosis_torque_Nm"].to_numpy() if f"{name}_orthosis_torque_Nm" in log else 0.0
     return np.asarray(held + friction + stop + orthosis - rotor)
-
-
-# ---------------------------------------------------------------------- files
 
 
 def _load_columns(loads: list[ExternalLoad]) -> Mapping[str, np.ndarray]:

@@ -29,8 +29,6 @@ class Inference(ExpressionKinds):
             found = kind_of_hint(self.source.hints["return"])
         self.function.returns = found
 
-    # ------------------------------------------------------------------ statements
-
     def _block(self, statements: Sequence[ast.stmt]) -> bool:
         """Go through statements.
 

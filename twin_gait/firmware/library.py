@@ -75,8 +75,6 @@ class Library:
         """Bring what C has changed in a structure back into the record that it was made of."""
         self._give_back(RecordKind(type(record)), structure, record)
 
-    # ------------------------------------------------------------------ kinds
-
     def _scalar(self, name: str) -> Any:
         return {REAL.name: self._number, BOOL.name: ctypes.c_bool}.get(name) or _WHOLE[name]
 
@@ -111,8 +109,6 @@ class Library:
 
     def _item(self, kind: Kind) -> Any:
         return self._scalar(kind.name) if isinstance(kind, Scalar) else self._type(kind.record)  # type: ignore[union-attr]
-
-    # ------------------------------------------------------------------ values
 
     def _taken(self, kind: Kind, value: Any) -> Any:
         """A value for C."""

@@ -225,9 +225,6 @@ def _messages(experiment: Experiment) -> dict[str, Message]:
         return {}
 
 
-# ------------------------------------------------------------------ texts
-
-
 def _table(joints: Sequence[str], vectors: Vectors, supervised: bool) -> Iterator[str]:
     """Vectors as runner.c reads them: a tick in a line, its inputs, then what is expected."""
     inputs, outputs = vectors.inputs, vectors.outputs

@@ -70,8 +70,6 @@ class Records:
                     return f"int{bits}_t"
         return kind.name
 
-    # ------------------------------------------------------------------ structures
-
     def structures(self) -> list[str]:
         """Definitions of all structures, each after those that it contains."""
         lines: list[str] = []

@@ -59,8 +59,6 @@ class Printed:
         """A line at the present depth."""
         self.lines += wrapped(line, self.depth * INDENT)
 
-    # ------------------------------------------------------------------ blocks and names
-
     def _block(self, statements: Sequence[ast.stmt]) -> None:
         """Statements, with the names that are of no narrower block."""
         first = {}
@@ -91,8 +89,6 @@ class Printed:
         while (name := wanted if number == 1 else f"{wanted}_{number}") in used:
             number += 1
         return identifier(name, self.naming.taken)
-
-    # ------------------------------------------------------------------ statements
 
     def _statement(self, node: ast.stmt, fresh: set[str]) -> None:
         """One statement.

@@ -77,9 +77,6 @@ class Settings:
     watching: bool  # Whether the monitor is on.
 
 
-# ------------------------------------------------------------------ the board of a joint
-
-
 @dataclass(slots=True)
 class JointBoardInputs:
     """What a board reads at the start of a tick."""
@@ -137,9 +134,6 @@ def measure(board: BoardState, settings: Settings, inputs: JointBoardInputs, tic
         model_friction(board)
     if settings.watching:
         watch_drive(board, settings.rates)
-
-
-# ------------------------------------------------------------------ the gait controller
 
 
 @dataclass(slots=True)
@@ -299,9 +293,6 @@ def gait_controller_step(
         copy_demand(controller.joints[number].demand, outputs.demands[number])
     tell(controller, outputs.decision)
     unit.tick += 1
-
-
-# ------------------------------------------------------------------ all of them without a bus
 
 
 @dataclass(slots=True)

@@ -92,9 +92,6 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
             yield replace(experiment, duration=length, faults=(fault,))
 
 
-# ------------------------------------------------------------------ checks
-
-
 def _tried(name: str, check: Callable[[Bench], Check], bench: Bench) -> Check:
     try:
         return check(bench)._replace(name=name)

@@ -161,9 +161,6 @@ def _without(row: TruthRow, condition: Condition) -> TruthRow:
     return TruthRow({item: value for item, value in row.truths.items() if item != condition}, row.transition)
 
 
-# ---------------------------------------------------------------------- Markdown
-
-
 def number(value: float, digits: int = 10) -> str:
     """Write a number without noise in its last digits and with a true minus sign.
 

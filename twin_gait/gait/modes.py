@@ -93,8 +93,6 @@ def _require(right: bool, text: str) -> None:
         raise GaitTableError(text)
 
 
-# ---------------------------------------------------------------------- what is asked for, and when
-
 _TIMED = re.compile(r"\s*(\w+)\s*@\s*([\d.]+)\s*s\s*")
 
 
@@ -130,9 +128,6 @@ def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) 
             raise ParameterError(f"request {item}: there are {', '.join(known)}")
         if item.ticks in (other.ticks for other in requests[:number]):
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
-
-
-# ---------------------------------------------------------------------- in plain Python
 
 
 class ModeMachine(GaitStateMachine):

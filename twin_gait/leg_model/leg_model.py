@@ -90,8 +90,6 @@ class LegModel:
     def _joint_id(self, name: str) -> int:
         return int(self.model.getJointId(name))
 
-    # ------------------------------------------------------------------ indices
-
     @property
     def nv(self) -> int:
         """Number of coordinates (and velocities)."""
@@ -150,8 +148,6 @@ class LegModel:
     def total_mass(self) -> float:
         """Mass of all links, wearer included, in [kg]."""
         return float(sum(body.mass for body in self.model.inertias))
-
-    # ------------------------------------------------------------------ physics
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
         """Torques that hold the posture against gravity, in [N m] ([N] at the pelvis).

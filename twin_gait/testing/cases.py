@@ -134,9 +134,6 @@ def _playing(table: StateTable, item: Scenario) -> Shown:
     return item.what, lambda factory: play(table, item, factory), len(item.steps)
 
 
-# ---------------------------------------------------------------------- an approved text
-
-
 def approval_text(table: StateTable) -> str:
     """Write everything that a gait table says as Markdown.
 

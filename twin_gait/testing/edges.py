@@ -140,9 +140,6 @@ def groups(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
     yield shown(leave, what, comfortable(leave, requirements, *((fires,) if alone else (stays, yields))))
 
 
-# ---------------------------------------------------------------------- two exits due in the same tick
-
-
 def priority(first: Exit, second: Exit) -> Scenario | None:
     """Both exits due at once, and no sooner: the one listed first is taken; None if they never are."""
     items = list(first.table.transitions)

@@ -195,8 +195,6 @@ def turning_tick(atom: Comparison) -> int:
     return next((tick for tick in ticks if holds(atom, Vector({}, None), tick) is not before), start)
 
 
-# ---------------------------------------------------------------------- what steps have to show
-
 Accept = Callable[[Exit, Steps], bool]
 
 

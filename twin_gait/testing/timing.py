@@ -117,9 +117,6 @@ def _last_wait(leave: Exit) -> Steps | None:
     return None if steps is None else steps[-leave.debounce - 1 :]
 
 
-# ---------------------------------------------------------------------- across phases
-
-
 def clock(leave: Exit, steps: Steps) -> Iterator[Scenario]:
     """Times and debounces in the phase that follows count from its entry, which some steps lead to."""
     table, target = leave.table, leave.item.target
