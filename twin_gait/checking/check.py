@@ -108,11 +108,7 @@ def _velocity(world: World, joint: JointName) -> float:
 
 
 def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding]:
-    """Check a table.
-
-    ``chosen``: rules; all that there are for its kind by default. Returns the findings, waived ones marked,
-    the worst first and then in the order of the phases.
-    """
+    """Findings on a table by the chosen rules, or all of its kind: the worst first, then by phase."""
     if chosen is None:
         chosen = MODE_RULES if isinstance(case.table, ModeTable) else RULES
     found = [finding for rule in chosen for finding in rule(case)]

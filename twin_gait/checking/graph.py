@@ -22,10 +22,7 @@ def firing(case: CheckCase) -> list[Transition]:
 
 
 def path(transitions: Sequence[Transition], start: str, goal: str | None = None) -> dict[str, str | None]:
-    """Search breadth first along transitions, from a phase to another or to all.
-
-    Returns for each phase that is found the phase before it, None for the start.
-    """
+    """Search breadth first along transitions: each phase with the one before it, None at the start."""
     before: dict[str, str | None] = {start: None}
     waiting = deque([start])
     while waiting and goal not in before:

@@ -166,10 +166,7 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
 
 
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
-    """Legs of a case that have numbers of their own.
-
-    Returns one leg where the table gives both sides the same numbers, else all; none without an experiment.
-    """
+    """Legs with numbers of their own: one where both sides have the same; none without an experiment."""
     experiment = case.experiment
     if experiment is None:
         return []

@@ -132,11 +132,9 @@ def _response(loop: LinearLoop) -> np.ndarray:
 
 
 def transition_matrix(loop: LinearLoop) -> np.ndarray:
-    """Matrix that takes the state from before one slow sample to before the next.
+    """Matrix from before one slow sample to before the next, ``(5 + window + delay) n`` states.
 
     The first tick of the frame takes a slow sample, the others do not.
-
-    ``loop``: the loop. Returns shape ``(n_states, n_states)`` with ``(5 + window + delay) n`` states.
     """
     n, states = len(loop.stiffness), _states(loop)
     leg, on_the_way = np.eye(states), RING + loop.window

@@ -27,12 +27,7 @@ class Traffic(NamedTuple):
 
 
 def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Traffic:
-    """What a healthy bus has to carry, every frame with as many stuff bits as there can be.
-
-    Frames that errors destroy are not counted.
-
-    ``messages``: by identifier, the lowest first.
-    """
+    """What a healthy bus carries of messages, lowest identifier first, with all possible stuff bits."""
     bus = new_bus(network, messages, 0, TICK)
     frames = [
         CyclicFrame(most_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
@@ -47,10 +42,7 @@ def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Tr
 
 
 def traffic_of(experiment: Experiment) -> Traffic:
-    """What the bus of an experiment has to carry in the worst case; see :func:`worst_traffic`.
-
-    Raises ParameterError if it has none.
-    """
+    """Worst traffic of an experiment's bus, see :func:`worst_traffic`; a ParameterError if it has none."""
     if experiment.network is None:
         raise ParameterError("network: ideal has no bus; set network to can")
     return worst_traffic(experiment.network, _messages(experiment, experiment.network))

@@ -131,12 +131,7 @@ def stability_margin(case: CheckCase) -> list[Finding]:
 
 
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:
-    """Largest value up to which a loop is stable, beginning from the value that it has.
-
-    ``radius``: spectral radius for a value. ``start``: value that the loop has. ``most``: largest value of
-    interest. Returns the value at which the spectral radius passes 1, ``most`` if it does not; None if even 0
-    is unstable.
-    """
+    """Value from ``start`` on at which the spectral radius passes 1, at most ``most``; None without one."""
 
     def stable(value: float) -> bool:
         return radius(value) <= 1.0 + NEUTRAL

@@ -33,9 +33,8 @@ def experiment_from_mapping(
 ) -> Experiment:
     """Turn a resolved mapping (presets merged, table inline) into an experiment.
 
-    ``data``: the mapping. ``source``: file name for messages. ``folder``: folder that relative paths start
-    from. ``like``: one that was turned before. Sections that are the very same objects in both mappings are
-    not converted again, which takes most of the time.
+    ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
+    converted again, which takes most of the time.
     """
     entry: Any = validate(_file_about(data.get("scenario"), source), data, source)
     # A table without a name has the experiment's.

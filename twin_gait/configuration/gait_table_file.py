@@ -80,12 +80,10 @@ class GaitTableFile(Strict):
 
 
 def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
-    """Read a gait table.
+    """Read a gait table from a YAML file, or by the name of one that ships, such as ``treadmill``.
 
-    ``source``: YAML file, or as a text the name of a table that ships with the package, such as
-    ``treadmill``. ``draft``: whether phases may lack exits or be out of reach, which a check reports itself.
-    Raises ParameterError if there is no such table. Raises ParameterFileError if the file has a mistake; the
-    message names file, key and value.
+    ``draft``: whether phases may lack exits or be out of reach, which a check reports itself. Raises
+    ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key, value).
     """
     path = source if isinstance(source, Path) else gait_table_path(source)
     data, places = read_gait_table(path)
@@ -96,11 +94,9 @@ def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTab
 def gait_table_from_mapping(
     data: dict[str, Any], source: str, name: str, *, draft: bool = False
 ) -> table.GaitTable:
-    """Turn parsed YAML into a gait table.
+    """Turn parsed YAML into a gait table, or a draft of one, which need not be closed.
 
-    ``data``: the parsed file. ``source``: file name for messages. ``name``: name of the table if the file
-    gives none. ``draft``: whether to make a :class:`~twin_gait.gait.table.DraftTable`, which need not be
-    closed.
+    ``source``: file name for messages. ``name``: of the table if the file gives none.
     """
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
@@ -179,11 +175,7 @@ def transition_of(
     key: str,
     words: GuardWords = LEG_WORDS,
 ) -> table.Transition:
-    """A transition in SI.
-
-    ``entry``: as it was read. ``joints``: of the table. ``members``: what a membership may name. ``source``:
-    file name for messages. ``key``: place in the file, likewise. ``words``: what guards may read.
-    """
+    """A transition in SI; ``source`` and ``key`` are its place for messages."""
 
     def build() -> table.Transition:
         guard: Guard = AllOf(guards=())

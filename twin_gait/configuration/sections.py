@@ -35,10 +35,9 @@ class Section(Strict):
     bounded: ClassVar[bool] = False  # whether values out of range are refused at the key, before all others
 
     def value_of(self, item: quantities.Declaration, beneath: Any, *, named: bool = True) -> Any:
-        """Value of a field in SI; ``MISSING`` where none is given.
+        """Value of a declared field in SI over what is ``beneath``; ``MISSING`` where none is given.
 
-        ``item``: what is declared of it. ``beneath``: what it is laid over. ``named``: whether its key stands
-        in front of what is wrong inside it.
+        ``named``: whether its key stands in front of what is wrong inside it.
         """
         if item.mark(quantities.AsInFile):
             return MISSING
@@ -55,10 +54,7 @@ class Section(Strict):
         return within(key, form.read, getattr(self, found[0]), keys[found[0]], beneath)
 
     def values(self, default: Any = None) -> dict[str, Any]:
-        """Fields that are given, in SI.
-
-        ``default``: parameters underneath, parts of which may stay as they are.
-        """
+        """Fields that are given, in SI; parts of ``default`` beneath may stay as they are."""
         found = {}
         for item in quantities.declarations(self.parameters):
             beneath = item.default if default is None else getattr(default, item.name)
@@ -66,10 +62,7 @@ class Section(Strict):
         return {name: value for name, value in found.items() if value is not MISSING}
 
     def convert(self, default: Any = None) -> Any:
-        """The parameters in SI.
-
-        ``default``: parameters underneath, if there are any.
-        """
+        """The parameters in SI, over those underneath, if there are any."""
         if default is not None and type(default) is self.parameters:
             return replace(default, **self.values(default))
         values = self.values()
@@ -109,11 +102,7 @@ class Form:
         self.kind = kind
 
     def read(self, value: Any, factor: float, beneath: Any) -> Any:
-        """A value in SI.
-
-        ``value``: as pydantic has checked it. ``factor``: SI value of the unit of its key. ``beneath``: what
-        it is laid over.
-        """
+        """A checked value in SI, by the ``factor`` of its key's unit, over what is ``beneath``."""
         return value if factor == 1.0 else factor * value
 
     def write(self, value: Any) -> Any:

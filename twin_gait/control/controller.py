@@ -143,10 +143,7 @@ class UncompiledControllerError(ParameterError):
 
 
 def require_controller(controller: Any) -> None:
-    """Refuse what is no controller, or whose tick does not take what it is handed.
-
-    Raises ParameterError: in one line, with what was expected.
-    """
+    """Refuse, by a ParameterError, what is no controller, or whose tick does not take what it is handed."""
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
         got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
@@ -171,10 +168,7 @@ def require_controller(controller: Any) -> None:
 
 
 def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-    """Setpoints of a leg, as :meth:`Controller.setpoints`.
-
-    Raises ParameterError if they are not finite numbers of the same shape.
-    """
+    """Setpoints of a leg; a ParameterError if they are not finite or of another shape."""
     shape, given = rows.shape, controller.setpoints(plan, side, rows)
     try:
         found = np.asarray(given, dtype=float)
@@ -189,11 +183,9 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
 
 
 def checked(name: str, tick: TickFunction) -> TickFunction:
-    """A tick that is handed nothing that is not finite, and whose demands are looked at.
+    """A tick that is handed nothing that is not finite (MeasurementError), and whose demands are looked at.
 
-    ``name``: of the controller. Returns the tick; it raises MeasurementError if a measurement is not finite,
-    ParameterError if it returns something or demands what is no number. A demand that is not finite is for
-    the safety monitor.
+    ParameterError if it returns something or demands no number; what is not finite is for the monitor.
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
@@ -215,10 +207,7 @@ def checked(name: str, tick: TickFunction) -> TickFunction:
 
 
 def require_no_answer(name: str, answer: Any) -> None:
-    """Refuse a tick that returns something, which nobody would read.
-
-    ``name``: of the controller. Raises ParameterError if it is not None.
-    """
+    """Refuse, by a ParameterError, a tick that returns something, which nobody would read."""
     if answer is not None:
         raise ParameterError(
             f"controller {name!r}: expected a tick that changes demands in place and returns nothing, "

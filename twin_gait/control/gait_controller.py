@@ -146,10 +146,7 @@ def hear_load(controller: ControllerState, number: int, load: float) -> None:
 
 
 def hear_board(controller: ControllerState, limits: Limits, number: int, heard: bool) -> None:
-    """Note over a bus whether a board has been silent for too long.
-
-    ``heard``: whether its measurement came since the tick before.
-    """
+    """Note over a bus whether a board has been silent for too long."""
     joint = controller.joints[number]
     joint.silent_ticks = 0 if heard else joint.silent_ticks + 1
     if joint.silent_ticks > limits.board_silence and joint.measurement.cause == NO_TRIP:
@@ -387,8 +384,7 @@ def demand_setpoint(controller: ControllerState, number: int) -> None:
 def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: float) -> None:
     """Ask a board to brake its joint and let it down slowly.
 
-    ``joint``: its demand is changed in place. ``support``: share of the weight that is still carried.
-    ``weight``: gravity torque in [N m].
+    ``support``: share of the weight that is still carried. ``weight``: gravity torque in [N m].
     """
     asked = joint.demand
     asked.stiffness, asked.damping, asked.gain = 0.0, limits.hold_damping, 0.0

@@ -123,7 +123,7 @@ class BoardState:
 def read_encoder(board: BoardState, rates: Rates, first: bool, reading: float) -> None:
     """Angle and fast velocity of this tick.
 
-    ``first``: whether only the angle is read, for want of one before. ``reading``: of the encoder in [rad].
+    ``first``: only the angle, for want of one before. ``reading``: of the encoder in [rad].
     """
     measure_angle(board.encoder, first, reading, rates.period, rates.fast_gain)
 
@@ -233,10 +233,7 @@ def sum_up(board: BoardState) -> None:
 
 
 def check(board: BoardState, watching: bool) -> None:
-    """Sum the command up, and note the cause of a trip if the drive may not be asked for it.
-
-    ``watching``: whether the monitor is on.
-    """
+    """Sum the command up, and note the cause of a trip if the drive may not be asked for it."""
     sum_up(board)
     asked = board.command
     wild = watching and not board.demand.held
@@ -245,10 +242,7 @@ def check(board: BoardState, watching: bool) -> None:
 
 
 def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None:
-    """Take what the gait controller demands over the bus; hold the joint alone where that cannot be.
-
-    ``demand``: what came last. ``heard``: whether it came since the tick before.
-    """
+    """Take what the gait controller demands over the bus; hold the joint alone where that cannot be."""
     board.silent_ticks = 0 if heard else board.silent_ticks + 1
     if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
         board.cause = BUS_TRIP  # so that the gait controller, if it hears the board, does not walk on
@@ -261,10 +255,7 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
 
 
 def obey(board: BoardState, limits: Limits, watching: bool) -> None:
-    """Command what is demanded; hold the joint at once if that is wild.
-
-    ``watching``: whether the monitor is on.
-    """
+    """Command what is demanded; hold the joint at once if that is wild."""
     ask(board)
     check(board, watching)
     if board.command.cause != NO_TRIP:
@@ -308,8 +299,7 @@ def set_current(board: BoardState, limits: Limits, torque: float) -> None:
 def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:
     """Keep for the monitor what the drive did in this tick.
 
-    ``voltage``: on the winding in [V]. ``current``: measured in [A]. ``deviation``: of the current from what
-    the drive should give, in [A].
+    Winding's voltage in [V], current in [A], ``deviation`` of it from what the drive should give in [A].
     """
     watched, bounds = board.watched, board.bounds
     watched.commanded = board.command.torque

@@ -153,11 +153,7 @@ class Experiment(Parameters):
         return self.scenario.steady
 
     def build_world(self) -> World:
-        """Build the world with its rigid-body model.
-
-        Raises ModelError if the URDF cannot be used. Raises ParameterError if something does not fit
-        together, or the step does not carry braces or bristles.
-        """
+        """Build the world and its rigid bodies; ModelError or ParameterError if something does not fit."""
         model, plant = self._plant_model(Bodies.BOTH), self.plant
         rows = build_plant(
             model,

@@ -24,10 +24,7 @@ class Bench:
     """
 
     def __init__(self, project: Project, vectors: Sequence[Vectors], folder: Path) -> None:
-        """Write the C; nothing is built before it is asked for.
-
-        ``vectors``: of some runs. ``folder``: for all builds; it exists.
-        """
+        """Write the C for vectors of some runs into a folder; nothing is built before it is asked for."""
         self.project, self.vectors, self.folder = project, vectors, folder
         self.unit = project.write_linked(folder)
 

@@ -33,8 +33,7 @@ class CanFrame:
 def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
     """Write numbers into a frame.
 
-    ``message``: whose frame it is. ``values``: one for each of its signals in its unit, NaN for none.
-    ``frame``: changed in place.
+    One for each signal of the message in its unit, NaN for none.
     """
     frame.identifier = message.identifier
     frame.length = message.length
@@ -44,8 +43,7 @@ def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
 def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> bool:
     """Read numbers from a frame, if it is one of a message.
 
-    ``message``: which it may be. ``frame``: as it was received. ``values``: one for each signal, NaN for
-    none; changed in place. Returns whether it is.
+    One for each signal, NaN for none. Returns whether it is.
     """
     if frame.identifier != message.identifier or frame.length != message.length:
         return False

@@ -7,10 +7,7 @@ import numpy as np
 
 
 def differing(first: np.ndarray, second: np.ndarray) -> int:
-    """Numbers of two arrays of records that are not the same bits; of NaN any is the same.
-
-    ``first``: shape ``(n, ...)``. ``second``: of the same layout.
-    """
+    """Numbers of two arrays of records of one layout that are not the same bits; of NaN any is the same."""
     if first.dtype.names is not None:
         return sum(differing(first[name], second[name]) for name in first.dtype.names)
     ours, theirs = (np.ascontiguousarray(item) for item in (first, second))

@@ -46,10 +46,7 @@ class Sizes(NamedTuple):
 
 
 def find_tool(name: str) -> str:
-    """Path of a program.
-
-    Raises MissingToolError: it is not installed; the message says how to get it.
-    """
+    """Path of a program; a MissingToolError says how to get it."""
     path = shutil.which(name)
     if path is None:
         install = f"apt-get install {_PACKAGES[name]}" if name in _PACKAGES else INSTALL
@@ -58,10 +55,7 @@ def find_tool(name: str) -> str:
 
 
 def build_objects(unit: Unit, folder: Path, *, flags: Sequence[str] = ()) -> tuple[Path, ...]:
-    """Compile the sources of a unit for the Cortex-M4F into object files in a folder that exists.
-
-    Raises FirmwareError: no cross compiler, or it refuses a source.
-    """
+    """Compile the sources of a unit for the Cortex-M4F into object files in a folder that exists."""
     objects = tuple(folder / f"{source.stem}.o" for source in unit.sources)
     for source, made in zip(unit.sources, objects, strict=True):
         words = [*FLAGS, *CORTEX_M4F, *unit.flags, *flags, "-c", source, "-o", made]
@@ -70,9 +64,7 @@ def build_objects(unit: Unit, folder: Path, *, flags: Sequence[str] = ()) -> tup
 
 
 def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
-    """Link a unit with the main loop and the start-up code of QEMU's mps2-an386 into an ELF file.
-
-    The C library gives ``memcpy`` and its like; there is no libm to link with.
+    """Link a unit with main loop and start-up code of QEMU's mps2-an386 into an ELF file, without libm.
 
     Raises FirmwareError: no cross compiler, or it refuses a source.
     """
@@ -86,11 +78,9 @@ def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
 def build_host(
     unit: Unit, path: Path, *, compiler: str = "gcc", sanitize: bool = False, flags: Sequence[str] = ()
 ) -> Path:
-    """Link a unit with the same main loop into a program of this machine.
+    """Link a unit with the same main loop into a program of this machine, by ``gcc`` or ``clang``.
 
-    ``path``: the program to write. ``compiler``: ``gcc`` or ``clang``. ``sanitize``: stop at undefined
-    behaviour and at wrong addresses. ``flags``: more words for the compiler. Raises FirmwareError: no such
-    compiler, or it refuses a source.
+    ``sanitize``: stop at undefined behaviour and at wrong addresses. ``flags``: more words for the compiler.
     """
     checks = SANITIZE if sanitize else ()
     words = [*FLAGS, *checks, *unit.flags, *flags, *unit.sources, TARGET / "main.c", TARGET / "host.c"]
@@ -99,10 +89,7 @@ def build_host(
 
 
 def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
-    """Compile sources into a shared library of this machine, beside the first of them.
-
-    Raises FirmwareError: no such compiler, or it refuses a source.
-    """
+    """Compile sources into a shared library of this machine, beside the first of them."""
     path = sources[0].with_suffix(".so")
     _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])
     return path

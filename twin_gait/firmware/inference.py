@@ -30,10 +30,7 @@ class Inference(ExpressionKinds):
         self.function.returns = found
 
     def _block(self, statements: Sequence[ast.stmt]) -> bool:
-        """Go through statements.
-
-        Returns whether what comes after them is reached.
-        """
+        """Go through statements; whether what comes after them is reached."""
         for number, statement in enumerate(statements):
             if not self._statement(statement):
                 if number + 1 < len(statements):

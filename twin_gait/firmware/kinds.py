@@ -114,10 +114,7 @@ class Shapes:
 
 
 def kind_of_hint(hint: Any) -> Kind:
-    """Kind that an annotation says; lists have no length.
-
-    Raises TypeError if it is none.
-    """
+    """Kind that an annotation says, a TypeError if none; lists have no length."""
     if hint in SCALARS:
         return SCALARS[hint]
     if is_dataclass(hint) and isinstance(hint, type):

@@ -27,12 +27,7 @@ class Library:
     def __init__(
         self, program: Program, *, double: bool = True, compiler: str = "gcc", flags: Sequence[str] = ()
     ) -> None:
-        """Compile and load a program.
-
-        ``program``: from :func:`twin_gait.firmware.print_units`. ``double``: whether numbers are double, as
-        in Python; else they are float, as on the device. ``compiler``: ``gcc`` or ``clang``. ``flags``: more
-        words for it. Raises FirmwareError: there is no such compiler.
-        """
+        """Compile and load a program in double numbers, as in Python, or float, as on the device."""
         self.program, self._records = program, program.records
         self._number = ctypes.c_double if double else ctypes.c_float
         self._structures: dict[Any, type[ctypes.Structure]] = {}
@@ -45,11 +40,9 @@ class Library:
             self.handle = ctypes.CDLL(str(path))
 
     def call(self, name: str, *given: Any) -> Any:
-        """Call an entry.
+        """Call an entry by its name in Python with numbers, and records and lists, which it may change.
 
-        ``name``: of the function in Python. ``given``: numbers, records and lists, which are changed as the
-        function changes them; or structures of :meth:`structure`, which are handed on as they are. Returns
-        what the function returns in Python.
+        Structures of :meth:`structure` are handed on as they are.
         """
         function = self._functions[name]
         called = self.handle[identifier(name)]

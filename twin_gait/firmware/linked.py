@@ -60,11 +60,7 @@ def linked_unit(problem: Problem) -> LinkedUnit:
 
 
 def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int]]) -> None:
-    """Take out the entries that mean nothing, with which tables of like size share a compiled loop.
-
-    ``program``: of the table. ``room``: the same with such entries; changed in place. ``debounces``: counters
-    of its transitions, likewise.
-    """
+    """Take out, in place, the empty entries with which tables of like size share a compiled loop."""
     count = max(1, len(program.transitions))
     del room.transitions[count:]
     del room.nodes[max(1, len(program.nodes)) :]
@@ -74,11 +70,9 @@ def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int
 
 
 def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
-    """Move thresholds on the time in a phase half-way to the next tick, which changes no tick's result.
+    """Move, in place, thresholds on the time in a phase half-way to the next tick, which changes no result.
 
     A time of whole ticks that meets its threshold exactly in double numbers need not do so in float.
-
-    ``program``: changed in place. ``signals``: names of its signals.
     """
     for comparison in program.comparisons:
         if comparison.factor_b == 0.0 and signals[comparison.signal_a].endswith(TIME):
@@ -88,10 +82,7 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
 
 
 def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any]:
-    """Layout of a record in C, its numbers float or double, addresses of tables as a Cortex-M has them.
-
-    ``real``: type of the numbers.
-    """
+    """Layout of a record in C, its numbers of type ``real``, addresses of tables as a Cortex-M has them."""
 
     def layout(kind: Kind, name: str) -> tuple[Any, ...]:
         if isinstance(kind, ListKind):
@@ -110,10 +101,7 @@ def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any
 
 
 def converted(rows: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
-    """Rows in another layout, field by field; what the other one does not have is left out.
-
-    ``rows``: records, shape ``(n, ...)``. ``dtype``: its names are among those of the rows.
-    """
+    """Rows in another layout, field by field; what the other one does not have is left out."""
     result = np.zeros(rows.shape, dtype)
     for name in dtype.names or ():
         field = result[name]

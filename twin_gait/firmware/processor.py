@@ -67,10 +67,7 @@ def walk_with(
 
 
 def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
-    """Bring commands, phases and trip of a unit into the record of an engine.
-
-    ``answer``: of this tick.
-    """
+    """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
     e, decision = engine.episode, answer["decision"]
     commands, trip, legs = e["joints"]["board"]["command"], e["controller"]["trip"], e["controller"]["legs"]
     for name in answer["commands"].dtype.names:

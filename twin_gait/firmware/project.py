@@ -71,11 +71,7 @@ class Project:
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
     def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
-        """Write everything.
-
-        ``folder``: which exists and is empty. ``vectors``: of a short walk. ``document``: the experiment,
-        from :func:`twin_gait.configuration.experiments.resolved_document`.
-        """
+        """Write C, vectors of a short walk and the resolved document of the experiment into a folder."""
         self.write_linked(folder)
         texts = {}
         for path in _FILES.iterdir():
@@ -176,10 +172,7 @@ def print_project(experiment: Experiment) -> Project:
 
 
 def refuse_what_c_has_not(experiment: Experiment) -> None:
-    """Refuse what the simulation does in place of the firmware.
-
-    Raises FirmwareError: with key, value and way out.
-    """
+    """Refuse, with key, value and way out, what the simulation does in the firmware's place."""
     control, network = experiment.control, experiment.network
     unprinted = control.controller().unprinted
     if unprinted:

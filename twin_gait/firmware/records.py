@@ -19,11 +19,7 @@ class Records:
     """Layout of all records of a program."""
 
     def __init__(self, functions: Functions, entries: Iterable[Function], samples: Iterable[Any]) -> None:
-        """Decide what is a table and what is not.
-
-        ``functions``: all that is printed. ``entries``: what is called from outside. ``samples``: records
-        that have a table of their own.
-        """
+        """Decide which of all that is printed is a table: not what entries or samples hand in."""
         self.functions, self.fields = functions, functions.shapes.fields
         self.in_ram: set[type] = set()
         self._handed: set[type] = set()  # what others may fill with whatever they like
@@ -125,10 +121,7 @@ class Tables:
         self._names: dict[tuple[str, str], str] = {}
 
     def initialiser(self, sample: Any, name: str) -> str:
-        """Contents of a record; its tables are added.
-
-        ``name``: of the record, for those of its tables.
-        """
+        """Contents of a record; its tables are added, named after it."""
         record, parts = type(sample), []
         for field, kind in self.records.used(record):
             value = getattr(sample, field)

@@ -40,11 +40,7 @@ class Sources:
     """Every function by name or by itself, read once."""
 
     def __init__(self, names: Mapping[str, Any], text: str) -> None:
-        """Keep what takes the place of globals.
-
-        ``names``: constants, and functions, by the names of the globals that they replace. ``text``: source
-        of more functions, likewise; what they call is found in ``names``.
-        """
+        """Keep ``names``, which replace globals, and the functions of a ``text``, likewise."""
         self.names = names
         self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
         self._lines = text.splitlines()

@@ -91,10 +91,7 @@ class Printed:
         return identifier(name, self.naming.taken)
 
     def _statement(self, node: ast.stmt, fresh: set[str]) -> None:
-        """One statement.
-
-        ``fresh``: names that it declares if it assigns them.
-        """
+        """One statement; ``fresh`` are names that it declares if it assigns them."""
         match node:
             case ast.Assign(targets=[target], value=value):
                 self._assign(target, value, fresh)

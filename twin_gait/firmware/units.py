@@ -109,10 +109,7 @@ class JointBoard:
 
 
 def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointBoardOutputs) -> None:
-    """Measure, and set the current of what the gait controller has demanded last.
-
-    ``unit``: changed in place. ``inputs``: what the board reads and has heard. ``outputs``: changed in place.
-    """
+    """Measure, and set the current of what the gait controller has demanded last."""
     board, settings = unit.state, unit.settings
     measure(board, settings, inputs, unit.tick)
     hear(board, settings.limits, inputs.demand, inputs.heard)
@@ -278,10 +275,7 @@ def tell(controller: ControllerState, decision: Decision) -> None:
 def gait_controller_step(
     unit: GaitController, inputs: GaitControllerInputs, outputs: GaitControllerOutputs
 ) -> None:
-    """Take what the boards have told, decide, and say what every board is to do.
-
-    ``unit``: changed in place. ``inputs``: what it reads and has heard. ``outputs``: changed in place.
-    """
+    """Take what the boards have told, decide, and say what every board is to do."""
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
         if inputs.heard[number]:
@@ -322,10 +316,7 @@ class ExoskeletonOutputs:
 
 
 def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: ExoskeletonOutputs) -> None:
-    """Measure everywhere, decide, and set every current, all in one tick.
-
-    ``unit``: changed in place. ``inputs``: what is read. ``outputs``: changed in place.
-    """
+    """Measure everywhere, decide, and set every current, all in one tick."""
     controller, settings, tick = unit.controller, unit.settings, unit.tick
     for number in range(len(unit.boards)):
         measure(unit.boards[number], settings, inputs.boards[number], tick)

@@ -29,10 +29,7 @@ class Vectors(NamedTuple):
 
 
 def without_bus(experiment: Experiment) -> Experiment:
-    """The experiment as a unit without a bus runs it.
-
-    Raises FirmwareError: its controller goes wrong by itself, which no vector can hold against the unit.
-    """
+    """The experiment without its bus; FirmwareError if its controller goes wrong by itself."""
     for fault in experiment.faults:
         if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
             raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
@@ -73,10 +70,7 @@ Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and whe
 
 
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
-    """Inputs that stand in an engine's record from the end of a tick to that of the next.
-
-    ``record``: of the engine, shape ``(1,)``.
-    """
+    """Inputs that stand in an engine's record, shape ``(1,)``, from the end of a tick to that of the next."""
     boards, joints = inputs["boards"], record["joints"]
     return [
         *((boards[name], joints[name]) for name in ("voltage", "current", "current_deviation")),

@@ -170,10 +170,7 @@ def number(value: float, digits: int = 10) -> str:
 
 
 def transition_table(table: StateTable) -> str:
-    """State-transition table: a row per transition, the exits of a phase in order of priority.
-
-    Returns markdown, ending with a line break; guards as the file writes them.
-    """
+    """State-transition table in Markdown: a row per transition, the exits of a phase in order of priority."""
     rows = []
     for phase, parameters in table.phases.items():
         for item in (entry for entry in table.transitions if entry.source == phase):
@@ -191,10 +188,9 @@ def transition_table(table: StateTable) -> str:
 
 
 def truth_table(table: StateTable) -> str:
-    """Truth table of every phase, with what the phase sets.
+    """Truth table of every phase in Markdown, with what the phase sets, to ten digits.
 
-    Returns markdown, ending with a line break. It holds every number of the table that has an effect, to ten
-    digits, and is the same for equal tables: a change of the table is a change of the text.
+    A change of the table is a change of the text.
     """
     parts = [
         f"# Truth tables of {_text(table.name)}\n",

@@ -74,10 +74,9 @@ def bound_of(atom: Comparison, true: bool) -> Bound:
 
 
 def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | None:
-    """Find numbers that keep all bounds.
+    """Numbers that keep all bounds, each as near to zero as those before it allow; None if there are none.
 
-    ``share``: share of the comfortable distance that is kept from each limit. Returns the numbers, each as
-    near to zero as those before it allow; None if there are none.
+    ``share``: share of the comfortable distance that is kept from each limit.
     """
     names = list(dict.fromkeys([ZERO, *(name for item in bounds for name in (item.upper, item.lower))]))
     paths = {a: {b: 0.0 if a == b else math.inf for b in names} for a in names}

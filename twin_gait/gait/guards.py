@@ -148,12 +148,10 @@ MODE_WORDS = GuardWords(
 def parse_guard(
     text: str, joints: Sequence[str], phases: Sequence[str], words: GuardWords = LEG_WORDS
 ) -> Guard:
-    """Parse one guard string.
+    """Parse one guard, such as ``other.hip.angle_deg > 10`` or ``other.phase in [early_stance]``.
 
-    ``text``: for example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``,
-    ``"other.phase in [early_stance, middle_stance]"`` or ``"request in [walk]"``. ``joints``: of the table.
-    ``phases``: what a membership may name. ``words``: what the guards of the table may read. Raises
-    GaitTableError if the text is not a guard, or names an unknown signal or phase.
+    ``phases``: what a membership may name. ``words``: what guards may read. Raises GaitTableError if the text
+    is not a guard, or names an unknown signal or phase.
     """
     membership = _MEMBERSHIP.fullmatch(text)
     if membership and membership.group(1) == words.of:

@@ -56,12 +56,7 @@ class GaitStateMachine:
         initial_phase: str | None = None,
         program: GuardProgram | None = None,
     ) -> None:
-        """Build the machine.
-
-        ``table``: the gait table. ``side``: the leg. ``initial_phase``: phase at tick 0; the first of the
-        table if None. ``program``: the compiled table, to share it between legs. Raises GaitTableError if the
-        initial phase is not in the table.
-        """
+        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``."""
         self.table = table
         self.side = side
         self.owner = f"{side} leg"
@@ -189,12 +184,9 @@ def signal_list(
     other: LegSignals | None,
     other_time_in_phase: float = 0.0,
 ) -> list[float]:
-    """Lay the signals of both legs out as the guard program reads them.
+    """Signals of both legs and the device as the guard program reads them; NaN for an absent other leg.
 
-    ``table``: the gait table. ``time_in_phase``: of this leg in [s]. ``own``: measurements of this leg.
-    ``other``: measurements of the other leg, or None. ``other_time_in_phase``: of the other leg in [s].
-    Returns this leg's numbers, the other's, and those of the device; NaN for an absent other leg. Raises
-    MeasurementError if the number of joints is not that of the table.
+    Times in a phase are in [s]. Raises MeasurementError if the number of joints is not that of the table.
     """
     for leg in (own,) if other is None else (own, other):
         if len(leg.angles) != len(table.joints) or len(leg.velocities) != len(table.joints):

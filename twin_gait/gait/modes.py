@@ -149,11 +149,9 @@ class ModeMachine(GaitStateMachine):
 def why_refused(
     table: ModeTable, mode: str, request: str, signals: Mapping[str, float], ticks: int
 ) -> str | None:
-    """Why a request is not answered in a mode, in words.
+    """What each transition that would answer a request lacks, in words; None if one of them is open.
 
-    ``table``: the modes. ``mode``: present one. ``request``: that is made. ``signals``: measured, in the
-    units of their names; what is missing is 0. ``ticks``: since the mode was entered. Returns what each
-    transition that would answer lacks; None if one of them is open.
+    ``signals``: in the units of their names; missing ones are 0. ``ticks``: since the mode was entered.
     """
     answers = table.answers(mode, request)
     if not answers:

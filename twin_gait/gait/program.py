@@ -14,10 +14,7 @@ DEVICE_BITS = 30  # of an int32_t, so that all of them may be shifted once more
 
 
 def compile_guards(table: StateTable) -> guards.GuardProgram:
-    """Compile the transitions of a table.
-
-    ``table``: of gait or of modes. Returns the program, with thresholds in SI units.
-    """
+    """Compile the transitions of a table of gait or of modes, thresholds in SI units."""
     nodes: list[guards.GuardNode] = []
     comparisons: list[core.Comparison] = []
     rules = []
@@ -47,8 +44,7 @@ def compile_guards(table: StateTable) -> guards.GuardProgram:
 def guard_is_open(guard: Guard, table: StateTable, signals: Sequence[float], member: int) -> bool:
     """Whether a guard by itself is true, by the evaluator of programs.
 
-    ``table``: that it is of. ``signals``: in SI, in the order of the list of the table. ``member``: place
-    among the members of the table, negative for none.
+    ``signals``: in SI, in the order of the table. ``member``: place among its members, negative for none.
     """
     nodes: list[guards.GuardNode] = []
     comparisons: list[core.Comparison] = []
@@ -72,10 +68,7 @@ def _check_size(transition: Transition, nodes: list[guards.GuardNode], bits: int
 
 
 def require_bits(table: StateTable, program: guards.GuardProgram, bits: int = DEVICE_BITS) -> None:
-    """Refuse a table whose phases or waiting results are too many for whole numbers of so many bits.
-
-    ``bits``: by default those that the device has. Raises GaitTableError: it has more.
-    """
+    """Refuse, by a GaitTableError, a table with more phases or waiting results than there are bits."""
     if len(table.members) > bits:
         raise GaitTableError(f"{len(table.members)} {table.words.member}s; at most {bits} fit")
     for transition, rule in zip(table.transitions, program.transitions, strict=True):

@@ -147,10 +147,7 @@ def signal_names(joints: Sequence[str]) -> list[str]:
 
 
 def all_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of this leg, those of the other, then those of the device, in the order of the list of signals.
-
-    Their positions are the indices in the guard program.
-    """
+    """Signals of this leg, the other, then the device: their positions index the guard program."""
     own = signal_names(joints)
     return [*own, *(OTHER + name for name in own), *DEVICE_NAMES]
 
@@ -207,10 +204,7 @@ class LegSignals(NamedTuple):
 
 
 def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:
-    """Signals of a leg by their names.
-
-    ``joints``: of the table. ``value``: in SI by the name of a signal.
-    """
+    """Signals of a leg by their names, from a function that gives each in SI."""
     found: dict[str, tuple[float, ...] | float] = {}
     for signal in SIGNALS:
         if signal.scope is Scope.JOINT:

@@ -96,10 +96,7 @@ class Assembly:
             self._append_trunk(patient)
 
     def set_gravity(self, gravity: float) -> None:
-        """Let gravity pull down.
-
-        ``gravity``: its magnitude in [m] / [s²].
-        """
+        """Let gravity of a magnitude in [m] / [s²] pull down."""
         self.model.gravity.linear = -gravity * self._up()
 
     def set_armature(self, armature: Mapping[JointName, float]) -> None:

@@ -2,7 +2,8 @@
 
 Conventions: joint angles in [rad] with hip flexion, knee flexion and ankle dorsiflexion positive (joints
 that a user's URDF counts the other way are turned round, see :mod:`twin_gait.leg_model.axes`); all joints
-have one degree of freedom, so ``q`` and ``v`` have the same length; torques act on the joints.
+have one degree of freedom, so ``q`` and ``v`` and all that is returned have shape ``(nv,)`` unless said;
+torques act on the joints.
 """
 
 import math
@@ -101,11 +102,7 @@ class LegModel:
         return tuple(self.legs)
 
     def index(self, side: Side, joint: JointName) -> int:
-        """Position of a joint in ``q``, ``v`` and ``tau``.
-
-        ``side``: which leg. ``joint``: which joint. Returns index. Raises ModelError if the leg has no such
-        joint.
-        """
+        """Position of a joint in ``q``, ``v`` and ``tau``; a ModelError if the leg has no such joint."""
         if side not in self.legs:
             raise ModelError(f"{self.urdf_path}: the model has no {side} leg; it has {', '.join(self.legs)}")
         for name, urdf_name in self.legs[side].items():
@@ -150,26 +147,15 @@ class LegModel:
         return float(sum(body.mass for body in self.model.inertias))
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
-        """Torques that hold the posture against gravity, in [N m] ([N] at the pelvis).
-
-        ``q``: joint angles, shape ``(nv,)``. Returns :math:`g(q)`, shape ``(nv,)``; add it to compensate
-        gravity.
-        """
+        """Torques :math:`g(q)` that hold the posture against gravity, in [N m] ([N] at the pelvis)."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """Joint-space inertia with armature, in [kg m²].
-
-        ``q``: joint angles, shape ``(nv,)``. Returns :math:`M(q)`, shape ``(nv, nv)``, symmetric.
-        """
+        """Joint-space inertia :math:`M(q)` with armature, in [kg m²], shape ``(nv, nv)``, symmetric."""
         return np.array(pin.crba(self.model, self.data, q))
 
     def inertia_torque(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        r"""Torques that accelerate the joints: :math:`M(q)\,\ddot q`, armature included.
-
-        ``q``: joint angles, shape ``(nv,)``. ``a``: joint accelerations in [rad] / [s²], shape ``(nv,)``.
-        Returns torques in [N m], shape ``(nv,)``.
-        """
+        r"""Torques in [N m] that accelerate the joints: :math:`M(q)\,\ddot q`, armature included."""
         return np.asarray(self.mass_matrix(q) @ a)
 
     def effective_inertia(self, q: np.ndarray, index: int) -> float:
@@ -177,27 +163,15 @@ class LegModel:
         return float(self.mass_matrix(q)[index, index])
 
     def nonlinear_effects(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        r"""Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m].
-
-        ``q``: joint angles, shape ``(nv,)``. ``v``: joint velocities in [rad] / [s], shape ``(nv,)``. Returns
-        shape ``(nv,)``.
-        """
+        r"""Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m]."""
         return np.array(pin.nonLinearEffects(self.model, self.data, q, v))
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Torques that give an acceleration, armature included (recursive Newton-Euler).
-
-        ``q``: joint angles, shape ``(nv,)``. ``v``: joint velocities, shape ``(nv,)``. ``a``: joint
-        accelerations, shape ``(nv,)``. Returns torques in [N m], shape ``(nv,)``.
-        """
+        """Torques in [N m] that give an acceleration, armature included (recursive Newton-Euler)."""
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
     def forward_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Joint accelerations under torques (articulated-body algorithm).
-
-        ``q``: joint angles, shape ``(nv,)``. ``v``: joint velocities, shape ``(nv,)``. ``tau``: joint torques
-        in [N m], shape ``(nv,)``. Returns accelerations in [rad] / [s²], shape ``(nv,)``.
-        """
+        """Joint accelerations in [rad] / [s²] under torques (articulated-body algorithm)."""
         return np.asarray(pin.aba(self.model, self.data, q, v, tau))
 
     def kinetic_energy(self, q: np.ndarray, v: np.ndarray) -> float:
@@ -209,11 +183,7 @@ class LegModel:
         return float(pin.computePotentialEnergy(self.model, self.data, q))
 
     def frame_position(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Position of a frame in the world in [m].
-
-        ``q``: joint angles, shape ``(nv,)``. ``frame``: name of a frame of the URDF. Returns shape ``(3,)``.
-        Raises ModelError if there is no such frame.
-        """
+        """Position of a frame in the world in [m], shape ``(3,)``; a ModelError if there is none."""
         if not self.model.existFrame(frame):
             known = ", ".join(item.name for item in self.model.frames)
             raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")

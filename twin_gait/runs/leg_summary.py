@@ -35,10 +35,7 @@ SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start'
 def summarise_side(
     run: Run, side: Side, skip: int, record: LegRecord | None = None, measures: WalkMeasures | None = None
 ) -> dict[str, Any]:
-    """Gait and effort of one leg.
-
-    ``measures``: of the walk on a belt. Returns numbers by name; NaN or None where a number is not defined.
-    """
+    """Gait and effort of one leg, with ``measures`` of the walk on a belt; None or NaN if not defined."""
     if record is None:
         record = run.leg_record(side)
     return {
@@ -198,11 +195,7 @@ def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
 
 
 def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
-    """Root mean square distance of a joint's strides from healthy walking.
-
-    ``bounds``: first tick of each stride and of the next one, shape ``(n_strides, 2)``. Returns distance in
-    [deg]; NaN without strides or without a reference.
-    """
+    """RMS distance of a joint's strides from healthy walking in [deg]; NaN without strides or reference."""
     reference = reference_cycle(run.experiment, joint)
     if reference is None:
         return math.nan

@@ -174,10 +174,7 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
 
 
 def load_run(directory: Path) -> StoredRun:
-    """Read a run back.
-
-    Raises RunDirectoryError if it is not a complete run directory.
-    """
+    """Read a run back; raises RunDirectoryError if it is not a complete run directory."""
     directory = Path(directory).expanduser()
     if journal_of(directory.absolute()).is_file():
         raise RunDirectoryError(

@@ -61,12 +61,7 @@ def with_walk(shown: ShownRun, summary: Mapping[str, Any]) -> ShownRun:
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
-    """The page of one run, or of two beside each other under one clock.
-
-    Two runs get their frames at the same moments, so that the page can subtract one from the other.
-
-    ``runs``: one or two. ``moments``: moments to have a frame of, in [s].
-    """
+    """The page of one run, or of two beside each other, their frames at the same ``moments`` in [s]."""
     if not 1 <= len(runs) <= MOST_RUNS:
         raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")
     wanted = np.unique(
@@ -146,9 +141,6 @@ def trip_time_of(log: pd.DataFrame) -> float:
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:
-    """One line on wearer and belt speed.
-
-    ``patient``: the wearer, or None. ``belt_speed``: in [m] / [s]; 0 on the bench.
-    """
+    """One line on wearer, or None, and belt speed in [m] / [s], 0 on the bench."""
     who = wearer_words(patient)
     return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"

@@ -46,13 +46,9 @@ def versions() -> dict[str, str]:
 
 
 def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
-    """Sum a run up, ready for JSON.
+    """Sum a run up, ready for JSON: plain values, angles in degrees as the keys say, None where not defined.
 
-    A number that is not defined for the run (a stride time without strides, a reference without a
-    belt) is None. Angles are in degrees, as the keys say.
-
-    ``run``: the run. ``skip_strides``: strides at the start that do not count. Returns plain numbers, texts,
-    mappings and None.
+    ``skip_strides``: strides at the start that do not count.
     """
     walk = run.walk_measures(skip=skip_strides)
     sides = {
@@ -106,10 +102,7 @@ READ_IN_BRIEF = (
 
 
 def summarise_in_brief(run: Run) -> dict[str, Any]:
-    """The part of :func:`summarise` that a table of many runs holds, and the seed; in a third of the time.
-
-    ``run``: the run; its log needs no columns but those of ``READ_IN_BRIEF``.
-    """
+    """What a table of many runs holds of :func:`summarise`; needs no columns but ``READ_IN_BRIEF``."""
     plain: dict[str, Any] = _plain(
         {
             "seed": run.experiment.seed,

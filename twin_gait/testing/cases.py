@@ -46,10 +46,7 @@ class TransitionTest:
         )
 
     def run(self) -> None:
-        """Drive the machine; a test that is :attr:`undecided` does nothing.
-
-        Raises AssertionError if the machine does not do what the table says.
-        """
+        """Drive the machine, unless :attr:`undecided`; AssertionError if it does not as the table says."""
         if self.check is not None:
             self.check(self.machine)
 
@@ -135,18 +132,13 @@ def _playing(table: StateTable, item: Scenario) -> Shown:
 
 
 def approval_text(table: StateTable) -> str:
-    """Write everything that a gait table says as Markdown.
-
-    ``table``: the gait table. Returns transitions in their order of priority, laws, parameters and truth
-    table of each phase, as ``twin-gait diagram`` prints them; the same text for the same table.
-    """
+    """All that a table says as Markdown: transitions by priority, laws, parameters, truth tables."""
     return f"{transition_table(table)}\n{truth_table(table)}"
 
 
 def check_approved(path: Path, present: str) -> str | None:
-    """Compare a text with the one that was approved.
+    """None if the approved text is the present one, else what is wrong, such as a unified diff.
 
-    Returns None if they are the same, else what is wrong: a unified diff, or that there is no such file.
     Raises ParameterFileError if the file cannot be read.
     """
     if not path.exists():

@@ -95,10 +95,7 @@ def _given(table: StateTable, vector: Vector) -> _Legs | _Asked:
 
 
 def play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
-    """Drive a machine through a scenario.
-
-    Raises AssertionError: at the first tick in which the machine does something else.
-    """
+    """Drive a machine through a scenario; AssertionError at the first tick that is not as expected."""
     machine, phase = factory(scenario.phase), scenario.phase
     given: dict[int, _Legs | _Asked] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):

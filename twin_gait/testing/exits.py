@@ -71,11 +71,9 @@ def reads_only_own_time(atom: Comparison) -> bool:
 def find(
     phases: Phases, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
 ) -> Vector | None:
-    """Find measurements that fulfil all requirements over a window of ticks.
+    """Measurements that fulfil requirements over a window, far from all thresholds; None if none do.
 
-    ``phases``: allowed phases of the other leg; ``(None,)`` for a leg without another. ``requirements``: what
-    has to be open or closed. Returns the measurements, as far from all other thresholds as can be; None if
-    there are none.
+    ``phases``: allowed ones of the other leg, ``(None,)`` without another.
     """
     ends = sorted(set(window))
 
