@@ -18,14 +18,7 @@ from twin_gait.configuration.mode_table_file import (
 from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.readers import SIDES, section_of
-from twin_gait.configuration.validation import (
-    converting,
-    descriptions,
-    packaged,
-    read_yaml,
-    renamed,
-    yaml_files,
-)
+from twin_gait.configuration.validation import converting, descriptions, packaged, read_yaml, yaml_files
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -145,9 +138,7 @@ def _find(source: str | Path) -> tuple[Path, str]:
         path = path / "experiment.yaml"
     if path.is_file():
         return path, str(path)
-    raise ParameterError(
-        f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file{renamed(source)}"
-    )
+    raise ParameterError(f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file")
 
 
 def _person(value: Any, path: Path, where: str) -> dict[str, Any]:
@@ -163,7 +154,7 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     below = _preset(name) if isinstance(name, str) else None
     if below is None:
         known = ", ".join(presets())
-        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}{renamed(name)}")
+        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}")
     base = _resolve_preset(read_yaml(below), below)
     rest = {key: value for key, value in data.items() if key != "preset"}
     table = rest.pop("table", base.get("table"))

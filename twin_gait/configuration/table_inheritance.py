@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import converting, packaged, read_yaml, renamed, short
+from twin_gait.configuration.validation import converting, packaged, read_yaml, short
 from twin_gait.exceptions import ParameterError, ParameterFileError
 
 _IDENTITY = ("from", "to", "cause")
@@ -180,7 +180,7 @@ def gait_table_path(
         if candidate is not None and candidate.is_file():
             return candidate
     known = ", ".join(shipped)
-    raise ParameterError(f"no {words} {str(name)!r}: neither a file nor one of {known}{renamed(name)}")
+    raise ParameterError(f"no {words} {str(name)!r}: neither a file nor one of {known}")
 
 
 def packaged_gait_tables() -> list[str]:
