@@ -24,7 +24,7 @@ STAND, FIRST_SWING = "stand", "first_swing"
 # phase of stance that is called a swing.
 PRE_SWING = "pre_swing"
 # On a chair: sitting, leaning forward to rise, rising, and sitting down.
-SIT, LEAN, RISE, LOWER = "sit", "lean", "rise", "lower"
+SIT, LEAN, RISE, REACH_BACK, LOWER = "sit", "lean", "rise", "reach_back", "lower"
 HOLD = "hold"  # what is shown in place of a phase after a trip of the safety monitor
 
 

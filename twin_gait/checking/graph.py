@@ -303,7 +303,10 @@ def _both_lifted(case: CheckCase, step: Step) -> Finding:
 
 
 def deadlock(case: CheckCase) -> list[Finding]:
-    """Two legs can reach a pair of phases in which neither can ever go on, whatever is measured."""
+    """Two legs can reach a pair of phases in which neither can ever go on, whatever is measured.
+
+    Out of postures a supervisor may send both.
+    """
     if not case.has_other_leg or len(case.table.phases) == 1:
         return []
     legs = two_legs(case)
@@ -316,7 +319,8 @@ def deadlock(case: CheckCase) -> list[Finding]:
             suggestion=f"let {first} or {second} be left in this case too, or give one a time-out",
         )
         for first, second in legs.entered
-        if not any(
+        if not {first, second} <= set(case.gait.postures)
+        and not any(
             legs.can_leave(index, other) is not None
             for own, other in ((first, second), (second, first))
             for index in legs.space.exits(own)

@@ -31,13 +31,20 @@ class Jump(NamedTuple):
     velocities: np.ndarray  # its velocities in [rad] / [s], shape ``(n_joints,)``
 
 
-def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
-    """Ticks of a blend, from the one before the switch on, and the share of the new phase in each."""
-    blending = leg.problem.table.blending
-    length = blending.duration_ticks
+def _length(leg: HangingLeg, phase: int) -> int:
+    table = leg.problem.table
+    return table.blend_ticks(table.phases_of(leg.side)[table.phase_names[phase]])
+
+
+def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks of the blend into a phase, from the one before the switch on, and the share of the new phase in each."""
+    length = _length(leg, phase)
     # Long blends are sampled: their steps are small and change slowly.
     ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())
-    shares = [blend_share(tick / length if length else 1.0, blending.law.code) for tick in ticks.tolist()]
+    shares = [
+        blend_share(tick / length if length else 1.0, leg.problem.table.blending.law.code)
+        for tick in ticks.tolist()
+    ]
     return np.array([-1.0, *ticks]), np.array([0.0, *shares])
 
 
@@ -49,7 +56,7 @@ def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures
     friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
     columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
     commands = []
-    for share in _blend(leg)[1].tolist():
+    for share in _blend(leg, new)[1].tolist():
         k, b, zero, gain = (blend(column[old], column[new], share) for column in columns)
         carried = blend(leg.gravity_shares[old], leg.gravity_shares[new], share)
         # The law is linear: arrays of postures pass as numbers do.
@@ -66,7 +73,7 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) ->
     for joint, limit in enumerate(leg.torque_limits().tolist()):
         commands = _commands(leg, old, new, joint, samples)
         whole = np.abs(commands[:, -1] - commands[:, 0])
-        tick = np.abs(np.diff(commands, axis=1) / np.diff(_blend(leg)[0])).max(axis=1)
+        tick = np.abs(np.diff(commands, axis=1) / np.diff(_blend(leg, new)[0])).max(axis=1)
         worst = int(np.argmax(np.maximum(whole / limit, tick / (KNOCK * limit))))
         angles, velocities = samples.angles[worst], samples.velocities[worst]
         jumps.append(Jump(joint, float(whole.max()), float(tick.max()), angles, velocities))
@@ -102,7 +109,7 @@ def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Fin
     limit = float(limits[worst.joint])
     if worst.whole <= limit and worst.tick <= KNOCK * limit:
         return []
-    blending = leg.problem.table.blending
+    length = _length(leg, leg.problem.table.phase_index(item.target))
     return [
         Finding(
             rule="torque_jump",
@@ -112,7 +119,7 @@ def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Fin
             side=leg.shown_side,
             reason=(
                 f"the commanded {leg.joints[worst.joint]} torque changes by up to {worst.whole:.0f} Nm, with "
-                f"a blend of {1e3 * TICK * blending.duration_ticks:g} ms by up to {worst.tick:.1f} Nm in a "
+                f"a blend of {1e3 * TICK * length:g} ms by up to {worst.tick:.1f} Nm in a "
                 f"tick; the limit is {limit:.0f} Nm"
             ),
             suggestion="bring stiffness and equilibrium of the two phases closer, or blend for longer",

@@ -66,6 +66,7 @@ class ControlledLeg:
     gravity_shares: list[float]  # Of the gravity compensation, by phase.
     gravity_start: float  # Share at the last switch.
     gravity: float  # Present share.
+    blend_ticks: list[int]  # How long parameters fade into a phase, by phase.
     frozen_speed: float  # Speed of the hip at which a load that stands still is broken in [rad] / [s].
     before: int = 0  # Phase at the start of the tick.
     entry_tick: int = 0  # Tick in which the phase was entered.
@@ -279,8 +280,8 @@ def begin_phase(controller: ControllerState, number: int, phase: int, tick: int)
 
 def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> None:
     """Fade the parameters of a leg towards those of its phase, unless they have arrived."""
-    leg, ticks = controller.legs[number], rates.blend_ticks
-    since = tick - leg.entry_tick
+    leg = controller.legs[number]
+    ticks, since = leg.blend_ticks[leg.phase], tick - leg.entry_tick
     if since <= ticks and controller.trip.tick < 0:
         share = blend_share(1.0 if ticks <= 0 else since / ticks, rates.blend_law)
         for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):

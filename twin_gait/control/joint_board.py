@@ -38,7 +38,6 @@ class Rates:
     fast_gain: float  # Of the fast velocity filter.
     decimation: int  # Ticks between two slow samples.
     blend_law: int  # Of the setpoints, see :mod:`twin_gait.core.blending`.
-    blend_ticks: int  # How long they fade.
 
 
 @dataclass(slots=True)

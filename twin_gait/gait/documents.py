@@ -296,6 +296,7 @@ def _settings(table: StateTable, phase: str) -> str:
             rows += _impedance_rows(own[phase], f"{side} ")
             shares.append(f"{side} {number(own[phase].gravity_compensation)}")
     stay = f", minimum duration {common.minimum_ticks} ms"
+    stay += "" if common.blending_ticks is None else f", blending {common.blending_ticks} ms"
     heading = ("joint", "k [Nm/°]", "θ0 [°]", "ζ", "b [Nms/rad]", "G")
     return f"{_grid(heading, rows)}\n{', '.join(shares)}{stay}.\n"
 

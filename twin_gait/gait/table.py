@@ -102,11 +102,13 @@ class PhaseParameters(quantities.Parameters):
         joints: Impedance per joint name.
         gravity_compensation: Share of the leg's gravity torque that is fed forward.
         minimum_ticks: The phase is not left before so many ticks.
+        blending_ticks: Length of the fade into it in ticks; None for that of the table.
     """
 
     joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile()]
     gravity_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     minimum_ticks: Annotated[int, quantities.Range(0, LONGEST), quantities.Key("minimum_duration_ms")] = 0
+    blending_ticks: Annotated[int | None, quantities.Range(0, LONGEST), quantities.Key("blending_ms")] = None
 
 
 class DrivenBy(StrEnum):
@@ -392,6 +394,10 @@ class GaitTable(StateTable):
     def is_swing(self, phase: str) -> bool:
         """Whether a phase is meant to be in the air, by its name and by what ``scaling`` has in stance."""
         return "swing" in phase.lower() and phase not in (PRE_SWING, *self.scaling.stance_phases)
+
+    def blend_ticks(self, phase: PhaseParameters) -> int:
+        """Length of the fade into a phase in ticks, whatever its law."""
+        return self.blending.duration_ticks if phase.blending_ticks is None else phase.blending_ticks
 
     def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:
         """Parameters of one side, its own differences laid over the common ones."""

@@ -143,9 +143,10 @@ class SteppedRun:
             name: fade for name, fade in self._fades.items() if fade.write(self.tick, self._values[name])
         }
         if "setpoints" in self._fades:
-            since = self.tick - self._episode["controller"]["legs"]["entry_tick"]
+            legs = self._episode["controller"]["legs"]
+            lengths = np.take_along_axis(legs["blend_ticks"], legs["phase"][:, None], axis=1)[:, 0]
             # A leg whose own fade is over no longer reads the parameters of its phase.
-            arrive(self._episode, since > self._episode["rates"]["blend_ticks"])
+            arrive(self._episode, self.tick - legs["entry_tick"] > lengths)
         self._fades = going
 
     def rows(self, first: int = 0) -> np.ndarray:

@@ -15,7 +15,7 @@ from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
 from twin_gait.simulation.rooms.surroundings import catch, command
-from twin_gait.simulation.rooms.upper_body import use_crutches
+from twin_gait.simulation.rooms.upper_body import place_chair, use_crutches
 from twin_gait.simulation.rooms.wearer import push
 
 
@@ -74,6 +74,9 @@ def act(e: Episode, tick: int) -> bool:
     if CRUTCHES > 0:
         for one in each(e):
             use_crutches(one, tick)
+    if SEATED:
+        for one in lanes(e):
+            place_chair(one, tick)
     for one in lanes(e):
         catch(one, tick)
     if e.recording.on:
