@@ -1,7 +1,5 @@
 """What a phase asks of the motors: a jump at the switch, and stiffness that the limits cannot serve."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -23,21 +21,14 @@ _MOST_TICKS = 500
 
 
 class Jump(NamedTuple):
-    """Largest change of the commanded torque of one joint over the postures of a switch.
+    """Largest change of the commanded torque of one joint over the postures of a switch."""
 
-    Attributes:
-        joint: Position of the joint.
-        whole: Change from the old phase to the new one, without blending, in [N m].
-        tick: Largest change in one tick with blending, the posture held, in [N m].
-        angles: Posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``.
-        velocities: Its velocities in [rad] / [s], shape ``(n_joints,)``.
-    """
-
-    joint: int
-    whole: float
-    tick: float
+    joint: int  # position of the joint
+    whole: float  # change from the old phase to the new one, without blending, in [N m]
+    tick: float  # largest change in one tick with blending, the posture held, in [N m]
+    # posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``
     angles: np.ndarray
-    velocities: np.ndarray
+    velocities: np.ndarray  # its velocities in [rad] / [s], shape ``(n_joints,)``
 
 
 def _length(leg: HangingLeg, phase: int) -> int:
@@ -112,11 +103,7 @@ def torque_jump(case: CheckCase) -> list[Finding]:
 
 def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
     limits = leg.torque_limits()
-    worst = max(
-        jumps,
-        key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint],
-        default=None,
-    )
+    worst = max(jumps, key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint], default=None)
     if worst is None:
         return []
     limit = float(limits[worst.joint])
@@ -149,9 +136,6 @@ def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
         found[ANGLE.of(joint)] = round(math.degrees(angle), 2)
         found[VELOCITY.of(joint)] = round(math.degrees(velocity), 1)
     return found
-
-
-# ---------------------------------------------------------------------- what a spring asks for
 
 
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:

@@ -1,7 +1,5 @@
 """A chair, and what of the body meets it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Crutches, and how a person uses them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated
