@@ -144,13 +144,16 @@ def test_seat_in_mujoco_gives_the_log_of_the_compiled_engine():
         np.testing.assert_allclose(other, theirs.rows[:, place], atol=1e-9, rtol=0.0, err_msg=name)
 
 
-def test_wearer_of_the_preset_comes_to_stand_within_the_limits():
-    run = simulate(load_experiment("sit_to_stand", ["duration_s=5"]).experiment)
+def test_wearer_of_the_preset_rises_within_the_limits_and_brings_the_crutches_forward():
+    run = simulate(load_experiment("sit_to_stand").experiment)
     log, end = run.log, run.log.iloc[-1]
     assert run.reason == ""
+    assert end["mode"] == run.experiment.modes.phase_names.index("standing")
     assert end["left_phase"] == end["right_phase"] == "stand"
     assert end["pelvis_height_m"] - log["pelvis_height_m"].iloc[0] > 0.35
-    assert abs(np.degrees(end["trunk_pitch_rad"])) < 10.0
-    for joint in (f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee")):
-        assert log[f"{joint}_stop_torque_Nm"].abs().max() == 0.0
-        assert log[f"{joint}_motor_command_torque_Nm"].abs().max() < 60.0
+    assert 0.0 < np.degrees(end["trunk_pitch_rad"]) < 30.0
+    for side in SIDES:
+        assert end[f"{side}_crutch_forward_m"] - end["pelvis_forward_m"] > 0.3
+        for joint in ("hip", "knee"):
+            assert log[f"{side}_{joint}_stop_torque_Nm"].abs().max() == 0.0
+            assert log[f"{side}_{joint}_motor_command_torque_Nm"].abs().max() < 80.0
