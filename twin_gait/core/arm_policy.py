@@ -13,7 +13,8 @@ time constant of yielding. When both legs stand, a tip that has come near is lif
 where the person reaches, and lowered until it is felt to carry; the other stays planted meanwhile.
 
 A chair asks for both behind. When the device announces that it is about to sit down, one tip after the
-other is swung back to a tilt φ against the vertical, and likewise before rising if they do not stand there.
+other is swung back to a tilt φ against the vertical, while the other one is leant on or holds what it has;
+likewise before rising if they do not stand there.
 While the person sits, the hands rest. While they rise or sit down, the arms do as the legs do: the muscles
 push, with the stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen
 or of seated arms,
@@ -184,6 +185,9 @@ def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, 
     if readies and ahead > 0.0 and _may_lift(habit, sense, arm, other):
         _lift(habit, sense, arm, -habit.chair_tilt)
         return
+    if sense.chair == REACHES and arm.doing == PLANTED and ahead > 0.0:
+        _lean_on(habit, sense, arm)  # until its turn comes
+        return
     if sense.chair != arm.felt or arm.doing == PLANTED:
         arm.felt = sense.chair
         arm.doing, arm.since, arm.first_length = BEHIND, 0, arm.length
@@ -215,6 +219,8 @@ def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
         share = blend_share(arm.since / habit.chair_ticks, BLEND_MINIMUM_JERK)
         wanted = habit.risen if sense.chair == RISES else habit.seated
         grip.length = blend(arm.first_length, wanted, share)
+    elif sense.chair == REACHES:
+        grip.push = grip.turn = 0.0  # holds on
     else:
         grip.length += habit.straightening
     grip.length = max(grip.length, arm.length)  # what would lift the tip gives way at once
