@@ -23,8 +23,9 @@ STAND, FIRST_SWING = "stand", "first_swing"
 # The end of late stance as a phase of its own, from the other foot's contact to toe-off (Perry 1992): the one
 # phase of stance that is called a swing.
 PRE_SWING = "pre_swing"
-# On a chair: sitting, leaning forward to rise, rising, and sitting down.
-SIT, LEAN, RISE, LOWER = "sit", "lean", "rise", "lower"
+# On a chair: sitting, leaning forward to rise, rising, coming to be straight; standing until the crutches are
+# behind, and sitting down.
+SIT, LEAN, RISE, STRAIGHTEN, REACH_BACK, LOWER = "sit", "lean", "rise", "straighten", "reach_back", "lower"
 HOLD = "hold"  # what is shown in place of a phase after a trip of the safety monitor
 
 

@@ -303,20 +303,6 @@ def test_unknown_preset_lists_those_there_are():
         load_experiment("no_such_preset")
 
 
-def test_presets_and_tables_of_the_drafts_are_refused_with_their_new_names(tmp_path):
-    message = "treadmill_stand is called treadmill_start_stop now"
-    file = tmp_path / "mine.yaml"
-    for attempt in (
-        lambda: load_experiment("treadmill_stand"),
-        lambda: load_gait_table("treadmill_stand"),
-        lambda: load_experiment("treadmill", ["table=treadmill_stand"]),
-        lambda: load_experiment(file),
-    ):
-        file.write_text("preset: treadmill_stand\n")
-        with pytest.raises(TwinGaitError, match=message):
-            attempt()
-
-
 def test_unknown_base_preset_lists_those_there_are(tmp_path):
     path = tmp_path / "run.yaml"
     path.write_text("preset: moon\n")

@@ -278,10 +278,6 @@ MISTAKES = {
         "    minimum_duration_ms: 50", "    ankle: {}",
         "phases.early_stance.ankle", "allowed: hip, knee",
     ),
-    "word of the drafts": (
-        "minimum_duration_ms: 50", "min_time_ms: 50", "phases.early_stance.min_time_ms",
-        "is called minimum_duration_ms now",
-    ),
     "minimum": (
         "minimum_duration_ms: 50", "minimum_duration_ms: -1",
         "phases.early_stance.minimum_duration_ms", "-1"),

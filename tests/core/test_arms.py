@@ -11,7 +11,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.arm_policy import LOWERED, PLANTED, SWUNG, Habit, Sense, move_arm, new_sense, plant_crutch
+from twin_gait.core.arm_policy import (
+    BEHIND,
+    LEANS,
+    LOWERED,
+    LOWERS,
+    PLANTED,
+    REACHES,
+    RISES,
+    SITS,
+    SWUNG,
+    Habit,
+    Sense,
+    move_arm,
+    new_sense,
+    plant_crutch,
+)
 from twin_gait.core.arms import Arm, Grip, arm_force, turn_grip
 from twin_gait.core.estimation import delayed_sample, new_delay_line
 from twin_gait.core.plant import Stop
@@ -40,13 +55,12 @@ HABIT = Habit(
     touch=15.0,
     longest=1.43,
     chair_tilt=0.3,
-    chair_push=200.0,
-    chair_push_per_tilt=800.0,
-    chair_turn=0.0,
-    chair_turn_per_tilt=200.0,
-    chair_fading=0.15,
-    chair_hold=40.0,
-    chair_ticks=3000,
+    chair_push=20.0,
+    chair_turn=30.0,
+    risen=1.5,
+    seated=0.8,
+    chair_ticks=2000,
+    straightening=0.00005,
 )
 
 
@@ -275,6 +289,73 @@ def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
             move_arm(habit, sense, arm, arms[1 - number], rng.uniform(0.0, 0.4), rng.uniform(0.0, 30.0))
             lifted[number] += before == PLANTED != arm.doing
         assert PLANTED in (arms[0].doing, arms[1].doing)
+    assert min(lifted) > 50
+
+
+def on_chair(what: float) -> Sense:
+    sense = sense_of()
+    sense.chair = what
+    return sense
+
+
+@pytest.mark.parametrize(("what", "end"), [(RISES, 1.5), (LOWERS, 0.8)])
+def test_arms_go_with_the_legs_by_minimum_jerk_and_only_push(what: float, end: float) -> None:
+    """10 s³ - 15 s⁴ + 6 s⁵ of the way from the length at the start; who is beyond it already gives way."""
+    arm, other, sense = planted(), planted(), on_chair(what)
+    arm.length = 0.7 if what == RISES else 1.4
+    start = arm.length
+    for tick in range(2500):
+        move_arm(HABIT, sense, arm, other, -0.2, 80.0)
+        share = min(tick / 2000.0, 1.0)
+        wanted = start + (end - start) * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        assert_allclose(arm.grip.length, max(wanted, arm.length), rtol=1e-12)
+        arm.length = wanted - 0.01 if tick < 1200 else wanted + 0.02
+    assert (arm.grip.push, arm.grip.turn, arm.doing) == (20.0, -30.0, BEHIND)
+
+
+def test_hands_of_who_sits_rest() -> None:
+    arm = planted()
+    move_arm(HABIT, on_chair(SITS), arm, planted(), -0.2, 80.0)
+    assert arm.grip.push == arm.grip.turn == arm.grip.stiffness == 0.0
+
+
+@pytest.mark.parametrize(("load", "lifts"), [(14.9, True), (15.0, False)])
+def test_who_has_risen_straightens_the_arms_until_a_hand_feels_no_load(load: float, lifts: bool) -> None:
+    arm, other = planted(), planted(ticks=30)
+    move_arm(HABIT, on_chair(RISES), arm, other, -0.2, 80.0)
+    before = arm.grip.length
+    for tick in range(1, 22):
+        move_arm(HABIT, on_chair(0.0), arm, other, -0.2, 80.0)
+        assert arm.doing == BEHIND
+        assert_allclose(arm.grip.length, before + 0.00005 * tick, rtol=1e-12)
+    move_arm(HABIT, on_chair(0.0), arm, other, -0.2, load)
+    assert arm.doing == (SWUNG if lifts else BEHIND)
+    assert not lifts or arm.reach == HABIT.reach
+
+
+@pytest.mark.parametrize("what", [LEANS, REACHES])
+@pytest.mark.parametrize("ahead", [-0.01, 0.01])
+def test_crutches_in_front_are_swung_behind_for_a_chair(what: float, ahead: float) -> None:
+    arm, other = planted(ticks=30), planted(ticks=30)
+    move_arm(HABIT, on_chair(what), arm, other, ahead, 80.0)
+    assert arm.doing == (SWUNG if ahead > 0.0 else BEHIND)
+    if ahead > 0.0:
+        assert arm.reach == -0.3
+        move_arm(HABIT, on_chair(what), other, arm, ahead, 80.0)
+        assert other.doing == BEHIND  # one at a time
+
+
+def test_never_are_both_crutches_in_the_air_whatever_the_chair_asks_for(rng: np.random.Generator) -> None:
+    arms, lifted = [planted(ticks=20), planted(ticks=30)], [0, 0]
+    habit = replace(HABIT, swing_ticks=5, planted_ticks=3)
+    for tick in range(6000):
+        if tick % 40 == 0:
+            sense = on_chair(float(rng.integers(0, 6)))
+        for number, arm in enumerate(arms):
+            standing = arm.doing in (PLANTED, BEHIND)
+            move_arm(habit, sense, arm, arms[1 - number], rng.uniform(-0.4, 0.4), rng.uniform(0.0, 30.0))
+            lifted[number] += standing and arm.doing == SWUNG
+        assert not all(arm.doing in (SWUNG, LOWERED) for arm in arms)
     assert min(lifted) > 50
 
 

@@ -122,7 +122,8 @@ TARGETS = [
 def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int) -> np.ndarray:
     """Parameters of one leg tick by tick, which enters the next phase at each switch."""
     e = copied(legs)
-    e.rates.blend_law, e.rates.blend_ticks = law, duration
+    e.rates.blend_law = law
+    e.controller.legs[0].blend_ticks[:3] = [1, duration, duration]
     rows = []
     for tick in range(ticks):
         if tick in switches:

@@ -164,7 +164,7 @@ def test_a_bench_leg_has_two_boards_and_no_sole():
 @pytest.mark.parametrize("place", ["board", "ccu"])
 def test_frames_of_a_networked_run_have_its_layout_its_cycle_and_what_its_boards_heard(place):
     """After a walk over the bus the log has numbers in steps of the frames that brought them."""
-    settings = ["duration_s=1", "network.cycle_ms=4", f"network.impedance={place}"]
+    settings = ["engine=pinocchio", "duration_s=1", "network.cycle_ms=4", f"network.impedance={place}"]
     run = simulate(load_experiment("bench_leg", settings).experiment)
     messages = messages_of(run.experiment)
     frames = [item for item in run_frames(run, messages) if item.identifier == 0x104]
@@ -182,7 +182,9 @@ def test_frames_of_a_networked_run_have_its_layout_its_cycle_and_what_its_boards
 
 def test_a_board_that_the_bus_leaves_alone_tells_so():
     run = simulate(
-        load_experiment("bench_leg", ["duration_s=1", "network.outages=[silence:right_knee@0.5s]"]).experiment
+        load_experiment(
+            "bench_leg", ["engine=pinocchio", "duration_s=1", "network.outages=[silence:right_knee@0.5s]"]
+        ).experiment
     )
     assert str(run.trip.cause) == "bus_silence" and str(run.trip.joint) == "knee"
     last = {item.identifier: item.data for item in run_frames(run, MESSAGES)}

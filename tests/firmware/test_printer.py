@@ -10,7 +10,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import pytest
 from firmware_tools import require_tools
@@ -264,7 +264,7 @@ def device_library(device) -> Library:
 def test_functions_of_board_and_gait_controller(device, device_library, function):
     episode, structure = device.episode, device.structure
     draw, names = random.Random(function.__name__), function.__code__.co_varnames
-    bound = bind(function, structure)
+    bound, hints = bind(function, structure), get_type_hints(function)
     samples = {
         "board": episode.joints[0].board,
         "controller": episode.controller,
@@ -278,15 +278,15 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
     }
 
     def argument(name: str) -> Any:
-        hint = function.__annotations__[name]
-        if hint == "list[float]":
+        hint = hints[name]
+        if hint == list[float]:
             return list(episode.controller.signals)
         if name in ("rates", "limits"):
             return samples[name]
-        if hint in ("float", "bool", "int"):
+        if hint in (float, bool, int):
             count = draw.randrange(2) if name in ("number", "part") else draw.randrange(1000)
-            return {"float": draw.uniform(-2.0, 2.0), "bool": count % 2 == 0, "int": count % 7}[hint]
-        record = next(item for item in samples.values() if type(item).__name__ == hint)
+            return {float: draw.uniform(-2.0, 2.0), bool: count % 2 == 0, int: count % 7}[hint]
+        record = next(item for item in samples.values() if type(item) is hint)
         return scrambled(record, draw)
 
     compared = 0

@@ -153,7 +153,17 @@ def lively_value(near: list[float], rng: np.random.Generator) -> float:
     return float(rng.uniform(-40.0, 80.0))
 
 
-@each_table
+# In these a rare transition takes a hundred thousand steps to be met with.
+LONG = ("overground", "treadmill_start_stop")
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        pytest.param(table, id=name, marks=[pytest.mark.nightly] if name in LONG else [])
+        for name, table in TABLES.items()
+    ],
+)
 def test_state_machine_does_what_the_printed_truth_table_says(table: GaitTable) -> None:
     rng = np.random.default_rng(5)
     reader = Reader(table)

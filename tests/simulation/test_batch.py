@@ -149,7 +149,7 @@ simulate_batch(experiment, [{"seed": seed} for seed in range(EPISODES)], workers
 """
 
 
-@pytest.mark.parametrize("episodes", [2, 5])
+@pytest.mark.parametrize("episodes", [2, pytest.param(5, marks=pytest.mark.nightly)])
 def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED.replace("EPISODES", str(episodes)))

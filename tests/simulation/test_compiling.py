@@ -1,4 +1,4 @@
-"""The two internals of numba that compiled loops lean on, and how a loop is compiled.
+"""The three internals of numba that compiled loops lean on, and how a loop is compiled.
 
 Seen in numba 0.61.2, 0.63.1 and 0.68.1. Where a newer release fails here, look at
 :mod:`twin_gait.simulation.compiling` before anything else.
@@ -14,6 +14,7 @@ import numba
 import numpy as np
 import pytest
 from numba.core import types
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import DefaultPassBuilder
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
@@ -166,7 +167,7 @@ def axpy(x: Any, y: Any, n: int) -> int:
 def packed_operations(*, quick: bool) -> int:
     """Vectors in the machine-independent code of a loop that is easily vectorised."""
     signature = (types.float64[::1], types.float64[::1], types.intp)
-    made = jit(axpy)
+    made = jit(axpy, inline=False)
     if quick:
         with compiled_in():
             made.compile(signature)
@@ -232,6 +233,20 @@ def test_the_next_loop_of_a_process_compiles_only_what_is_different_in_it(
     compiled.clear()
     assert compile_loop(scaled_at, {"COUNT": 3}, 3).function(0, 10, 7) == 3 * 10 + 10 + 7
     assert compiled == ["scaled_at", "scaled"]
+
+
+def test_machine_code_is_made_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of numba's own, of every function in it."""
+    made: list[str] = []
+    finalize = JITCodeLibrary._finalize_specific
+
+    def note(self: Any) -> None:
+        made.append(self.name)
+        finalize(self)
+
+    monkeypatch.setattr(JITCodeLibrary, "_finalize_specific", note)
+    assert compile_loop(scaled_at, {"COUNT": 4}, 3).function(0, 10, 7) == 4 * 10 + 10 + 7
+    assert made == ["scaled_at"]
 
 
 def wrong(address: int, first: int, end: int) -> int:

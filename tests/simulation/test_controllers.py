@@ -55,9 +55,8 @@ class FadingHelp(Controller):
                 device.joints[place].demand.stiffness *= memory.left[number]
 
 
-@pytest.mark.compile
 def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
-    settings = ["duration_s=4"]
+    settings = ["duration_s=4", "engine=pinocchio"]
     run = simulate(load_experiment("treadmill", settings).experiment, controller=FadingHelp())
     problem = build_problem(run.experiment)
     for number, side in enumerate(problem.sides):

@@ -135,7 +135,7 @@ def test_a_leg_that_is_told_nothing_walks():
     """The table of stand on a belt without a profile moves the legs as its five walking phases do."""
     ankle = "plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}"  # as the table was found
     settings = ["duration_s=3", "table=treadmill_start_stop", "scenario.support.guide=vertical", ankle]
-    asked = load_experiment("treadmill", settings).experiment
+    asked = load_experiment("treadmill", [*settings, "engine=pinocchio"]).experiment
     cycle = asked.table.cycles[0]
     assert len(cycle) == 5 and STAND not in cycle
     walking = replace(
@@ -190,11 +190,16 @@ PEOPLE = {
     "the other leg first": ("scenario.leading=right",),
     "light and tall": ("patient.mass_kg=55", "patient.height_m=1.9"),
     "heavy and short": ("patient.mass_kg=95", "patient.height_m=1.6"),
-    "with an own effort": ("patient=healthy",),
 }
 
 
-@pytest.mark.parametrize("settings", PEOPLE.values(), ids=PEOPLE)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        *(pytest.param(settings, id=name) for name, settings in PEOPLE.items()),
+        pytest.param(("patient=healthy",), marks=pytest.mark.nightly, id="with an own effort"),
+    ],
+)
 @pytest.mark.parametrize("stop", [6.0, 6.7])
 def test_he_starts_walks_and_stands_again_without_a_fall(settings, stop):
     run = walk(*commands(1.0, stop, stop + 5.0), *settings)
@@ -226,8 +231,8 @@ def test_strides_are_counted_while_the_belt_runs_evenly():
 def test_both_engines_agree_from_stand_to_stand():
     settings = (
         "sensors.ideal=true",
-        "integration.method=semi_implicit_euler",
-        "integration.step_s=0.00025",
+        "integration.method=rk4",
+        "integration.step_s=0.0005",
         "scenario.belt.ramp_s=0.6",
         "scenario.belt.delay_s=0",
         *commands(0.1, 1.2, 3.0),

@@ -196,8 +196,13 @@ def test_numbers_agree_with_the_log_by_another_way(stroke):
     assert numbers["wearer_work_share"] == pytest.approx(works["wearer"] / sum(works.values()))
 
 
-def test_assistance_in_full_and_in_part_is_what_was_set(stroke):
+def test_full_assistance_is_what_was_set(stroke):
     assert run_measures(stroke.runs["table"])["assistance_level"] == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.nightly
+@pytest.mark.compile
+def test_assistance_in_part_is_what_was_set():
     partly = run_measures(simulate(CONTROLLERS["twincare"].change(walk("stroke_left", 20.0))))
     assert partly["assistance_level"] == pytest.approx(TWINCARE_SHARE, rel=1e-9)
 
@@ -241,6 +246,8 @@ def test_hemiparesis_shows_asymmetry_and_a_healthy_walk_none(stroke):
     assert lame.mean + lame.half_width < -(abs(sound.mean) + sound.half_width)
 
 
+@pytest.mark.nightly
+@pytest.mark.compile
 def test_more_effort_less_assistance_under_assist_as_needed():
     found = [
         compare(
@@ -261,12 +268,16 @@ def test_more_effort_less_assistance_under_assist_as_needed():
 @pytest.mark.parametrize(
     ("settings", "walks"),
     [
-        ((), False),
-        (("patient=healthy",), True),
-        ((GUIDED,), True),
-        (("plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}",), True),
+        pytest.param((), False, marks=pytest.mark.nightly, id="default"),
+        pytest.param(("patient=healthy",), True, id="with effort"),
+        pytest.param((GUIDED,), True, marks=pytest.mark.nightly, id="guided"),
+        pytest.param(
+            ("plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}",),
+            True,
+            marks=pytest.mark.nightly,
+            id="stiff orthosis",
+        ),
     ],
-    ids=["default", "with effort", "guided", "stiff orthosis"],
 )
 def test_predetermined_path_is_walked_where_documentation_says(settings, walks):
     run = simulate(
@@ -279,6 +290,8 @@ def test_predetermined_path_is_walked_where_documentation_says(settings, walks):
         assert 1.5 < run.trip.time < 2.0
 
 
+@pytest.mark.nightly
+@pytest.mark.compile
 def test_effort_changes_little_in_what_position_tracking_does():
     """Day by day: the path is predetermined, and a wearer who works disturbs it by some of the effort."""
     found = [

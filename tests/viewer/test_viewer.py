@@ -28,7 +28,7 @@ from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, recorded_run
 from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.forces import FORCE_ROOT
+from twin_gait.viewer.forces import FORCE_ROOT, arrow_state
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
@@ -406,12 +406,12 @@ def test_arrow_is_as_long_and_as_tilted_as_the_force(worn_twin: LegModel) -> Non
     scene = build_scene(Recorder(), worn_twin)
     force = np.array([120.0, 350.0])
     state = {name: value for (_, name), value in
-             scene.force_state(Side.LEFT, force, np.array([0.1, 0.2, 0.0])).items()}  # fmt: skip
+             arrow_state(scene.arrows[Side.LEFT], force, np.array([0.1, 0.2, 0.0])).items()}  # fmt: skip
     x, y, z, w = state["quaternion"]
     tip = pin.Quaternion(w, x, y, z).matrix() @ np.array([0.0, 0.0, state["scale"][2]])
     np.testing.assert_allclose(tip, METRES_PER_NEWTON * np.array([120.0, 0.0, 350.0]), atol=1e-12)
     assert state["visible"] is True
-    lifted = scene.force_state(Side.LEFT, np.array([0.0, 5.0]), np.zeros(3))
+    lifted = arrow_state(scene.arrows[Side.LEFT], np.array([0.0, 5.0]), np.zeros(3))
     assert lifted[scene.arrows[Side.LEFT], "visible"] is False
 
 

@@ -1,31 +1,13 @@
 """Check a gait table by all rules: what it is checked against, the rules, and the report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait.checking import (
-    exits,
-    graph,
-    leaving,
-    network,
-    sense,
-    stability,
-    torques,
-)
-from twin_gait.checking.finding import (
-    CheckCase,
-    Finding,
-    Rule,
-    Severity,
-    unknown_rule,
-    unused_waiver,
-    waive,
-)
+from twin_gait.checking import exits, graph, leaving, network, sense, stability, torques
+from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, unknown_rule, unused_waiver, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_state_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
@@ -85,12 +67,9 @@ def load_case(
 def build_case(table: StateTable, experiment: Experiment | None = None) -> CheckCase:
     """Lay out what is checked.
 
-    Args:
-        experiment: What it drives; its own table is replaced. None checks the table by itself.
-
-    Returns:
-        The table, scaled to the experiment, with the limits of its joints: those of the URDF, or
-        without an experiment the normal ranges of human joints.
+    ``experiment``: what it drives; its own table is replaced. None checks the table by itself. Returns the
+    table, scaled to the experiment, with the limits of its joints: those of the URDF, or without an
+    experiment the normal ranges of human joints.
     """
     if experiment is None or not isinstance(table, GaitTable):
         limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, *device_parts())}
@@ -129,14 +108,7 @@ def _velocity(world: World, joint: JointName) -> float:
 
 
 def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding]:
-    """Check a table.
-
-    Args:
-        chosen: Rules; all that there are for its kind by default.
-
-    Returns:
-        The findings, waived ones marked, the worst first and then in the order of the phases.
-    """
+    """Findings on a table by the chosen rules, or all of its kind: the worst first, then by phase."""
     if chosen is None:
         chosen = MODE_RULES if isinstance(case.table, ModeTable) else RULES
     found = [finding for rule in chosen for finding in rule(case)]

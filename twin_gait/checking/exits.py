@@ -1,7 +1,5 @@
 """Exits of a phase: open at once, never open, behind another, following a switch at once; idle conditions."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 
@@ -14,9 +12,6 @@ from twin_gait.gait.signals import ANGLE, LOAD, OTHER_TIME, TIME, VELOCITY, sign
 from twin_gait.gait.table import TICK, Transition
 
 _NOISY, _ENTRY = "noisy.", (TICK, TICK)
-
-
-# ---------------------------------------------------------------------- exits that contend
 
 
 def ambiguity(case: CheckCase) -> list[Finding]:
@@ -135,9 +130,6 @@ def _wins_somewhere(space: SignalSpace, index: int, before: list[int]) -> bool:
     return all(open_behind(group) for group in [quick, *slow])
 
 
-# ---------------------------------------------------------------------- conditions that decide nothing
-
-
 def threshold_beyond_limits(case: CheckCase) -> list[Finding]:
     """A threshold lies outside what its signal can measure: the condition is always or never true."""
     space = signal_space(case)
@@ -221,9 +213,6 @@ def _superfluous(
         if not decides:
             kept = rest
             yield member, tuple(rest)
-
-
-# ---------------------------------------------------------------------- switches that follow one another
 
 
 def cascade(case: CheckCase) -> list[Finding]:

@@ -5,8 +5,6 @@ is the id of all its findings, the first line of its docstring says what is foun
 ``RULES``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -27,49 +25,32 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One finding of a check.
+    """One finding of a check."""
 
-    Attributes:
-        rule: Id of the rule, for example ``ambiguity``.
-        severity: How bad it is.
-        reason: What is wrong, in one sentence with numbers and units.
-        suggestion: The way out, in one sentence.
-        phase: Phase it is about, if any.
-        transition: Transition it is about, as ``source → target (cause)``, if any.
-        side: Leg it is about where the sides differ.
-        counterexample: Signals by name in the units of the table that show it, if there is such a point.
-        waived: Reason that the table gives for living with it; empty if it does not.
-    """
-
-    rule: str
-    severity: Severity
-    reason: str
-    suggestion: str
-    phase: str | None = None
-    transition: str | None = None
-    side: Side | None = None
+    rule: str  # id of the rule, for example ``ambiguity``
+    severity: Severity  # how bad it is
+    reason: str  # what is wrong, in one sentence with numbers and units
+    suggestion: str  # the way out, in one sentence
+    phase: str | None = None  # phase it is about, if any
+    transition: str | None = None  # transition it is about, as ``source → target (cause)``, if any
+    side: Side | None = None  # leg it is about where the sides differ
+    # signals by name in the units of the table that show it, if there is such a point
     counterexample: Mapping[str, float | str] = field(default_factory=dict)
-    waived: str = ""
+    waived: str = ""  # reason that the table gives for living with it; empty if it does not
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckCase:
-    """What is checked: a table and the leg, motor and wearer that it drives.
+    """What is checked: a table and the leg, motor and wearer that it drives."""
 
-    Attributes:
-        table: The gait table, scaled to the experiment where there is one, or a table of modes.
-        experiment: What the table drives; None if it has joints that no leg model here has.
-        limits: Lowest and highest angle in [rad] of each joint of the table, and of what else has signals.
-        velocity_limits: Highest speed of each joint of the table in [rad] / [s].
-        first_phases: In which the legs start, leg by leg; nothing without an experiment.
-        shared: What one rule has worked out and another needs too.
-    """
-
-    table: StateTable
-    experiment: Experiment | None
+    table: StateTable  # the gait table, scaled to the experiment where there is one, or a table of modes
+    experiment: Experiment | None  # what the table drives; None if it has joints that no leg model here has
+    # lowest and highest angle in [rad] of each joint of the table, and of what else has signals
     limits: Mapping[str, tuple[float, float]]
+    # highest speed of each joint of the table in [rad] / [s]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
-    first_phases: tuple[str, ...] = ()
+    first_phases: tuple[str, ...] = ()  # in which the legs start, leg by leg; nothing without an experiment
+    # what one rule has worked out and another needs too
     shared: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -116,9 +97,6 @@ def about(
         transition=label(item),
         counterexample=counterexample or {},
     )
-
-
-# ---------------------------------------------------------------------- waivers
 
 
 def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:

@@ -1,7 +1,5 @@
 """The graph of phases: what one leg reaches and leaves again, and what two legs get into together."""
 
-from __future__ import annotations
-
 import itertools
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -17,9 +15,6 @@ from twin_gait.gait.table import GaitTable, Transition
 Pair = tuple[str, str]
 
 
-# ---------------------------------------------------------------------- one leg
-
-
 def firing(case: CheckCase) -> list[Transition]:
     """Transitions of a table that can fire inside the limits, in its order."""
     space = signal_space(case)
@@ -27,11 +22,7 @@ def firing(case: CheckCase) -> list[Transition]:
 
 
 def path(transitions: Sequence[Transition], start: str, goal: str | None = None) -> dict[str, str | None]:
-    """Search breadth first along transitions, from a phase to another or to all.
-
-    Returns:
-        For each phase that is found the phase before it, None for the start.
-    """
+    """Search breadth first along transitions: each phase with the one before it, None at the start."""
     before: dict[str, str | None] = {start: None}
     waiting = deque([start])
     while waiting and goal not in before:
@@ -157,21 +148,12 @@ def _chain(closing: Transition, before: dict[str, str | None]) -> str:
     return " → ".join([closing.source, *phases])
 
 
-# ---------------------------------------------------------------------- two legs
-
-
 class Step(NamedTuple):
-    """How a pair of phases is entered.
+    """How a pair of phases is entered."""
 
-    Attributes:
-        before: The pair before.
-        taken: Transitions that are taken in one tick, of the first leg or of both.
-        counterexample: Signals of the first leg and the other that open them.
-    """
-
-    before: Pair
-    taken: tuple[int, ...]
-    counterexample: dict[str, float | str]
+    before: Pair  # the pair before
+    taken: tuple[int, ...]  # transitions that are taken in one tick, of the first leg or of both
+    counterexample: dict[str, float | str]  # signals of the first leg and the other that open them
 
 
 def starting_pairs(case: CheckCase) -> list[Pair]:
@@ -321,7 +303,10 @@ def _both_lifted(case: CheckCase, step: Step) -> Finding:
 
 
 def deadlock(case: CheckCase) -> list[Finding]:
-    """Two legs can reach a pair of phases in which neither can ever go on, whatever is measured."""
+    """Two legs can reach a pair of phases in which neither can ever go on, whatever is measured.
+
+    Out of postures a supervisor may send both.
+    """
     if not case.has_other_leg or len(case.table.phases) == 1:
         return []
     legs = two_legs(case)
@@ -334,15 +319,13 @@ def deadlock(case: CheckCase) -> list[Finding]:
             suggestion=f"let {first} or {second} be left in this case too, or give one a time-out",
         )
         for first, second in legs.entered
-        if not any(
+        if not {first, second} <= set(case.gait.postures)
+        and not any(
             legs.can_leave(index, other) is not None
             for own, other in ((first, second), (second, first))
             for index in legs.space.exits(own)
         )
     ]
-
-
-# ---------------------------------------------------------------------- modes
 
 
 def unanswered_request(case: CheckCase) -> list[Finding]:

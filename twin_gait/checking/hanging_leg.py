@@ -1,7 +1,5 @@
 """One leg of an experiment as the physical rules see it: hanging from a pelvis that is held."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -55,19 +53,12 @@ def friction_stiffness(law: FrictionLaw, velocity: float) -> float:
 
 @dataclass(frozen=True)
 class HangingLeg:
-    """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero.
+    """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero."""
 
-    Attributes:
-        problem: The experiment as arrays, table scaled and damping ratios resolved.
-        plant: The leg as it is, the wearer's true mass included.
-        side: Which leg.
-        shown_side: Side that findings name: None where both legs have the same numbers.
-    """
-
-    problem: Problem
-    plant: LegModel
-    side: Side
-    shown_side: Side | None
+    problem: Problem  # the experiment as arrays, table scaled and damping ratios resolved
+    plant: LegModel  # the leg as it is, the wearer's true mass included
+    side: Side  # which leg
+    shown_side: Side | None  # side that findings name: None where both legs have the same numbers
 
     @property
     def joints(self) -> tuple[JointName, ...]:
@@ -92,8 +83,6 @@ class HangingLeg:
         """``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
-    # ------------------------------------------------------------------ motors
-
     def actuator(self, joint: JointName) -> ActuatorParameters:
         """Motor and gear of a joint."""
         return self.problem.experiment.plant.actuators[joint]
@@ -102,9 +91,7 @@ class HangingLeg:
         """Torque at the joint at the current limit, in [N m]."""
         motor = self.actuator(joint)
         return current_to_torque(
-            self.problem.experiment.control.limits.current,
-            motor.torque_constant,
-            motor.gear_ratio,
+            self.problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio
         )
 
     def torque_limits(self) -> np.ndarray:
@@ -116,8 +103,6 @@ class HangingLeg:
         """Speed in [rad] / [s] at which the back-EMF takes up the whole battery voltage."""
         motor = self.actuator(joint)
         return self.problem.experiment.plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
-
-    # ------------------------------------------------------------------ mechanics
 
     def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
         q = np.zeros(model.nv)
@@ -146,8 +131,6 @@ class HangingLeg:
         model = self.problem.control_model
         q, indices = self._posture(model, angles)
         return model.gravity_torque(q)[indices]
-
-    # ------------------------------------------------------------------ the linear loop
 
     @property
     def sticks(self) -> bool:
@@ -183,11 +166,7 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
 
 
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
-    """Legs of a case that have numbers of their own.
-
-    Returns:
-        One leg where the table gives both sides the same numbers, else all; none without an experiment.
-    """
+    """Legs with numbers of their own: one where both sides have the same; none without an experiment."""
     experiment = case.experiment
     if experiment is None:
         return []
@@ -214,12 +193,8 @@ def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Si
 
     The leg hangs in the air from a pelvis that is held, at the equilibrium angles of the phase.
 
-    Args:
-        experiment: With its table.
-        velocity: Of all joints in [rad] / [s]; where the friction laws are linearised.
-
-    Returns:
-        Loops by side and phase; one side only where both have the same numbers.
+    ``experiment``: with its table. ``velocity``: of all joints in [rad] / [s]; where the friction laws are
+    linearised. Returns loops by side and phase; one side only where both have the same numbers.
     """
     return {
         (leg.side, phase): leg.linear_loop(index, velocity)

@@ -1,7 +1,5 @@
 """Can a leg leave a phase by its own motors, or does only the time-out take it on?"""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from enum import IntEnum
@@ -80,9 +78,6 @@ def _some_exit_opens(
         if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
             return True
     return False
-
-
-# ---------------------------------------------------------------------- rules
 
 
 def _leavings(case: CheckCase) -> list[_Leaving]:

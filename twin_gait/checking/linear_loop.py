@@ -6,8 +6,6 @@ measures (:func:`twin_gait.core.control_tick.measure_joint`), answers with a tor
 each of these is a matrix; their product over the ticks of a frame is exact, with nothing averaged.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -29,15 +27,10 @@ _STILL = 1e-4  # [1 / s], rounding of a mode that is zero
 
 
 class LegMotion(NamedTuple):
-    """Motion of a leg over one tick under torques that are held.
+    """Motion of a leg over one tick under torques that are held."""
 
-    Attributes:
-        free: What angles and velocities before the tick give after it, shape ``(2 n, 2 n)``.
-        driven: What the torques add, shape ``(2 n, n)``.
-    """
-
-    free: np.ndarray
-    driven: np.ndarray
+    free: np.ndarray  # what angles and velocities before the tick give after it, shape ``(2 n, 2 n)``
+    driven: np.ndarray  # what the torques add, shape ``(2 n, n)``
 
 
 def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> LegMotion:
@@ -45,13 +38,9 @@ def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> 
 
     The zero-order hold of :math:`M \ddot q = -K q - D \dot q + \tau`.
 
-    Args:
-        mass: M in [kg m²], armature included, shape ``(n, n)``.
-        stiffness: K, the slope of the leg's own torques over the angles, in [N m] / [rad], shape ``(n, n)``.
-        damping: Diagonal of D, the slope of its friction, in [N m s] / [rad], shape ``(n,)``.
-
-    Returns:
-        The motion.
+    ``mass``: M in [kg m²], armature included, shape ``(n, n)``. ``stiffness``: K, the slope of the leg's own
+    torques over the angles, in [N m] / [rad], shape ``(n, n)``. ``damping``: diagonal of D, the slope of its
+    friction, in [N m s] / [rad], shape ``(n,)``. Returns the motion.
     """
     n = len(damping)
     inverse = np.linalg.inv(mass)
@@ -82,31 +71,20 @@ def exponential(matrix: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class LinearLoop:
-    """Leg and firmware, linearised about a posture and a velocity, for n coupled joints.
+    """Leg and firmware, linearised about a posture and a velocity, for n coupled joints."""
 
-    Attributes:
-        motion: Of the leg in a tick.
-        stiffness: k in [N m] / [rad], shape ``(n,)``.
-        damping: b in [N m s] / [rad], on the fast velocity, shape ``(n,)``.
-        gain: G, on the slow velocity, shape ``(n,)``.
-        modelled_friction: Slope of the compensator's friction model in [N m s] / [rad], shape ``(n,)``.
-        feed_forward: Slope of the gravity compensation over the angles in [N m] / [rad], shape ``(n, n)``.
-        fast_gain: Gain of the first-order filter of the fast velocity.
-        decimation: Ticks between two slow samples.
-        window: Slow samples that are averaged.
-        delay: Ticks from a measurement to the torque that answers it.
-    """
-
-    motion: LegMotion
-    stiffness: np.ndarray
-    damping: np.ndarray
-    gain: np.ndarray
+    motion: LegMotion  # of the leg in a tick
+    stiffness: np.ndarray  # k in [N m] / [rad], shape ``(n,)``
+    damping: np.ndarray  # b in [N m s] / [rad], on the fast velocity, shape ``(n,)``
+    gain: np.ndarray  # G, on the slow velocity, shape ``(n,)``
+    # slope of the compensator's friction model in [N m s] / [rad], shape ``(n,)``
     modelled_friction: np.ndarray
+    # slope of the gravity compensation over the angles in [N m] / [rad], shape ``(n, n)``
     feed_forward: np.ndarray
-    fast_gain: float
-    decimation: int
-    window: int
-    delay: int = 0
+    fast_gain: float  # gain of the first-order filter of the fast velocity
+    decimation: int  # ticks between two slow samples
+    window: int  # slow samples that are averaged
+    delay: int = 0  # ticks from a measurement to the torque that answers it
 
     @property
     def frame(self) -> float:
@@ -154,15 +132,9 @@ def _response(loop: LinearLoop) -> np.ndarray:
 
 
 def transition_matrix(loop: LinearLoop) -> np.ndarray:
-    """Matrix that takes the state from before one slow sample to before the next.
+    """Matrix from before one slow sample to before the next, ``(5 + window + delay) n`` states.
 
     The first tick of the frame takes a slow sample, the others do not.
-
-    Args:
-        loop: The loop.
-
-    Returns:
-        Shape ``(n_states, n_states)`` with ``(5 + window + delay) n`` states.
     """
     n, states = len(loop.stiffness), _states(loop)
     leg, on_the_way = np.eye(states), RING + loop.window
@@ -188,12 +160,8 @@ def effective_damping_ratio(matrix: np.ndarray, frame: float) -> float:
     :math:`\zeta = -\operatorname{Re}(s) / |s|`. A pair is dominant unless it decays ``DOMINANCE`` times as
     fast as the slowest mode; this leaves the modes of the filters out.
 
-    Args:
-        matrix: From :func:`transition_matrix`.
-        frame: T in [s].
-
-    Returns:
-        ζ of the dominant pair with the least of it; negative if unstable, 1 if nothing dominant oscillates.
+    ``matrix``: from :func:`transition_matrix`. ``frame``: T in [s]. Returns ζ of the dominant pair with the
+    least of it; negative if unstable, 1 if nothing dominant oscillates.
     """
     values = np.linalg.eigvals(matrix)
     modes = np.log(values[np.abs(values) > _GONE].astype(complex)) / frame

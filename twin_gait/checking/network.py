@@ -1,7 +1,5 @@
 """Whether the CAN bus carries what the central unit and the boards tell each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -20,26 +18,16 @@ from twin_gait.simulation.problem import build_problem
 
 
 class Traffic(NamedTuple):
-    """What a bus has to carry in the worst case.
+    """What a bus has to carry in the worst case."""
 
-    Attributes:
-        load: Share of its time in which it is in use.
-        responses: Longest time in [s] from the instant at which a frame is due to its arrival, by its name;
-            None where the bus is full.
-    """
-
-    load: float
+    load: float  # share of its time in which it is in use
+    # longest time in [s] from the instant at which a frame is due to its arrival, by its name; None where the
+    # bus is full
     responses: dict[str, float | None]
 
 
 def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Traffic:
-    """What a healthy bus has to carry, every frame with as many stuff bits as there can be.
-
-    Frames that errors destroy are not counted.
-
-    Args:
-        messages: By identifier, the lowest first.
-    """
+    """What a healthy bus carries of messages, lowest identifier first, with all possible stuff bits."""
     bus = new_bus(network, messages, 0, TICK)
     frames = [
         CyclicFrame(most_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
@@ -54,11 +42,7 @@ def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Tr
 
 
 def traffic_of(experiment: Experiment) -> Traffic:
-    """What the bus of an experiment has to carry in the worst case; see :func:`worst_traffic`.
-
-    Raises:
-        ParameterError: If it has none.
-    """
+    """Worst traffic of an experiment's bus, see :func:`worst_traffic`; a ParameterError if it has none."""
     if experiment.network is None:
         raise ParameterError("network: ideal has no bus; set network to can")
     return worst_traffic(experiment.network, _messages(experiment, experiment.network))

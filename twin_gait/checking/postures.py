@@ -1,7 +1,5 @@
 """Where a leg enters a phase, comes to rest in it, and can leave it for the next."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator
@@ -62,20 +60,14 @@ def _creeping(true: FrictionLaw, model: FrictionLaw) -> tuple[np.ndarray, np.nda
 
 @dataclass(frozen=True)
 class Rest:
-    """Where a leg that entered a phase at some posture comes to rest in it.
+    """Where a leg that entered a phase at some posture comes to rest in it."""
 
-    Attributes:
-        start: Posture of entry in [rad], shape ``(n_joints,)``.
-        middle: Rest without friction in [rad], shape ``(n_joints,)``.
-        corners: Rests with the left-over friction of every joint for or against it, shape
-            ``(2 ** n_joints, n_joints)``.
-        velocities: Largest speed towards the rest that the torque at the start can drive against the damper,
-            with its sign, in [rad] / [s], shape ``(n_joints,)``.
-    """
-
-    start: np.ndarray
-    middle: np.ndarray
+    start: np.ndarray  # posture of entry in [rad], shape ``(n_joints,)``
+    middle: np.ndarray  # rest without friction in [rad], shape ``(n_joints,)``
+    # rests with the left-over friction of every joint for or against it, shape ``(2 ** n_joints, n_joints)``
     corners: np.ndarray
+    # largest speed towards the rest that the torque at the start can drive against the damper, with its sign,
+    # in [rad] / [s], shape ``(n_joints,)``
     velocities: np.ndarray
 
     def path(self) -> np.ndarray:
@@ -166,19 +158,11 @@ def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
     return found or [np.clip(equilibria[phase], *leg.limits().T)]
 
 
-# ---------------------------------------------------------------------- on the way through a phase
-
-
 class Postures(NamedTuple):
-    """Postures and velocities at which a switch can happen.
+    """Postures and velocities at which a switch can happen."""
 
-    Attributes:
-        angles: In [rad], shape ``(n, n_joints)``.
-        velocities: In [rad] / [s], shape ``(n, n_joints)``.
-    """
-
-    angles: np.ndarray
-    velocities: np.ndarray
+    angles: np.ndarray  # in [rad], shape ``(n, n_joints)``
+    velocities: np.ndarray  # in [rad] / [s], shape ``(n, n_joints)``
 
 
 def _thresholds(space: SignalSpace, index: int, name: str) -> list[float]:
@@ -269,8 +253,7 @@ def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = 
     nearest to the entry of the phase before is taken. Time-outs count only where no guard leads into the
     phase. So many phases before this one are followed; the first of them is entered at rest.
 
-    Returns:
-        Postures in [rad], each once, of all ways into the phase.
+    Returns postures in [rad], each once, of all ways into the phase.
     """
     key = (first_entries, leg.side, phase, depth)
     found: list[np.ndarray] = space.case.once(key, lambda: _first_entries(space, leg, phase, depth))

@@ -5,25 +5,17 @@ Controller Area Network (CAN) schedulability analysis: refuted, revisited and re
 its waiting ones. All times are whole numbers of one unit, here [ps], so that nothing is rounded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
 
 class CyclicFrame(NamedTuple):
-    """A frame as the analysis sees it.
+    """A frame as the analysis sees it."""
 
-    Attributes:
-        transmission: Longest time on the wire :math:`C`, interframe space included.
-        period: Shortest time :math:`T` between two of its events.
-        jitter: Longest time :math:`J` from an event until the frame is queued.
-    """
-
-    transmission: int
-    period: int
-    jitter: int = 0
+    transmission: int  # longest time on the wire C, interframe space included
+    period: int  # shortest time T between two of its events
+    jitter: int = 0  # longest time J from an event until the frame is queued
 
 
 def bus_load(frames: Sequence[CyclicFrame]) -> Fraction:
@@ -46,12 +38,9 @@ def response_times(frames: Sequence[CyclicFrame], bit: int) -> list[int | None]:
 
         R_m &= \max_q\; J_m + w_m(q) - q\,T_m + C_m
 
-    Args:
-        frames: The highest priority first.
-        bit: Length :math:`\tau_{bit}` of a bit, within which nodes begin at the same time.
-
-    Returns:
-        :math:`R_m` of each frame; None where frames of its priority and above fill the bus.
+    ``frames``: the highest priority first. ``bit``: length :math:`\tau_{bit}` of a bit, within which nodes
+    begin at the same time. Returns :math:`R_m` of each frame; None where frames of its priority and above
+    fill the bus.
     """
     return [_response_time(frames, number, bit) for number in range(len(frames))]
 

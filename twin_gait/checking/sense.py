@@ -1,7 +1,5 @@
 """Numbers outside what others have published or measured."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Ranges of the signals that a table reads, and points in them where guards are open or closed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,16 +7,7 @@ from dataclasses import dataclass, replace
 from twin_gait.checking.finding import CheckCase
 from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import (
-    ZERO,
-    Bound,
-    Requirement,
-    Way,
-    bound_of,
-    equal,
-    solutions,
-    translated,
-)
+from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
 from twin_gait.gait.guards import Comparison, Guard, atoms
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
@@ -55,17 +44,11 @@ Ranges = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Point:
-    """Signals by name in the units of the table, and the phase of the other leg.
+    """Signals by name in the units of the table, and the phase of the other leg."""
 
-    Attributes:
-        signals: Those that decide.
-        other: Phase of the other leg, or None without one.
-        phase_decides: Whether that phase decides too.
-    """
-
-    signals: Mapping[str, float]
-    other: str | None
-    phase_decides: bool = False
+    signals: Mapping[str, float]  # those that decide
+    other: str | None  # phase of the other leg, or None without one
+    phase_decides: bool = False  # whether that phase decides too
 
 
 class SignalSpace:
@@ -89,8 +72,6 @@ class SignalSpace:
         self._known = Known(case.limits, case.velocity_limits)
         self._openings: dict[tuple[int, str | None], Point | None] = {}
         self._firing: dict[int, bool] = {}
-
-    # ------------------------------------------------------------------ the table
 
     def exits(self, phase: str) -> list[int]:
         """Indices of the transitions that leave a phase."""
@@ -118,8 +99,6 @@ class SignalSpace:
         item = self.transition(index)
         earliest = max(1, self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
         return earliest * TICK, self.time_out(item.source)
-
-    # ------------------------------------------------------------------ points
 
     def range(self, name: str) -> tuple[float, float]:
         """Range of a measured signal in the units of the table; either leg's."""
@@ -224,8 +203,6 @@ class SignalSpace:
         last = Requirement(translated(item.guard, lambda name: _END + name, lambda membership: True))
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
         return self.possible([self.requirement(index), last], times, equal(_END + TIME, TIME, stay))
-
-    # ------------------------------------------------------------------ evaluation
 
     def measured(self, point: Point) -> list[float]:
         """Signals of a point as the evaluator reads them; those that it leaves open are 0."""

@@ -1,7 +1,5 @@
 """Stability of the sampled loop of the joints in every phase."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -132,20 +130,8 @@ def stability_margin(case: CheckCase) -> list[Finding]:
     return findings
 
 
-# ---------------------------------------------------------------------- margins
-
-
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:
-    """Largest value up to which a loop is stable, beginning from the value that it has.
-
-    Args:
-        radius: Spectral radius for a value.
-        start: Value that the loop has.
-        most: Largest value of interest.
-
-    Returns:
-        The value at which the spectral radius passes 1, ``most`` if it does not; None if even 0 is unstable.
-    """
+    """Value from ``start`` on at which the spectral radius passes 1, at most ``most``; None without one."""
 
     def stable(value: float) -> bool:
         return radius(value) <= 1.0 + NEUTRAL

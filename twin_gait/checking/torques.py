@@ -1,7 +1,5 @@
 """What a phase asks of the motors: a jump at the switch, and stiffness that the limits cannot serve."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -23,30 +21,30 @@ _MOST_TICKS = 500
 
 
 class Jump(NamedTuple):
-    """Largest change of the commanded torque of one joint over the postures of a switch.
+    """Largest change of the commanded torque of one joint over the postures of a switch."""
 
-    Attributes:
-        joint: Position of the joint.
-        whole: Change from the old phase to the new one, without blending, in [N m].
-        tick: Largest change in one tick with blending, the posture held, in [N m].
-        angles: Posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``.
-        velocities: Its velocities in [rad] / [s], shape ``(n_joints,)``.
-    """
-
-    joint: int
-    whole: float
-    tick: float
+    joint: int  # position of the joint
+    whole: float  # change from the old phase to the new one, without blending, in [N m]
+    tick: float  # largest change in one tick with blending, the posture held, in [N m]
+    # posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``
     angles: np.ndarray
-    velocities: np.ndarray
+    velocities: np.ndarray  # its velocities in [rad] / [s], shape ``(n_joints,)``
 
 
-def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
-    """Ticks of a blend, from the one before the switch on, and the share of the new phase in each."""
-    blending = leg.problem.table.blending
-    length = blending.duration_ticks
+def _length(leg: HangingLeg, phase: int) -> int:
+    table = leg.problem.table
+    return table.blend_ticks(table.phases_of(leg.side)[table.phase_names[phase]])
+
+
+def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks of the blend into a phase, from the one before the switch on, and its share in each."""
+    length = _length(leg, phase)
     # Long blends are sampled: their steps are small and change slowly.
     ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())
-    shares = [blend_share(tick / length if length else 1.0, blending.law.code) for tick in ticks.tolist()]
+    shares = [
+        blend_share(tick / length if length else 1.0, leg.problem.table.blending.law.code)
+        for tick in ticks.tolist()
+    ]
     return np.array([-1.0, *ticks]), np.array([0.0, *shares])
 
 
@@ -58,7 +56,7 @@ def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures
     friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
     columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
     commands = []
-    for share in _blend(leg)[1].tolist():
+    for share in _blend(leg, new)[1].tolist():
         k, b, zero, gain = (blend(column[old], column[new], share) for column in columns)
         carried = blend(leg.gravity_shares[old], leg.gravity_shares[new], share)
         # The law is linear: arrays of postures pass as numbers do.
@@ -75,7 +73,7 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) ->
     for joint, limit in enumerate(leg.torque_limits().tolist()):
         commands = _commands(leg, old, new, joint, samples)
         whole = np.abs(commands[:, -1] - commands[:, 0])
-        tick = np.abs(np.diff(commands, axis=1) / np.diff(_blend(leg)[0])).max(axis=1)
+        tick = np.abs(np.diff(commands, axis=1) / np.diff(_blend(leg, new)[0])).max(axis=1)
         worst = int(np.argmax(np.maximum(whole / limit, tick / (KNOCK * limit))))
         angles, velocities = samples.angles[worst], samples.velocities[worst]
         jumps.append(Jump(joint, float(whole.max()), float(tick.max()), angles, velocities))
@@ -105,17 +103,13 @@ def torque_jump(case: CheckCase) -> list[Finding]:
 
 def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
     limits = leg.torque_limits()
-    worst = max(
-        jumps,
-        key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint],
-        default=None,
-    )
+    worst = max(jumps, key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint], default=None)
     if worst is None:
         return []
     limit = float(limits[worst.joint])
     if worst.whole <= limit and worst.tick <= KNOCK * limit:
         return []
-    blending = leg.problem.table.blending
+    length = _length(leg, leg.problem.table.phase_index(item.target))
     return [
         Finding(
             rule="torque_jump",
@@ -125,7 +119,7 @@ def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Fin
             side=leg.shown_side,
             reason=(
                 f"the commanded {leg.joints[worst.joint]} torque changes by up to {worst.whole:.0f} Nm, with "
-                f"a blend of {1e3 * TICK * blending.duration_ticks:g} ms by up to {worst.tick:.1f} Nm in a "
+                f"a blend of {1e3 * TICK * length:g} ms by up to {worst.tick:.1f} Nm in a "
                 f"tick; the limit is {limit:.0f} Nm"
             ),
             suggestion="bring stiffness and equilibrium of the two phases closer, or blend for longer",
@@ -142,9 +136,6 @@ def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
         found[ANGLE.of(joint)] = round(math.degrees(angle), 2)
         found[VELOCITY.of(joint)] = round(math.degrees(velocity), 1)
     return found
-
-
-# ---------------------------------------------------------------------- what a spring asks for
 
 
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:

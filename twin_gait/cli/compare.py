@@ -1,7 +1,5 @@
 """``twin-gait compare``."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys
@@ -43,42 +41,30 @@ def run(arguments: argparse.Namespace) -> int:
     figure, and the numbers as CSV and JSON.
     """
     from twin_gait.runs.folders import check_target
-    from twin_gait.studies.compare.comparing import (
-        CONTROLLERS,
-        ComparisonInterrupted,
-        compare,
-        find_controllers,
-    )
-    from twin_gait.studies.compare.writing import (
-        COMPARISON,
-        PAGE_FILE,
-        conclusions,
-        summary_text,
-        write_comparison,
-    )
+    from twin_gait.studies.compare import comparing, writing
 
-    names = list(CONTROLLERS)
+    names = list(comparing.CONTROLLERS)
     if arguments.controllers is not None:
         names = [name.strip() for name in arguments.controllers.split(",") if name.strip()]
-    controllers = list(find_controllers(names))
+    controllers = list(comparing.find_controllers(names))
     person = options.person_of(arguments.settings)
     who = person or "the wearer of the experiment"
     out: Path = arguments.out or FOLDER / (person or "wearer")
-    check_target(out, COMPARISON, force=arguments.force)
+    check_target(out, writing.COMPARISON, force=arguments.force)
     experiment = options.experiment_of(arguments, f"duration_s={DURATION:g}").experiment
     if arguments.controllers is None:
         controllers = [item for item in controllers if item.suits(experiment)]
     try:
         with terminal.watched("compare", "run") as watch:
-            comparison = compare(experiment, controllers, seeds=arguments.seeds, **watch)
-    except ComparisonInterrupted as error:
+            comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
+    except comparing.ComparisonInterrupted as error:
         print(f"twin-gait: {error}", file=sys.stderr)
         return INTERRUPTED
-    write_comparison(comparison, who, out, force=arguments.force)
-    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in conclusions(comparison))
+    writing.write_comparison(comparison, who, out, force=arguments.force)
+    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     terminal.answer(
         arguments,
-        [text, "", str(out / PAGE_FILE)],
-        lambda: {**json.loads(summary_text(comparison, who)), "directory": out},
+        [text, "", str(out / writing.PAGE_FILE)],
+        lambda: {**json.loads(writing.summary_text(comparison, who)), "directory": out},
     )
     return DONE

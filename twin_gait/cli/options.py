@@ -80,9 +80,6 @@ def check_port(port: int) -> None:
         raise ParameterError(f"--port: expected 0 to 65535, got {port}")
 
 
-# ---------------------------------------------------------------------- an experiment and changes to it
-
-
 def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> None:
     """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them.
 
@@ -175,9 +172,6 @@ def person_of(settings: Sequence[str]) -> str | None:
     return Path(named[-1]).stem if named and isinstance(named[-1], str) else None
 
 
-# ---------------------------------------------------------------------- who executes the runs
-
-
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add ``--workers``; :func:`workers_of` reads it."""
     parser.add_argument("--workers", type=int, metavar="N", help=f"processes on this machine ({PROCESSORS})")
@@ -205,9 +199,6 @@ def runner_of(arguments: argparse.Namespace) -> Workers:
     from twin_gait.studies.jobs import Workers
 
     return Workers(workers_of(arguments), arguments.scheduler)
-
-
-# ---------------------------------------------------------------------- values
 
 
 def check_file(flag: str, path: Path, *, force: bool) -> None:

@@ -1,7 +1,5 @@
 """Parse the command line, run a command, turn errors into one line."""
 
-from __future__ import annotations
-
 import argparse
 import gc
 import os
@@ -12,15 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from twin_gait import __version__
-from twin_gait.cli.terminal import (
-    BAD_INPUT,
-    DEFECT,
-    DONE,
-    INTERRUPTED,
-    note_abandoned,
-    warn_on_one_line,
-    write_on_any_terminal,
-)
+from twin_gait.cli import terminal
 from twin_gait.exceptions import TwinGaitError
 
 # Modules of this package by the group in which --help shows their commands.
@@ -51,7 +41,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line and leave with status 2."""
-        self.exit(BAD_INPUT, f"twin-gait: {message}; see '{self.prog} --help'\n")
+        self.exit(terminal.BAD_INPUT, f"twin-gait: {message}; see '{self.prog} --help'\n")
 
 
 class ProgramParser(OneLineParser):
@@ -85,7 +75,7 @@ class PrintCompletion(argparse.Action):
 
         complete_files(parser)
         print(shtab.complete(parser, shell))
-        parser.exit(DONE)
+        parser.exit(terminal.DONE)
 
 
 def complete_files(parser: argparse.ArgumentParser) -> None:
@@ -104,8 +94,7 @@ def complete_files(parser: argparse.ArgumentParser) -> None:
 def build_parser() -> ProgramParser:
     """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
     parser = ProgramParser(
-        prog="twin-gait",
-        description="Gait simulation of the TWIN leg exoskeleton. Not a medical device.",
+        prog="twin-gait", description="Gait simulation of the TWIN leg exoskeleton. Not a medical device."
     )
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
     parser.add_argument(
@@ -129,27 +118,26 @@ def build_parser() -> ProgramParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command with arguments without the program name, those of the process if None.
 
-    Returns:
-        Exit status: 0 done, 1 failed or diverged, 2 bad input, 70 an error that nobody foresaw,
-        130 interrupted.
+    Returns exit status: 0 done, 1 failed or diverged, 2 bad input, 70 an error that nobody foresaw, 130
+    interrupted.
     """
-    write_on_any_terminal()
-    warn_on_one_line()
+    terminal.write_on_any_terminal()
+    terminal.warn_on_one_line()
     gc.set_threshold(COLLECT_AFTER)
     arguments = build_parser().parse_args(argv)
     command: Callable[[argparse.Namespace], int] = arguments.run
     try:
         status = command(arguments)
         if arguments.command in ("simulate", "live") or getattr(arguments, "out", None) is not None:
-            note_abandoned(arguments.out)
+            terminal.note_abandoned(arguments.out)
         return status
     except KeyboardInterrupt:
         print("twin-gait: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return terminal.INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has gone (a pager that was closed): not an error of ours.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+        return terminal.DONE
     except Exception as error:
         if "debug" in arguments:
             import traceback
@@ -161,13 +149,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _tell(error: Exception, arguments: Sequence[str]) -> int:
     """One line on an error, and the exit status."""
     if isinstance(error, TwinGaitError):
-        status, line = BAD_INPUT, str(error)
+        status, line = terminal.BAD_INPUT, str(error)
     elif isinstance(error, OSError) and error.filename is not None:  # a path that the system refuses
-        status, line = BAD_INPUT, f"{error.filename}: {error.strerror}"
+        status, line = terminal.BAD_INPUT, f"{error.filename}: {error.strerror}"
     elif isinstance(error, RuntimeError) and str(error) == NO_HOME:
-        status, line = BAD_INPUT, "~: this user has no home directory; set HOME, or write the whole path"
+        status, line = (
+            terminal.BAD_INPUT,
+            "~: this user has no home directory; set HOME, or write the whole path",
+        )
     else:
-        status, line = DEFECT, _describe_defect(error, arguments)
+        status, line = terminal.DEFECT, _describe_defect(error, arguments)
     print(f"twin-gait: {' '.join(line.split())}", file=sys.stderr)
     return status
 

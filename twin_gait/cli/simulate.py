@@ -148,14 +148,8 @@ def accuracy_line(accuracy: Mapping[str, Any]) -> str:
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     from twin_gait.measures.strides import stride_count
+    from twin_gait.report import walk_words
     from twin_gait.report.network_words import table_of_network
-    from twin_gait.report.walk_words import (
-        carried_by_belt,
-        lines_of,
-        off_the_reference,
-        table_of_walk,
-        who_drives,
-    )
 
     for side, values in summary["sides"].items():
         found, counted = values.get("strides"), values.get("strides_counted")
@@ -167,11 +161,11 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         line = f"{side}: {stride_count(counted, found)} of {values['stride_time_mean_s']:.2f} s"
         if values["swing_share"] is not None:
             line = f"{line}, swing {values['swing_share'] * 100:.0f} %"
-        off = off_the_reference(values, 1)
+        off = walk_words.off_the_reference(values, 1)
         yield f"{line}, off the Koopman reference by {off} RMS" if off else line
-    yield from lines_of(table_of_walk(summary))
-    yield from filter(None, (who_drives(summary), carried_by_belt(summary)))
-    yield from lines_of(table_of_network(summary))
+    yield from walk_words.lines_of(walk_words.table_of_walk(summary))
+    yield from filter(None, (walk_words.who_drives(summary), walk_words.carried_by_belt(summary)))
+    yield from walk_words.lines_of(table_of_network(summary))
     power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
     if life is not None:
         lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"

@@ -76,12 +76,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str | None, *, as_table: bool) -> str:
-    from twin_gait.configuration import (
-        load_experiment,
-        packaged_gait_tables,
-        packaged_mode_tables,
-        presets,
-    )
+    from twin_gait.configuration import load_experiment, packaged_gait_tables, packaged_mode_tables, presets
     from twin_gait.configuration.documents import dump_yaml
     from twin_gait.configuration.mode_table_file import mode_table_path
     from twin_gait.configuration.people import people, person_text

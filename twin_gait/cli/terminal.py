@@ -1,7 +1,5 @@
 """What the commands share: exit statuses, the answer, the terminal, progress bars, Ctrl-C."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import json

@@ -4,8 +4,6 @@ Angles and stiffnesses are written per radian, so that reading the file back giv
 numbers: a conversion from degrees could differ in the last bit.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

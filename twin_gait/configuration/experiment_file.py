@@ -1,7 +1,5 @@
 """Experiments as YAML: the section of an experiment, with its gait table, and its conversion to SI."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import MISSING, replace
 from functools import cache
@@ -35,12 +33,8 @@ def experiment_from_mapping(
 ) -> Experiment:
     """Turn a resolved mapping (presets merged, table inline) into an experiment.
 
-    Args:
-        data: The mapping.
-        source: File name for messages.
-        folder: Folder that relative paths start from.
-        like: One that was turned before. Sections that are the very same objects in both mappings are not
-            converted again, which takes most of the time.
+    ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
+    converted again, which takes most of the time.
     """
     entry: Any = validate(_file_about(data.get("scenario"), source), data, source)
     # A table without a name has the experiment's.

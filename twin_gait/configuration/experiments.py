@@ -1,13 +1,12 @@
 """Load an experiment from a preset or a file, with changes laid over it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from twin_gait.configuration import table_inheritance
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
@@ -19,21 +18,7 @@ from twin_gait.configuration.mode_table_file import (
 from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.readers import SIDES, section_of
-from twin_gait.configuration.table_inheritance import (
-    extended_table,
-    gait_table_path,
-    own_entries_named,
-    packaged_gait_tables,
-    read_gait_table,
-)
-from twin_gait.configuration.validation import (
-    converting,
-    descriptions,
-    packaged,
-    read_yaml,
-    renamed,
-    yaml_files,
-)
+from twin_gait.configuration.validation import converting, descriptions, packaged, read_yaml, yaml_files
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -45,15 +30,10 @@ GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML file
 
 @dataclass(frozen=True)
 class LoadedExperiment:
-    """An experiment and the resolved mapping that it came from.
+    """An experiment and the resolved mapping that it came from."""
 
-    Attributes:
-        experiment: The experiment.
-        document: Everything resolved, units as typed.
-    """
-
-    experiment: Experiment
-    document: dict[str, Any]
+    experiment: Experiment  # the experiment
+    document: dict[str, Any]  # everything resolved, units as typed
 
 
 def presets() -> dict[str, str]:
@@ -69,16 +49,10 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     packaged one or by path; all are resolved here. ``settings`` are laid over everything; a table or patient
     named in them takes the place of the whole one.
 
-    Args:
-        source: Name of a preset, or path of a YAML file.
-        settings: Assignments such as ``patient.mass_kg=80``; keys of the table begin with ``table.``.
-
-    Returns:
-        The experiment with its resolved mapping.
-
-    Raises:
-        ParameterFileError: If the file has a mistake.
-        ParameterError: If there is no such preset or file, or an assignment cannot be read.
+    ``source``: name of a preset, or path of a YAML file. ``settings``: assignments such as
+    ``patient.mass_kg=80``; keys of the table begin with ``table.``. Returns the experiment with its resolved
+    mapping. Raises ParameterFileError if the file has a mistake. Raises ParameterError if there is no such
+    preset or file, or an assignment cannot be read.
     """
     path, where = _find(source)
     data = _resolve_preset(read_yaml(path), path)
@@ -164,9 +138,7 @@ def _find(source: str | Path) -> tuple[Path, str]:
         path = path / "experiment.yaml"
     if path.is_file():
         return path, str(path)
-    raise ParameterError(
-        f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file{renamed(source)}"
-    )
+    raise ParameterError(f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file")
 
 
 def _person(value: Any, path: Path, where: str) -> dict[str, Any]:
@@ -182,7 +154,7 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     below = _preset(name) if isinstance(name, str) else None
     if below is None:
         known = ", ".join(presets())
-        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}{renamed(name)}")
+        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}")
     base = _resolve_preset(read_yaml(below), below)
     rest = {key: value for key, value in data.items() if key != "preset"}
     table = rest.pop("table", base.get("table"))
@@ -210,15 +182,15 @@ def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
         if "extends" not in table:
             return table
         source, name = f"{path}: table", path.stem
-        data, places = extended_table(table, path, source)
+        data, places = table_inheritance.extended_table(table, path, source)
     elif isinstance(table, str):
-        found = converting(str(path), "table", lambda: gait_table_path(table, path.parent))
+        found = converting(str(path), "table", lambda: table_inheritance.gait_table_path(table, path.parent))
         source, name = str(found), found.stem
-        data, places = read_gait_table(found)
+        data, places = table_inheritance.read_gait_table(found)
         data = {"name": name, **data}
     else:
-        known = ", ".join(packaged_gait_tables())
+        known = ", ".join(table_inheritance.packaged_gait_tables())
         raise ParameterFileError(path, "table", f"expected a packaged table ({known}), a path or a mapping")
-    with own_entries_named(places):  # while it is known what was written where
+    with table_inheritance.own_entries_named(places):  # while it is known what was written where
         gait_table_from_mapping(data, source, name)
     return data

@@ -13,20 +13,8 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import Count, Number, Strict, converting, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterFileError
+from twin_gait.gait import table
 from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
-from twin_gait.gait.table import (
-    LONGEST,
-    TICK,
-    Blending,
-    DraftTable,
-    DrivenBy,
-    GaitTable,
-    JointImpedance,
-    PhaseParameters,
-    Scaling,
-    Transition,
-    Waiver,
-)
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
@@ -36,13 +24,13 @@ SCHEMA_VERSION = 1
 def phase_section(joints: tuple[str, ...]) -> Any:
     """The section of a phase of a table for some joints."""
     fields: dict[str, Any] = dict.fromkeys(joints, (_Joint, ...))
-    section: Any = create_model("Phase", __base__=section_of(PhaseParameters), **fields)
+    section: Any = create_model("Phase", __base__=section_of(table.PhaseParameters), **fields)
     section.joints = joints
     return section
 
 
 _Joint, _Blending, _Scaling, _Waiver = (  # sections made from what the classes declare
-    section_of(kind) for kind in (JointImpedance, Blending, Scaling, Waiver)
+    section_of(kind) for kind in (table.JointImpedance, table.Blending, table.Scaling, table.Waiver)
 )
 
 
@@ -54,9 +42,11 @@ class TransitionEntry(Strict):
     cause: str = Field(min_length=1)
     all: list[Any] | None = None
     any: list[Any] | None = None
-    after_s: Number | None = Field(default=None, gt=TICK / 2, le=LONGEST * TICK)  # rounded to ticks
-    debounce_ms: Count | None = Field(default=None, ge=1, le=LONGEST)
-    driven_by: DrivenBy = DrivenBy.JOINT
+    after_s: Number | None = Field(
+        default=None, gt=table.TICK / 2, le=table.LONGEST * table.TICK
+    )  # rounded to ticks
+    debounce_ms: Count | None = Field(default=None, ge=1, le=table.LONGEST)
+    driven_by: table.DrivenBy = table.DrivenBy.JOINT
     remove: bool = False
 
     @model_validator(mode="after")
@@ -89,17 +79,11 @@ class GaitTableFile(Strict):
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
-def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
-    """Read a gait table.
+def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
+    """Read a gait table from a YAML file, or by the name of one that ships, such as ``treadmill``.
 
-    Args:
-        source: YAML file, or as a text the name of a table that ships with the package, such as
-            ``treadmill``.
-        draft: Whether phases may lack exits or be out of reach, which a check reports itself.
-
-    Raises:
-        ParameterError: If there is no such table.
-        ParameterFileError: If the file has a mistake; the message names file, key and value.
+    ``draft``: whether phases may lack exits or be out of reach, which a check reports itself. Raises
+    ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key, value).
     """
     path = source if isinstance(source, Path) else gait_table_path(source)
     data, places = read_gait_table(path)
@@ -109,14 +93,10 @@ def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
 
 def gait_table_from_mapping(
     data: dict[str, Any], source: str, name: str, *, draft: bool = False
-) -> GaitTable:
-    """Turn parsed YAML into a gait table.
+) -> table.GaitTable:
+    """Turn parsed YAML into a gait table, or a draft of one, which need not be closed.
 
-    Args:
-        data: The parsed file.
-        source: File name for messages.
-        name: Name of the table if the file gives none.
-        draft: Whether to make a :class:`~twin_gait.gait.table.DraftTable`, which need not be closed.
+    ``source``: file name for messages. ``name``: of the table if the file gives none.
     """
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
@@ -144,7 +124,7 @@ def gait_table_from_mapping(
         for side, differences in entry.sides.items()
         if differences
     }
-    kind = DraftTable if draft else GaitTable
+    kind = table.DraftTable if draft else table.GaitTable
     return converting(
         source,
         "",
@@ -174,7 +154,7 @@ def _on_side(
     return merge(entry.phases[phase], differences)
 
 
-def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> PhaseParameters:
+def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
     for joint in joints:
         if not isinstance(values.get(joint), dict):
@@ -183,7 +163,7 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
         entry: Any = validate(phase_section(joints), values, source)
     except ParameterFileError as error:
         raise ParameterFileError(source, f"{key}.{error.key}".rstrip("."), error.problem) from error
-    phase: PhaseParameters = converting(source, key, entry.convert)
+    phase: table.PhaseParameters = converting(source, key, entry.convert)
     return phase
 
 
@@ -194,31 +174,22 @@ def transition_of(
     source: str,
     key: str,
     words: GuardWords = LEG_WORDS,
-) -> Transition:
-    """A transition in SI.
+) -> table.Transition:
+    """A transition in SI; ``source`` and ``key`` are its place for messages."""
 
-    Args:
-        entry: As it was read.
-        joints: Of the table.
-        members: What a membership may name.
-        source: File name for messages.
-        key: Place in the file, likewise.
-        words: What guards may read.
-    """
-
-    def build() -> Transition:
+    def build() -> table.Transition:
         guard: Guard = AllOf(guards=())
         if entry.all is not None:
             guard = AllOf(guards=tuple(_guard(item, joints, members, words) for item in entry.all))
         elif entry.any is not None:
             guard = AnyOf(guards=tuple(_guard(item, joints, members, words) for item in entry.any))
-        return Transition(
+        return table.Transition(
             source=entry.from_,
             target=entry.to,
             cause=entry.cause,
             guard=guard,
             debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
-            time_out_ticks=None if entry.after_s is None else round(entry.after_s / TICK),
+            time_out_ticks=None if entry.after_s is None else round(entry.after_s / table.TICK),
             driven_by=entry.driven_by,
         )
 

@@ -1,7 +1,5 @@
 """Tables of operating modes as YAML; transitions are written as in gait tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,15 +32,9 @@ class ModeTableFile(Strict):
 
 
 def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> ModeTable:
-    """Turn parsed YAML into a table of modes.
+    """Turn parsed YAML of the file ``source`` into a table of modes, ``name`` if it gives none.
 
-    Args:
-        data: The parsed file.
-        source: File name for messages.
-        name: Name of the table if the file gives none.
-
-    Raises:
-        ParameterFileError: If the file has a mistake; the message names file, key and value.
+    Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
     entry: Any = validate(ModeTableFile, data, source)
     joints, requests = tuple(entry.joints), tuple(entry.requests)
@@ -78,30 +70,16 @@ def mode_table_path(name: str | Path, folder: Path | None = None) -> Path:
 
 
 def load_mode_table(source: str | Path) -> ModeTable:
-    """Read a table of modes.
+    """Read a table of modes from a YAML file, or by the name of one that ships, such as ``twin``.
 
-    Args:
-        source: YAML file, or as a text the name of one that ships with the package, such as ``twin``.
-
-    Raises:
-        ParameterError: If there is no such table.
-        ParameterFileError: If the file has a mistake; the message names file, key and value.
+    Raises ParameterError if there is no such table, ParameterFileError if the file has a mistake.
     """
     path = source if isinstance(source, Path) else mode_table_path(source)
     return mode_table_from_mapping(read_yaml(path), str(path), path.stem)
 
 
 def load_state_table(source: str | Path, *, draft: bool = False) -> GaitTable | ModeTable:
-    """Read a gait table or a table of modes, whichever it is.
-
-    Args:
-        source: YAML file, or as a text the name of a table that ships with the package.
-        draft: Of a gait table, see :func:`~twin_gait.configuration.gait_table_file.load_gait_table`.
-
-    Raises:
-        ParameterError: If there is no such table.
-        ParameterFileError: If the file has a mistake; the message names file, key and value.
-    """
+    """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
     if not isinstance(source, Path):
         try:
             source = gait_table_path(source)

@@ -1,7 +1,5 @@
 """Lay one mapping of parameters over another, and read ``--set key=value``."""
 
-from __future__ import annotations
-
 import copy
 import re
 from collections.abc import Mapping, Sequence
@@ -53,9 +51,8 @@ def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Lay changes over a mapping; a quantity given in another unit replaces the old one.
 
-    Neither is changed; what no change touches is the same object in both.
-
-    A friction law of a joint that is named where none was has other keys and takes the place of the old one.
+    Neither is changed; what no change touches is the same object in both. A friction law of a joint that is
+    named where none was has other keys and takes the place of the old one.
     """
     merged = dict(base)
     for key, value in changes.items():

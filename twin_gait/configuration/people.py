@@ -3,8 +3,6 @@
 What holds for both sides stands under ``both``; ``left`` and ``right`` are laid over it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -46,14 +44,9 @@ def names_a_person(value: Any) -> bool:
 def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
     """Look a named person up, as the ``patient`` of an experiment file.
 
-    Args:
-        value: Name of a person that ships, path of a file, or a mapping with such a name under ``preset``
-            and changes beside it.
-        folder: Folder that a relative path starts from; the working folder comes next.
-
-    Raises:
-        ParameterError: If there is no such person.
-        ParameterFileError: If the file has a mistake.
+    ``value``: name of a person that ships, path of a file, or a mapping with such a name under ``preset`` and
+    changes beside it. ``folder``: folder that a relative path starts from; the working folder comes next.
+    Raises ParameterError if there is no such person. Raises ParameterFileError if the file has a mistake.
     """
     name = value if isinstance(value, str) else value["preset"]
     changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}

@@ -1,7 +1,5 @@
 """JSON Schemas of experiment and gait-table files, by which editors complete and check them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from twin_gait.configuration.gait_table_file import GaitTableFile, phase_section
@@ -24,14 +22,7 @@ def comment_for(kind: str) -> str:
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """JSON Schema of a kind of file, as it is written: over a preset, or over the table that it extends.
-
-    Args:
-        kind: ``experiment``, ``table`` or ``modes``.
-
-    Returns:
-        The schema; nothing is required, since what is left out comes from what lies underneath.
-    """
+    """JSON Schema of a file of an ``experiment``, a ``table`` or ``modes``; no key is required."""
     table = _table()
     if kind == "table":
         return {"$schema": DIALECT, **table, "title": "gait table of twin_gait"}

@@ -4,8 +4,6 @@ A quantity may be given in one of its units, ``amplitude_deg`` or ``amplitude_ra
 or null, keeps what is underneath: the default of the parameters that the section is a part of.
 """
 
-from __future__ import annotations
-
 import math
 import types
 from collections.abc import Mapping
@@ -18,17 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_
 
 from twin_gait.configuration.validation import Count, Number, Strict
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.quantities import (
-    AsInFile,
-    Declaration,
-    Inline,
-    Named,
-    Notation,
-    Parameters,
-    UnitInside,
-    Word,
-    declarations,
-)
+from twin_gait.parameters import quantities
 
 _PLAIN = {float: Number, int: Count}
 # Null in a file.
@@ -46,18 +34,15 @@ class Section(Strict):
     parameters: ClassVar[type[Any]]
     bounded: ClassVar[bool] = False  # whether values out of range are refused at the key, before all others
 
-    def value_of(self, item: Declaration, beneath: Any, *, named: bool = True) -> Any:
-        """Value of a field in SI; ``MISSING`` where none is given.
+    def value_of(self, item: quantities.Declaration, beneath: Any, *, named: bool = True) -> Any:
+        """Value of a declared field in SI over what is ``beneath``; ``MISSING`` where none is given.
 
-        Args:
-            item: What is declared of it.
-            beneath: What it is laid over.
-            named: Whether its key stands in front of what is wrong inside it.
+        ``named``: whether its key stands in front of what is wrong inside it.
         """
-        if item.mark(AsInFile):
+        if item.mark(quantities.AsInFile):
             return MISSING
         form, keys = form_of(item), item.keys
-        if item.mark(Inline):
+        if item.mark(quantities.Inline):
             given: Any = {key: getattr(self, key) for key in form.keys if key in self.model_fields_set}
             return form.read_keys(given, beneath)
         found = [key for key in keys if key in self.model_fields_set and getattr(self, key) is not None]
@@ -69,27 +54,19 @@ class Section(Strict):
         return within(key, form.read, getattr(self, found[0]), keys[found[0]], beneath)
 
     def values(self, default: Any = None) -> dict[str, Any]:
-        """Fields that are given, in SI.
-
-        Args:
-            default: Parameters underneath, parts of which may stay as they are.
-        """
+        """Fields that are given, in SI; parts of ``default`` beneath may stay as they are."""
         found = {}
-        for item in declarations(self.parameters):
+        for item in quantities.declarations(self.parameters):
             beneath = item.default if default is None else getattr(default, item.name)
             found[item.name] = self.value_of(item, None if beneath is MISSING else beneath)
         return {name: value for name, value in found.items() if value is not MISSING}
 
     def convert(self, default: Any = None) -> Any:
-        """The parameters in SI.
-
-        Args:
-            default: Parameters underneath, if there are any.
-        """
+        """The parameters in SI, over those underneath, if there are any."""
         if default is not None and type(default) is self.parameters:
             return replace(default, **self.values(default))
         values = self.values()
-        for item in declarations(self.parameters):
+        for item in quantities.declarations(self.parameters):
             if item.default is MISSING and item.name not in values:
                 raise ParameterError(f"{next(iter(item.keys))}: is missing")
         return self.parameters(**values)
@@ -99,11 +76,11 @@ class Section(Strict):
         """Parameters as the mapping of a file, in SI; reading it gives the same."""
         named = cls.parameters.kind and not cls.parameters.implied
         found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if named else {}
-        for item in declarations(cls.parameters):
+        for item in quantities.declarations(cls.parameters):
             value = getattr(parameters, item.name)
-            if item.mark(Inline):
+            if item.mark(quantities.Inline):
                 found |= form_of(item).write(value)
-            elif not item.mark(AsInFile) and (value is not None or item.mark(Word)):
+            elif not item.mark(quantities.AsInFile) and (value is not None or item.mark(quantities.Word)):
                 found[next(iter(item.keys))] = form_of(item).write(value)
         return found
 
@@ -117,9 +94,6 @@ def within(key: str, read: Any, *arguments: Any) -> Any:
         raise ParameterError(f"{key}{joint}{error}") from error
 
 
-# ------------------------------------------------------------------ how values stand in a file
-
-
 class Form:
     """How a number, a word or a truth value stands in a file."""
 
@@ -128,13 +102,7 @@ class Form:
         self.kind = kind
 
     def read(self, value: Any, factor: float, beneath: Any) -> Any:
-        """A value in SI.
-
-        Args:
-            value: As pydantic has checked it.
-            factor: SI value of the unit of its key.
-            beneath: What it is laid over.
-        """
+        """A checked value in SI, by the ``factor`` of its key's unit, over what is ``beneath``."""
         return value if factor == 1.0 else factor * value
 
     def write(self, value: Any) -> Any:
@@ -147,7 +115,7 @@ class Form:
 class ListForm(Form):
     """A list of texts, each the notation of a value or the value itself."""
 
-    def __init__(self, notation: Notation | None) -> None:
+    def __init__(self, notation: quantities.Notation | None) -> None:
         """Take the notation, if there is one."""
         super().__init__(tuple[str, ...])
         self._notation = notation
@@ -163,7 +131,7 @@ class ListForm(Form):
         return [str(item) for item in value]
 
 
-def _noted(notation: Notation, number: int, text: str) -> Any:
+def _noted(notation: quantities.Notation, number: int, text: str) -> Any:
     try:
         return notation.read(text)
     except ParameterError as error:
@@ -196,7 +164,7 @@ class SectionForm(Form):
 class WordForm(SectionForm):
     """A section, or a word for it or for its absence; ``kind`` has that word inside the section."""
 
-    def __init__(self, parameters: type[Any], word: Word) -> None:
+    def __init__(self, parameters: type[Any], word: quantities.Word) -> None:
         """Take the class of the parameters and the words."""
         choices: Any = Literal[word.without, word.kind]
         self._word = word
@@ -235,13 +203,13 @@ class WordForm(SectionForm):
 class MappingForm(Form):
     """A value by name, each with a unit of its own if the mapping has none."""
 
-    def __init__(self, item: Declaration, kind: Any) -> None:
+    def __init__(self, item: quantities.Declaration, kind: Any) -> None:
         """Take the declaration, and the mapping itself or one inside it."""
         names, inner = get_args(kind)
-        named = item.mark(Named)
+        named = item.mark(quantities.Named)
         self._names = dict.fromkeys(named.names) if named else {str(name): name for name in names}
         self.inner = _form(item, inner)
-        ends = item.unit.factors if item.unit and item.mark(UnitInside) else {"": 1.0}
+        ends = item.unit.factors if item.unit and item.mark(quantities.UnitInside) else {"": 1.0}
         ends = {"": 1.0} if isinstance(self.inner, MappingForm) else ends
         self.keys = {
             f"{name}_{end}" if end else name: (name, factor)
@@ -283,33 +251,30 @@ class MappingForm(Form):
         return {first[str(name)]: self.inner.write(item) for name, item in value.items()}
 
 
-def form_of(item: Declaration) -> Any:
+def form_of(item: quantities.Declaration) -> Any:
     """How the values of a field stand in a file."""
     if item not in _forms:
         _forms[item] = _form(item, item.kind)
     return _forms[item]
 
 
-def _form(item: Declaration, kind: Any) -> Form:
+def _form(item: quantities.Declaration, kind: Any) -> Form:
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
     origin = get_origin(kind)
     if origin is tuple:
-        return ListForm(item.mark(Notation))
+        return ListForm(item.mark(quantities.Notation))
     if origin in (Union, types.UnionType):
         return SectionForm(get_args(kind))
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return MappingForm(item, kind)
-    if isinstance(kind, type) and issubclass(kind, Parameters):
-        word = item.mark(Word)
+    if isinstance(kind, type) and issubclass(kind, quantities.Parameters):
+        word = item.mark(quantities.Word)
         return WordForm(kind, word) if word else SectionForm((kind,))
     return Form(_PLAIN.get(kind, kind))
 
 
-_forms: dict[Declaration, Form] = {}
-
-
-# ------------------------------------------------------------------ sections made from declarations
+_forms: dict[quantities.Declaration, Form] = {}
 
 
 def reads(parameters: type[Any]) -> Any:
@@ -334,10 +299,10 @@ def section_of(parameters: type[Any]) -> Any:
         if parameters.kind:
             fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
         groups = []
-        for item in declarations(parameters):
-            if item.mark(Inline):
+        for item in quantities.declarations(parameters):
+            if item.mark(quantities.Inline):
                 fields |= {key: (Union[form_of(item).inner.kind, None], None) for key in form_of(item).keys}  # noqa: UP007
-            elif not item.mark(AsInFile):
+            elif not item.mark(quantities.AsInFile):
                 fields |= {key: _field(item, factor, base.bounded) for key, factor in item.keys.items()}
                 groups += [list(item.keys)] if len(item.keys) > 1 else []
         model = create_model(parameters.__name__, __base__=base, **fields)
@@ -356,9 +321,9 @@ def _with_schema(model: Any, groups: list[list[str]]) -> Any:
     return model
 
 
-def _field(item: Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
+def _field(item: quantities.Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
     """Type of a key, with its default and what a JSON Schema says of it."""
-    plain = not isinstance(item.default, (Mapping, Parameters, tuple)) and len(item.keys) == 1
+    plain = not isinstance(item.default, (Mapping, quantities.Parameters, tuple)) and len(item.keys) == 1
     default = item.default if plain and item.default is not MISSING else None
     kind = form_of(item).kind
     if item.range is not None and item.range.endless:

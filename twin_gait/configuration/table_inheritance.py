@@ -1,7 +1,5 @@
 """How one gait table extends another, and which entry of which file a mistake is in."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -9,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import converting, packaged, read_yaml, renamed, short
+from twin_gait.configuration.validation import converting, packaged, read_yaml, short
 from twin_gait.exceptions import ParameterError, ParameterFileError
 
 _IDENTITY = ("from", "to", "cause")
@@ -17,26 +15,17 @@ _LISTS = ("transitions", "waive")
 
 
 class Place(NamedTuple):
-    """Where an entry of a list was written.
+    """Where an entry of a list was written."""
 
-    Attributes:
-        source: The file.
-        key: For example ``transitions[2]``, counted in that file.
-    """
-
-    source: str
-    key: str
+    source: str  # the file
+    key: str  # for example ``transitions[2]``, counted in that file
 
 
 class TableMapping(NamedTuple):
-    """A gait table as a mapping, those that it extends laid underneath.
+    """A gait table as a mapping, those that it extends laid underneath."""
 
-    Attributes:
-        data: The mapping, without ``extends``.
-        places: Of the entries of its lists, by their key in the mapping, for example ``transitions[12]``.
-    """
-
-    data: dict[str, Any]
+    data: dict[str, Any]  # the mapping, without ``extends``
+    # of the entries of its lists, by their key in the mapping, for example ``transitions[12]``
     places: Mapping[str, Place]
 
 
@@ -191,7 +180,7 @@ def gait_table_path(
         if candidate is not None and candidate.is_file():
             return candidate
     known = ", ".join(shipped)
-    raise ParameterError(f"no {words} {str(name)!r}: neither a file nor one of {known}{renamed(name)}")
+    raise ParameterError(f"no {words} {str(name)!r}: neither a file nor one of {known}")
 
 
 def packaged_gait_tables() -> list[str]:

@@ -1,7 +1,5 @@
 """Read YAML safely and turn every mistake into one line with file, key, value and the way out."""
 
-from __future__ import annotations
-
 import difflib
 import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,20 +14,6 @@ from twin_gait.configuration.overrides import quantity_of, refuse_two_units
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
-
-# Keys of the drafts before the first release, which people have in files: refused with the word of the field.
-RENAMED = {
-    "dwell_ms": "debounce_ms",
-    "min_time_ms": "minimum_duration_ms",
-    "phase_overstay_s": "phase_time_out_s",
-    "catch_speed_deg_per_s": "stretch_reflex_threshold_deg_per_s",
-    "catch_speed_rad_per_s": "stretch_reflex_threshold_rad_per_s",
-    "hand": "imposed_motion",
-    "catch_gain_Nms_per_rad": "stretch_reflex_gain_Nms_per_rad",
-}
-
-# Presets and gait tables of the drafts.
-RENAMED_FILES = {"treadmill_stand": "treadmill_start_stop"}
 
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 3, 3
@@ -164,16 +148,8 @@ def _explain(first: Any, model: type[BaseModel]) -> str:
 
 def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
     """Say that there is no such key, and which may have been meant."""
-    if name in RENAMED:
-        return f"is called {RENAMED[name]} now"
     hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
     return f"unknown key; {hint}allowed: {', '.join(known)}"
-
-
-def renamed(name: Any) -> str:
-    """What a preset or gait table of the drafts is called now, to end a message with; empty for others."""
-    new = RENAMED_FILES.get(str(name))
-    return f"; {name} is called {new} now" if new else ""
 
 
 def _nearest(name: str, model: type[BaseModel]) -> list[str]:

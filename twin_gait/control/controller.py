@@ -5,8 +5,6 @@ them, with what is fed forward, into the demand of each joint. A controller with
 before the boards hear them. It keeps nothing but its memory, which is part of the record of an episode.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 import reprlib
@@ -30,41 +28,26 @@ _DEMANDED = ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia"
 
 
 class Path(NamedTuple):
-    """A walk that is followed, or against which the tracking error is measured.
+    """A walk that is followed, or against which the tracking error is measured."""
 
-    Attributes:
-        angles: Of the joints of a leg over the cycle from foot contact in [rad], shape
-            ``(PATH_SAMPLES, joints_per_leg)``.
-        cycle_ticks: Ticks of a cycle.
-        starts: Share of the cycle at which each leg begins, shape ``(n_legs,)``.
-    """
-
+    # of the joints of a leg over the cycle from foot contact in [rad], shape ``(PATH_SAMPLES,
+    # joints_per_leg)``
     angles: np.ndarray
-    cycle_ticks: int
-    starts: np.ndarray
+    cycle_ticks: int  # ticks of a cycle
+    starts: np.ndarray  # share of the cycle at which each leg begins, shape ``(n_legs,)``
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a controller knows before the walk.
+    """What a controller knows before the walk."""
 
-    Attributes:
-        sides: The legs, in the order of the device's.
-        joints: Names of the joints of a leg, in their order.
-        phases: Names of the phases by number.
-        leading: Leg that begins with the gait cycle.
-        speed: Of walking in [m] / [s], as near to it as healthy walking is known.
-        height: Of the wearer in [m].
-        inertia: Effective inertia of a joint in [kg m²], from leg, posture and the joint's name.
-    """
-
-    sides: tuple[Side, ...]
-    joints: tuple[str, ...]
-    phases: tuple[str, ...]
-    leading: Side
-    speed: float
-    height: float
-    inertia: InertiaAt
+    sides: tuple[Side, ...]  # the legs, in the order of the device's
+    joints: tuple[str, ...]  # names of the joints of a leg, in their order
+    phases: tuple[str, ...]  # names of the phases by number
+    leading: Side  # leg that begins with the gait cycle
+    speed: float  # of walking in [m] / [s], as near to it as healthy walking is known
+    height: float  # of the wearer in [m]
+    inertia: InertiaAt  # effective inertia of a joint in [kg m²], from leg, posture and the joint's name
 
     @property
     def reference(self) -> Path:
@@ -83,13 +66,9 @@ class Plan:
 
 @dataclass(slots=True)
 class NoMemory:
-    """What a controller keeps that keeps nothing.
+    """What a controller keeps that keeps nothing."""
 
-    Attributes:
-        unused: No record is empty.
-    """
-
-    unused: int = 0
+    unused: int = 0  # no record is empty
 
 
 class Controller:
@@ -133,12 +112,8 @@ class Controller:
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
         """Setpoints of a leg by phase.
 
-        Args:
-            rows: What the gait table says: k, b, θ0, G of each joint and the gravity share, shape
-                ``(n_phases, n_columns)``; may be changed in place.
-
-        Returns:
-            The same shape.
+        ``rows``: what the gait table says: k, b, θ0, G of each joint and the gravity share, shape
+        ``(n_phases, n_columns)``; may be changed in place. Returns the same shape.
         """
         return rows
 
@@ -168,11 +143,7 @@ class UncompiledControllerError(ParameterError):
 
 
 def require_controller(controller: Any) -> None:
-    """Refuse what is no controller, or whose tick does not take what it is handed.
-
-    Raises:
-        ParameterError: In one line, with what was expected.
-    """
+    """Refuse, by a ParameterError, what is no controller, or whose tick does not take what it is handed."""
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
         got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
@@ -197,11 +168,7 @@ def require_controller(controller: Any) -> None:
 
 
 def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-    """Setpoints of a leg, as :meth:`Controller.setpoints`.
-
-    Raises:
-        ParameterError: If they are not finite numbers of the same shape.
-    """
+    """Setpoints of a leg; a ParameterError if they are not finite or of another shape."""
     shape, given = rows.shape, controller.setpoints(plan, side, rows)
     try:
         found = np.asarray(given, dtype=float)
@@ -216,14 +183,9 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
 
 
 def checked(name: str, tick: TickFunction) -> TickFunction:
-    """A tick that is handed nothing that is not finite, and whose demands are looked at.
+    """A tick that is handed nothing that is not finite (MeasurementError), and whose demands are looked at.
 
-    Args:
-        name: Of the controller.
-
-    Returns:
-        The tick; it raises MeasurementError if a measurement is not finite, ParameterError if it returns
-        something or demands what is no number. A demand that is not finite is for the safety monitor.
+    ParameterError if it returns something or demands no number; what is not finite is for the monitor.
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
@@ -245,14 +207,7 @@ def checked(name: str, tick: TickFunction) -> TickFunction:
 
 
 def require_no_answer(name: str, answer: Any) -> None:
-    """Refuse a tick that returns something, which nobody would read.
-
-    Args:
-        name: Of the controller.
-
-    Raises:
-        ParameterError: If it is not None.
-    """
+    """Refuse, by a ParameterError, a tick that returns something, which nobody would read."""
     if answer is not None:
         raise ParameterError(
             f"controller {name!r}: expected a tick that changes demands in place and returns nothing, "

@@ -6,8 +6,6 @@ weight of the legs, and tells every board what it wants. The rooms of the simula
 functions, and the C firmware is printed from them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,178 +43,100 @@ MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(
 
 @dataclass(slots=True)
 class ControlledJoint:
-    """A joint as the gait controller has it.
+    """A joint as the gait controller has it."""
 
-    Attributes:
-        control_place: In the coordinates of the controller's model.
-        setpoints: Of every phase.
-        blend_start: Setpoint at the last switch.
-        blended: Present setpoint.
-        target: Torque that is added to the command, in [N m].
-        measurement: Last heard from its board.
-        demand: What its board is asked for.
-        rate: Estimate of the acceleration in [rad] / [s²].
-        hold_angle: Angle at the trip in [rad].
-        silent_ticks: Since its board was heard.
-    """
-
-    control_place: int
-    setpoints: list[Setpoint]
-    blend_start: Setpoint
-    blended: Setpoint
-    target: float
-    measurement: Measurement = field(default_factory=Measurement)
-    demand: Demand = field(default_factory=Demand)
-    rate: float = 0.0
-    hold_angle: float = 0.0
-    silent_ticks: int = 0
+    control_place: int  # In the coordinates of the controller's model.
+    setpoints: list[Setpoint]  # Of every phase.
+    blend_start: Setpoint  # Setpoint at the last switch.
+    blended: Setpoint  # Present setpoint.
+    target: float  # Torque that is added to the command, in [N m].
+    measurement: Measurement = field(default_factory=Measurement)  # Last heard from its board.
+    demand: Demand = field(default_factory=Demand)  # What its board is asked for.
+    rate: float = 0.0  # Estimate of the acceleration in [rad] / [s²].
+    hold_angle: float = 0.0  # Angle at the trip in [rad].
+    silent_ticks: int = 0  # Since its board was heard.
 
 
 @dataclass(slots=True)
 class ControlledLeg:
-    """A leg as the gait controller has it.
+    """A leg as the gait controller has it."""
 
-    Attributes:
-        phase: Present phase.
-        debounce: Consecutive ticks with an open guard, by transition.
-        gravity_shares: Of the gravity compensation, by phase.
-        gravity_start: Share at the last switch.
-        gravity: Present share.
-        frozen_speed: Speed of the hip at which a load that stands still is broken in [rad] / [s].
-        before: Phase at the start of the tick.
-        entry_tick: Tick in which the phase was entered.
-        ticks: Since then.
-        chosen: Transition that it takes in this tick, -1 for none.
-        results: Of the guard that is being evaluated, a bit each.
-        load: Of the foot over body weight.
-        last_load: Of the tick before.
-        load_streak: Consecutive ticks in which the load stood still while the hip turned.
-        phase_cause: Of a trip in this tick: the phase has timed out.
-        load_cause: Of a trip in this tick: the load stands still.
-    """
-
-    phase: int
-    debounce: list[int]
-    gravity_shares: list[float]
-    gravity_start: float
-    gravity: float
-    frozen_speed: float
-    before: int = 0
-    entry_tick: int = 0
-    ticks: int = 0
-    chosen: int = NO_TRANSITION
-    results: int = 0
-    load: float = 0.0
-    last_load: float = 0.0
-    load_streak: int = 0
-    phase_cause: int = NO_TRIP
-    load_cause: int = NO_TRIP
+    phase: int  # Present phase.
+    debounce: list[int]  # Consecutive ticks with an open guard, by transition.
+    gravity_shares: list[float]  # Of the gravity compensation, by phase.
+    gravity_start: float  # Share at the last switch.
+    gravity: float  # Present share.
+    blend_ticks: list[int]  # How long parameters fade into a phase, by phase.
+    frozen_speed: float  # Speed of the hip at which a load that stands still is broken in [rad] / [s].
+    before: int = 0  # Phase at the start of the tick.
+    entry_tick: int = 0  # Tick in which the phase was entered.
+    ticks: int = 0  # Since then.
+    chosen: int = NO_TRANSITION  # Transition that it takes in this tick, -1 for none.
+    results: int = 0  # Of the guard that is being evaluated, a bit each.
+    load: float = 0.0  # Of the foot over body weight.
+    last_load: float = 0.0  # Of the tick before.
+    load_streak: int = 0  # Consecutive ticks in which the load stood still while the hip turned.
+    phase_cause: int = NO_TRIP  # Of a trip in this tick: the phase has timed out.
+    load_cause: int = NO_TRIP  # Of a trip in this tick: the load stands still.
 
 
 @dataclass(slots=True)
 class Device:
-    """What is heard of the device as a whole, for the guards of both legs.
+    """What is heard of the device as a whole, for the guards of both legs."""
 
-    Attributes:
-        trunk_pitch: Of the trunk from upright in [rad], positive forward.
-        walk: 1 to walk, 0 to stand.
-        step: 1 to take a step, 0 to wait for one.
-    """
-
-    trunk_pitch: float = declared.TRUNK_PITCH.first
-    walk: float = declared.WALK.first
-    step: float = declared.STEP.first
+    trunk_pitch: float = declared.TRUNK_PITCH.first  # Of the trunk from upright in [rad], positive forward.
+    walk: float = declared.WALK.first  # 1 to walk, 0 to stand.
+    step: float = declared.STEP.first  # 1 to take a step, 0 to wait for one.
 
 
 @dataclass(slots=True)
 class WatchedSupply:
-    """The bus voltage as the gait controller sees it.
+    """The bus voltage as the gait controller sees it."""
 
-    Attributes:
-        voltage: Measured in [V].
-        least_voltage: That it bears, in [V].
-        low_ticks: How long it bears less.
-        low_streak: Consecutive ticks with less.
-        cause: Of a trip in this tick: less for too long.
-    """
-
-    voltage: float
-    least_voltage: float
-    low_ticks: int
-    low_streak: int = 0
-    cause: int = NO_TRIP
+    voltage: float  # Measured in [V].
+    least_voltage: float  # That it bears, in [V].
+    low_ticks: int  # How long it bears less.
+    low_streak: int = 0  # Consecutive ticks with less.
+    cause: int = NO_TRIP  # Of a trip in this tick: less for too long.
 
 
 @dataclass(slots=True)
 class Trip:
-    """What the safety monitor has tripped on.
+    """What the safety monitor has tripped on."""
 
-    Attributes:
-        tick: Of the trip, -1 before it.
-        cause: As :mod:`twin_gait.core.safety` numbers them.
-        part: A joint, or the number of joints plus a leg, or -1 for the supply.
-    """
-
-    tick: int = -1
-    cause: int = NO_TRIP
-    part: int = 0
+    tick: int = -1  # Of the trip, -1 before it.
+    cause: int = NO_TRIP  # As :mod:`twin_gait.core.safety` numbers them.
+    part: int = 0  # A joint, or the number of joints plus a leg, or -1 for the supply.
 
 
 @dataclass(slots=True)
 class ControlModel:
-    """The controller's rigid-body model.
+    """The controller's rigid-body model."""
 
-    Attributes:
-        bodies: Run-time values of its kernel.
-        gravity: In [m] / [s²].
-        q: Coordinates at which it is evaluated in [rad].
-        a: Accelerations in [rad] / [s²].
-        gravity_torque: In [N m].
-        inertia_torque: In [N m].
-        inertia_gain: Share of the inertia torques that is compensated.
-    """
-
-    bodies: list[float]
-    gravity: float
-    q: list[float]
-    a: list[float]
-    gravity_torque: list[float]
-    inertia_torque: list[float]
-    inertia_gain: float
+    bodies: list[float]  # Run-time values of its kernel.
+    gravity: float  # In [m] / [s²].
+    q: list[float]  # Coordinates at which it is evaluated in [rad].
+    a: list[float]  # Accelerations in [rad] / [s²].
+    gravity_torque: list[float]  # In [N m].
+    inertia_torque: list[float]  # In [N m].
+    inertia_gain: float  # Share of the inertia torques that is compensated.
 
 
 @dataclass(slots=True)
 class ControllerState:
-    """Everything that the gait controller keeps.
+    """Everything that the gait controller keeps."""
 
-    Attributes:
-        joints: Leg by leg: left hip, left knee, right hip, …
-        legs: Left, right.
-        program: Transitions of the gait table with their guards.
-        signals: What the guards read: of this leg, of the other, then of the device.
-        supply: The bus voltage.
-        model: For gravity and inertia torques.
-        memory: Of the controller, :mod:`twin_gait.control.controller`.
-        supervisor: Of the operating modes, where there are any.
-        common: Heard of the device as a whole.
-        trip: Of the monitor.
-        last_rest: Last tick in which the legs were told to stand.
-    """
-
-    joints: list[ControlledJoint]
-    legs: list[ControlledLeg]
-    program: GuardProgram
-    signals: list[float]
-    supply: WatchedSupply
-    model: ControlModel
-    memory: object
-    supervisor: Supervisor
-    common: Device = field(default_factory=Device)
-    trip: Trip = field(default_factory=Trip)
-    last_rest: int = 0
-
-
-# ------------------------------------------------------------------ what is heard
+    joints: list[ControlledJoint]  # Leg by leg: left hip, left knee, right hip, …
+    legs: list[ControlledLeg]  # Left, right.
+    program: GuardProgram  # Transitions of the gait table with their guards.
+    signals: list[float]  # What the guards read: of this leg, of the other, then of the device.
+    supply: WatchedSupply  # The bus voltage.
+    model: ControlModel  # For gravity and inertia torques.
+    memory: object  # Of the controller, :mod:`twin_gait.control.controller`.
+    supervisor: Supervisor  # Of the operating modes, where there are any.
+    common: Device = field(default_factory=Device)  # Heard of the device as a whole.
+    trip: Trip = field(default_factory=Trip)  # Of the monitor.
+    last_rest: int = 0  # Last tick in which the legs were told to stand.
 
 
 def hear_load(controller: ControllerState, number: int, load: float) -> None:
@@ -227,11 +147,7 @@ def hear_load(controller: ControllerState, number: int, load: float) -> None:
 
 
 def hear_board(controller: ControllerState, limits: Limits, number: int, heard: bool) -> None:
-    """Note over a bus whether a board has been silent for too long.
-
-    Args:
-        heard: Whether its measurement came since the tick before.
-    """
+    """Note over a bus whether a board has been silent for too long."""
     joint = controller.joints[number]
     joint.silent_ticks = 0 if heard else joint.silent_ticks + 1
     if joint.silent_ticks > limits.board_silence and joint.measurement.cause == NO_TRIP:
@@ -255,9 +171,6 @@ def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
     controller.common.walk = walk
     if walk == 0.0:
         controller.last_rest = tick
-
-
-# ------------------------------------------------------------------ the monitor
 
 
 def watch_phase(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
@@ -315,9 +228,6 @@ def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
             joint.hold_angle = joint.measurement.last_angle
 
 
-# ------------------------------------------------------------------ the state machine of a leg
-
-
 def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
     """Keep the phase of a leg as it is now, which both legs' guards read."""
     leg = controller.legs[number]
@@ -370,17 +280,14 @@ def begin_phase(controller: ControllerState, number: int, phase: int, tick: int)
 
 def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> None:
     """Fade the parameters of a leg towards those of its phase, unless they have arrived."""
-    leg, ticks = controller.legs[number], rates.blend_ticks
-    since = tick - leg.entry_tick
+    leg = controller.legs[number]
+    ticks, since = leg.blend_ticks[leg.phase], tick - leg.entry_tick
     if since <= ticks and controller.trip.tick < 0:
         share = blend_share(1.0 if ticks <= 0 else since / ticks, rates.blend_law)
         for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
             joint = controller.joints[place]
             blend_setpoint(joint.blend_start, joint.setpoints[leg.phase], share, joint.blended)
         leg.gravity = blend(leg.gravity_start, leg.gravity_shares[leg.phase], share)
-
-
-# ------------------------------------------------------------------ the operating modes
 
 
 def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
@@ -416,9 +323,6 @@ def send_to_posture(controller: ControllerState, number: int, tick: int) -> None
     """Send a leg into the posture of the mode."""
     supervisor = controller.supervisor
     begin_phase(controller, number, supervisor.modes[supervisor.mode].posture, tick)
-
-
-# ------------------------------------------------------------------ what is demanded
 
 
 def wants_gravity(controller: ControllerState) -> bool:
@@ -481,10 +385,7 @@ def demand_setpoint(controller: ControllerState, number: int) -> None:
 def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: float) -> None:
     """Ask a board to brake its joint and let it down slowly.
 
-    Args:
-        joint: Its demand is changed in place.
-        support: Share of the weight that is still carried.
-        weight: Gravity torque in [N m].
+    ``support``: share of the weight that is still carried. ``weight``: gravity torque in [N m].
     """
     asked = joint.demand
     asked.stiffness, asked.damping, asked.gain = 0.0, limits.hold_damping, 0.0

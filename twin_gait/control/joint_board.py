@@ -4,8 +4,6 @@ The device has one for each joint, and one gait controller (:mod:`twin_gait.cont
 of them. The rooms of the simulation's tick call these functions, and the C firmware is printed from them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from twin_gait.core.actuator import Motor
@@ -34,170 +32,97 @@ from twin_gait.parameters import FrictionParameters
 
 @dataclass(slots=True)
 class Rates:
-    """How the firmware samples.
+    """How the firmware samples."""
 
-    Attributes:
-        period: Length of a tick in [s].
-        fast_gain: Of the fast velocity filter.
-        decimation: Ticks between two slow samples.
-        blend_law: Of the setpoints, see :mod:`twin_gait.core.blending`.
-        blend_ticks: How long they fade.
-    """
-
-    period: float
-    fast_gain: float
-    decimation: int
-    blend_law: int
-    blend_ticks: int
+    period: float  # Length of a tick in [s].
+    fast_gain: float  # Of the fast velocity filter.
+    decimation: int  # Ticks between two slow samples.
+    blend_law: int  # Of the setpoints, see :mod:`twin_gait.core.blending`.
 
 
 @dataclass(slots=True)
 class Limits:
-    """What bounds the command, and how long the gait controller bears something.
+    """What bounds the command, and how long the gait controller bears something."""
 
-    Attributes:
-        torque: Of the command in [N m].
-        current: Of the drives in [A].
-        phase_ticks: Longest time in a phase.
-        frozen_load_ticks: Longest time for which a load may stand still.
-        controller_silence: Longest time in ticks for which a board bears not to hear the gait controller.
-        board_silence: For which the gait controller bears not to hear a board.
-        lowering_ticks: In which a held leg is lowered.
-        hold_damping: Of a held joint in [N m s] / [rad].
-    """
-
-    torque: float
-    current: float
-    phase_ticks: int
-    frozen_load_ticks: int
-    controller_silence: int
-    board_silence: int
-    lowering_ticks: int
-    hold_damping: float
+    torque: float  # Of the command in [N m].
+    current: float  # Of the drives in [A].
+    phase_ticks: int  # Longest time in a phase.
+    frozen_load_ticks: int  # Longest time for which a load may stand still.
+    controller_silence: int  # Longest time in ticks for which a board bears not to hear the gait controller.
+    board_silence: int  # For which the gait controller bears not to hear a board.
+    lowering_ticks: int  # In which a held leg is lowered.
+    hold_damping: float  # Of a held joint in [N m s] / [rad].
 
 
 @dataclass(slots=True)
 class Measurement:
-    """What a board tells the gait controller in a tick.
+    """What a board tells the gait controller in a tick."""
 
-    Attributes:
-        angle: Measured in [rad].
-        last_angle: Of the tick before.
-        velocity: Fast estimate in [rad] / [s].
-        last_velocity: Of the tick before.
-        motor_speed: Joint speed that the drive infers in [rad] / [s].
-        cause: Of a trip that the board has found, see :mod:`twin_gait.core.safety`.
-    """
-
-    angle: float = 0.0
-    last_angle: float = 0.0
-    velocity: float = 0.0
-    last_velocity: float = 0.0
-    motor_speed: float = 0.0
-    cause: int = NO_TRIP
+    angle: float = 0.0  # Measured in [rad].
+    last_angle: float = 0.0  # Of the tick before.
+    velocity: float = 0.0  # Fast estimate in [rad] / [s].
+    last_velocity: float = 0.0  # Of the tick before.
+    motor_speed: float = 0.0  # Joint speed that the drive infers in [rad] / [s].
+    cause: int = NO_TRIP  # Of a trip that the board has found, see :mod:`twin_gait.core.safety`.
 
 
 @dataclass(slots=True)
 class Demand:
-    """What the gait controller asks of a board.
+    """What the gait controller asks of a board."""
 
-    Attributes:
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium: θ0 in [rad].
-        gain: G, of the friction compensation.
-        gravity: Compensation in [N m]; of a held joint what is still carried.
-        inertia: Compensation in [N m].
-        target: Torque that is added in [N m].
-        held: Whether the joint is braked and let down instead.
-    """
-
-    stiffness: float = 0.0
-    damping: float = 0.0
-    equilibrium: float = 0.0
-    gain: float = 0.0
-    gravity: float = 0.0
-    inertia: float = 0.0
-    target: float = 0.0
-    held: bool = False
+    stiffness: float = 0.0  # k in [N m] / [rad].
+    damping: float = 0.0  # b in [N m s] / [rad].
+    equilibrium: float = 0.0  # θ0 in [rad].
+    gain: float = 0.0  # G, of the friction compensation.
+    gravity: float = 0.0  # Compensation in [N m]; of a held joint what is still carried.
+    inertia: float = 0.0  # Compensation in [N m].
+    target: float = 0.0  # Torque that is added in [N m].
+    held: bool = False  # Whether the joint is braked and let down instead.
 
 
 @dataclass(slots=True)
 class Command:
-    """What a board asks of its drive in a tick, in the walk or in the hold.
+    """What a board asks of its drive in a tick, in the walk or in the hold."""
 
-    Attributes:
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium: θ0 in [rad].
-        gain: G, of the friction compensation.
-        impedance: Torque in [N m], as all of them.
-        friction: Compensation.
-        gravity: Compensation.
-        inertia: Compensation.
-        target: That is added.
-        torque: Sum of these, before limits.
-        target_current: That the drive is asked for in [A].
-        drive_off: Whether the drive is cut off for good, since it has not obeyed.
-        cause: Of a trip, if no drive may be asked for what is demanded.
-    """
-
-    stiffness: float = 0.0
-    damping: float = 0.0
-    equilibrium: float = 0.0
-    gain: float = 0.0
-    impedance: float = 0.0
-    friction: float = 0.0
-    gravity: float = 0.0
-    inertia: float = 0.0
-    target: float = 0.0
-    torque: float = 0.0
-    target_current: float = 0.0
-    drive_off: bool = False
-    cause: int = NO_TRIP
+    stiffness: float = 0.0  # k in [N m] / [rad].
+    damping: float = 0.0  # b in [N m s] / [rad].
+    equilibrium: float = 0.0  # θ0 in [rad].
+    gain: float = 0.0  # G, of the friction compensation.
+    impedance: float = 0.0  # Torque in [N m], as all of them.
+    friction: float = 0.0  # Compensation.
+    gravity: float = 0.0  # Compensation.
+    inertia: float = 0.0  # Compensation.
+    target: float = 0.0  # That is added.
+    torque: float = 0.0  # Sum of these, before limits.
+    target_current: float = 0.0  # That the drive is asked for in [A].
+    drive_off: bool = False  # Whether the drive is cut off for good, since it has not obeyed.
+    cause: int = NO_TRIP  # Of a trip, if no drive may be asked for what is demanded.
 
 
 @dataclass(slots=True)
 class BoardState:
-    """Everything that a board keeps.
+    """Everything that a board keeps."""
 
-    Attributes:
-        encoder: With its velocity estimates.
-        motor: Motor and gear as the board knows them.
-        friction_model: Of the compensator.
-        bounds: Of the monitor.
-        watched: What the monitor remembers.
-        demand: Last heard from the gait controller.
-        command: Of this tick.
-        model_friction: Torque of the compensator's model at the slow velocity in [N m].
-        cause: First one of a trip that the board has found itself.
-        alone: Whether it holds its joint without the gait controller, which it then does for good.
-        alone_ticks: Since when.
-        carried: Torque in [N m] that was fed forward then.
-        silent_ticks: Since the gait controller was heard.
-    """
-
-    encoder: Encoder
-    motor: Motor
-    friction_model: FrictionParameters
-    bounds: Bounds
-    watched: Watched = field(default_factory=Watched)
-    demand: Demand = field(default_factory=Demand)
-    command: Command = field(default_factory=Command)
-    model_friction: float = 0.0
-    cause: int = NO_TRIP
+    encoder: Encoder  # With its velocity estimates.
+    motor: Motor  # Motor and gear as the board knows them.
+    friction_model: FrictionParameters  # Of the compensator.
+    bounds: Bounds  # Of the monitor.
+    watched: Watched = field(default_factory=Watched)  # What the monitor remembers.
+    demand: Demand = field(default_factory=Demand)  # Last heard from the gait controller.
+    command: Command = field(default_factory=Command)  # Of this tick.
+    model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N m].
+    cause: int = NO_TRIP  # First one of a trip that the board has found itself.
+    # Whether it holds its joint without the gait controller, which it then does for good.
     alone: bool = False
-    alone_ticks: int = 0
-    carried: float = 0.0
-    silent_ticks: int = 0
+    alone_ticks: int = 0  # Since when.
+    carried: float = 0.0  # Torque in [N m] that was fed forward then.
+    silent_ticks: int = 0  # Since the gait controller was heard.
 
 
 def read_encoder(board: BoardState, rates: Rates, first: bool, reading: float) -> None:
     """Angle and fast velocity of this tick.
 
-    Args:
-        first: Whether only the angle is read, for want of one before.
-        reading: Of the encoder in [rad].
+    ``first``: only the angle, for want of one before. ``reading``: of the encoder in [rad].
     """
     measure_angle(board.encoder, first, reading, rates.period, rates.fast_gain)
 
@@ -307,11 +232,7 @@ def sum_up(board: BoardState) -> None:
 
 
 def check(board: BoardState, watching: bool) -> None:
-    """Sum the command up, and note the cause of a trip if the drive may not be asked for it.
-
-    Args:
-        watching: Whether the monitor is on.
-    """
+    """Sum the command up, and note the cause of a trip if the drive may not be asked for it."""
     sum_up(board)
     asked = board.command
     wild = watching and not board.demand.held
@@ -320,12 +241,7 @@ def check(board: BoardState, watching: bool) -> None:
 
 
 def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None:
-    """Take what the gait controller demands over the bus; hold the joint alone where that cannot be.
-
-    Args:
-        demand: What came last.
-        heard: Whether it came since the tick before.
-    """
+    """Take what the gait controller demands over the bus; hold the joint alone where that cannot be."""
     board.silent_ticks = 0 if heard else board.silent_ticks + 1
     if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
         board.cause = BUS_TRIP  # so that the gait controller, if it hears the board, does not walk on
@@ -338,11 +254,7 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
 
 
 def obey(board: BoardState, limits: Limits, watching: bool) -> None:
-    """Command what is demanded; hold the joint at once if that is wild.
-
-    Args:
-        watching: Whether the monitor is on.
-    """
+    """Command what is demanded; hold the joint at once if that is wild."""
     ask(board)
     check(board, watching)
     if board.command.cause != NO_TRIP:
@@ -386,10 +298,7 @@ def set_current(board: BoardState, limits: Limits, torque: float) -> None:
 def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:
     """Keep for the monitor what the drive did in this tick.
 
-    Args:
-        voltage: On the winding in [V].
-        current: Measured in [A].
-        deviation: Of the current from what the drive should give, in [A].
+    Winding's voltage in [V], current in [A], ``deviation`` of it from what the drive should give in [A].
     """
     watched, bounds = board.watched, board.bounds
     watched.commanded = board.command.torque

@@ -1,7 +1,5 @@
 """Causes of a trip and what is noted of it."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -52,19 +50,12 @@ _ELSEWHERE = {TripCause.OPERATOR: "operator", TripCause.BUS: "gait controller"}
 
 
 class Trip(NamedTuple):
-    """A trip of the monitor, from which the leg does not come back by itself.
+    """A trip of the monitor, from which the leg does not come back by itself."""
 
-    Attributes:
-        tick: First tick of the hold.
-        cause: Why.
-        side: Leg of the cause, or None for the supply, the operator or the gait controller.
-        joint: Joint of the cause, or None for these, a foot or a phase.
-    """
-
-    tick: int
-    cause: TripCause
-    side: Side | None
-    joint: JointName | None
+    tick: int  # First tick of the hold.
+    cause: TripCause  # Why.
+    side: Side | None  # Leg of the cause, or None for the supply, the operator or the gait controller.
+    joint: JointName | None  # Joint of the cause, or None for these, a foot or a phase.
 
     @property
     def time(self) -> float:

@@ -5,8 +5,6 @@ table. In a tick it takes the request that is made, if any, and what is measured
 notes that the request is refused. After a trip of the safety monitor it is in the mode of the hold.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, guard_holds, next_transition
@@ -17,48 +15,28 @@ NO_POSTURE = -1
 
 @dataclass(slots=True)
 class ModeCommand:
-    """What a mode sets.
+    """What a mode sets."""
 
-    Attributes:
-        posture: Phase that both legs enter with it, ``NO_POSTURE`` for none.
-        walk: 1 if the legs are told to walk, 0 to stand.
-        step: 1 if they are told to take a step, 0 to wait.
-    """
-
-    posture: int
-    walk: float
-    step: float
+    posture: int  # Phase that both legs enter with it, ``NO_POSTURE`` for none.
+    walk: float  # 1 if the legs are told to walk, 0 to stand.
+    step: float  # 1 if they are told to take a step, 0 to wait.
 
 
 @dataclass(slots=True)
 class Supervisor:
-    """Everything that the supervisor keeps.
+    """Everything that the supervisor keeps."""
 
-    Attributes:
-        program: Transitions of the table of modes with their guards.
-        modes: What each sets.
-        hold: Mode after a trip.
-        swing: Bit mask of the legs' phases in swing.
-        signals: What the guards read: of the left leg, of the right one, then of the device.
-        debounce: Consecutive ticks with an open guard, by transition.
-        mode: Present mode.
-        entry_tick: Tick in which it was entered.
-        request: That is made in this tick, ``NO_REQUEST`` for none.
-        refused: The same if nothing has answered it.
-        entered: Whether a mode has been entered in this tick.
-    """
-
-    program: GuardProgram
-    modes: list[ModeCommand]
-    hold: int
-    swing: int
-    signals: list[float]
-    debounce: list[int]
-    mode: int = 0
-    entry_tick: int = 0
-    request: int = NO_REQUEST
-    refused: int = NO_REQUEST
-    entered: bool = False
+    program: GuardProgram  # Transitions of the table of modes with their guards.
+    modes: list[ModeCommand]  # What each sets.
+    hold: int  # Mode after a trip.
+    swing: int  # Bit mask of the legs' phases in swing.
+    signals: list[float]  # What the guards read: of the left leg, of the right one, then of the device.
+    debounce: list[int]  # Consecutive ticks with an open guard, by transition.
+    mode: int = 0  # Present mode.
+    entry_tick: int = 0  # Tick in which it was entered.
+    request: int = NO_REQUEST  # That is made in this tick, ``NO_REQUEST`` for none.
+    refused: int = NO_REQUEST  # The same if nothing has answered it.
+    entered: bool = False  # Whether a mode has been entered in this tick.
 
 
 def hear_request(supervisor: Supervisor, request: int) -> None:

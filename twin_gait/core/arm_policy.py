@@ -12,16 +12,18 @@ and its muscles are stiff for a moment only: length and angle that they hold fol
 time constant of yielding. When both legs stand, a tip that has come near is lifted, swung to
 where the person reaches, and lowered until it is felt to carry; the other stays planted meanwhile.
 
-On a chair both stay planted. The hands rest while the person sits; while they rise or sit down they push,
-with muscles that give way, less and less as the arms come to be straight, and so that the struts keep a tilt
-φ against the vertical, the tips behind:
+A chair asks for both behind. When the device announces that it is about to sit down, one tip after the
+other is swung back to a tilt φ against the vertical, and likewise before rising if they do not stand there.
+While the person sits, the hands rest. While they rise or sit down, the arms do as the legs do: the muscles
+push, with the stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen
+or of seated arms,
 
 .. math::
 
-    P_0 = P_h + P_c\,\min(1, (\ell_{max} - \ell) / \ell_c) - K_c\,(\varphi - \varphi^*), \qquad
-    M_0 = -M_c + C_c\,(\varphi - \varphi^*)
+    P_0 = P_c, \qquad \ell_0(t) = \ell(0) + (\ell_c - \ell(0))\,s(t / T_c), \qquad M_0 = -M_c
 
-Likewise they hold on to what stands behind when the person has risen, until it is brought forwards.
+and an arm that is longer than that gives way. When the person has risen the arms straighten slowly, until the
+weight is over the feet and a hand feels no load; then one crutch after the other is brought forwards.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.estimation import DelayLine, new_delay_line
 
 PLANTED, SWUNG, LOWERED, BEHIND = 0, 1, 2, 3
-SITS, RISES = 1.0, 2.0  # what is felt of a chair
+SITS, LEANS, RISES, REACHES, LOWERS = 1.0, 2.0, 3.0, 4.0, 5.0  # what is felt of a chair
 
 
 @dataclass(slots=True)
@@ -61,15 +63,13 @@ class Habit:
         lowering: Way of a tick by which the strut grows as it is lowered, in [m].
         touch: Load at which a tip is felt to stand, in [N].
         longest: Length of arm and crutch in [m].
-        chair_tilt: Of the struts from the vertical that the person keeps while they rise or sit down, the
-            tips behind, in [rad].
-        chair_push: On each crutch meanwhile in [N], beyond what holds.
-        chair_push_per_tilt: In [N] / [rad].
+        chair_tilt: Of the struts from the vertical to which tips are swung behind, in [rad].
+        chair_push: On each crutch while the person rises or sits down, in [N].
         chair_turn: Moment of each shoulder that draws the body forwards meanwhile in [N m].
-        chair_turn_per_tilt: In [N m] / [rad].
-        chair_fading: Length short of the longest over which the push fades, in [m].
-        chair_hold: Push that keeps each crutch on the ground then and afterwards in [N].
-        chair_ticks: For so long both stay there.
+        risen: Length of the struts after rising in [m].
+        seated: After sitting down in [m].
+        chair_ticks: For how long they go there.
+        straightening: Way of a tick by which they grow when the person stands over them, in [m].
     """
 
     lean: float
@@ -94,12 +94,11 @@ class Habit:
     longest: float
     chair_tilt: float
     chair_push: float
-    chair_push_per_tilt: float
     chair_turn: float
-    chair_turn_per_tilt: float
-    chair_fading: float
-    chair_hold: float
+    risen: float
+    seated: float
     chair_ticks: int
+    straightening: float
 
 
 @dataclass(slots=True)
@@ -110,7 +109,7 @@ class Sense:
         lean: Of the trunk in [rad].
         lean_rate: In [rad] / [s].
         stepping: 1 while a leg swings.
-        chair: ``SITS``, ``RISES``, also for sitting down, or 0.
+        chair: ``SITS``, ``LEANS``, ``RISES``, ``REACHES``, ``LOWERS`` or 0.
         felt_lean: On its way to the mind.
         felt_rate: Likewise.
         felt_stepping: Likewise.
@@ -153,36 +152,44 @@ def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, loa
         load: Felt load on the tip in [N].
     """
     arm.since += 1
-    if arm.doing == PLANTED or arm.doing == BEHIND:
-        if sense.chair > 0.0 or arm.doing == BEHIND:
-            _push_up(habit, sense, arm, ahead)
-        else:
-            _lean_on(habit, sense, arm)
-        if sense.chair > 0.0:
-            return
-        if (
-            _rested(habit, arm)
-            and _rested(habit, other)
-            and sense.stepping == 0.0
-            and ahead < habit.lift_ahead
-        ):
-            _lift(habit, sense, arm)
-    elif arm.doing == SWUNG:
+    if arm.doing == SWUNG:
         share = blend_share(arm.since / habit.swing_ticks, BLEND_MINIMUM_JERK)
-        turn_grip(arm.grip, blend(arm.first_angle, habit.reach, share) + sense.lean)
+        turn_grip(arm.grip, blend(arm.first_angle, arm.reach, share) + sense.lean)
         if arm.since >= habit.swing_ticks:
             arm.doing, arm.since = LOWERED, 0
-    else:
+    elif arm.doing == LOWERED:
         arm.grip.length = min(arm.grip.length + habit.lowering, habit.longest)
         if load > habit.touch:
             plant_crutch(habit, arm)
+    elif sense.chair > 0.0 or arm.doing == BEHIND:
+        _use_behind(habit, sense, arm, other, ahead, load)
+    else:
+        _lean_on(habit, sense, arm)
+        if _may_lift(habit, sense, arm, other) and ahead < habit.lift_ahead:
+            _lift(habit, sense, arm, habit.reach)
+
+
+def _may_lift(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> bool:
+    """Whether both crutches have stood for long enough that one may be lifted, and no leg swings."""
+    return _rested(habit, arm) and _rested(habit, other) and sense.stepping == 0.0
 
 
 def _rested(habit: Habit, arm: Arm) -> bool:
-    """Whether a crutch has been planted for long enough that it, or the other one, may be lifted."""
-    if arm.doing == BEHIND:
-        return arm.since > habit.chair_ticks
-    return arm.doing == PLANTED and arm.since > habit.planted_ticks
+    return (arm.doing == PLANTED or arm.doing == BEHIND) and arm.since > habit.planted_ticks
+
+
+def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
+    """Bring a crutch behind for a chair, rest the hand, push, hold on, or bring the crutch forwards again."""
+    readies = sense.chair == LEANS or sense.chair == REACHES
+    if readies and ahead > 0.0 and _may_lift(habit, sense, arm, other):
+        _lift(habit, sense, arm, -habit.chair_tilt)
+        return
+    if sense.chair != arm.felt or arm.doing == PLANTED:
+        arm.felt = sense.chair
+        arm.doing, arm.since, arm.first_length = BEHIND, 0, arm.length
+    _push_up(habit, sense, arm)
+    if sense.chair == 0.0 and load < habit.touch and _may_lift(habit, sense, arm, other):
+        _lift(habit, sense, arm, habit.reach)
 
 
 def _lean_on(habit: Habit, sense: Sense, arm: Arm) -> None:
@@ -196,21 +203,22 @@ def _lean_on(habit: Habit, sense: Sense, arm: Arm) -> None:
     _yield(habit, arm)
 
 
-def _push_up(habit: Habit, sense: Sense, arm: Arm, ahead: float) -> None:
-    """Rest the hand while sitting, push while rising or sitting down, then hold on to what stands behind."""
-    grip, tonic = arm.grip, habit.chair_hold
-    grip.stiffness, grip.damping = habit.stiffness, habit.swing_damping
-    grip.length = max(grip.length, arm.length)  # what would lift the tip gives way at once
-    if sense.chair > 0.0:
-        arm.doing, arm.since = BEHIND, 0
-        grip.stiffness = habit.swing_stiffness
-        tonic += habit.chair_push * held((habit.longest - arm.length) / habit.chair_fading, 0.0, 1.0)
-    excess = -ahead / arm.length - habit.chair_tilt
-    grip.push = held(tonic - habit.chair_push_per_tilt * excess, 0.0, arm.push_limit)
-    grip.turn = habit.chair_turn_per_tilt * excess - habit.chair_turn
+def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
+    """Rest the hand while sitting, push towards a length while rising or sitting down, then straighten."""
+    grip = arm.grip
     if sense.chair == SITS:
-        grip.push = grip.turn = 0.0
-    _yield(habit, arm)
+        grip.push = grip.turn = grip.stiffness = 0.0
+        return
+    grip.push, grip.turn = habit.chair_push, -habit.chair_turn
+    grip.stiffness, grip.damping = habit.stiffness, habit.damping
+    if sense.chair == RISES or sense.chair == LOWERS:
+        share = blend_share(arm.since / habit.chair_ticks, BLEND_MINIMUM_JERK)
+        wanted = habit.risen if sense.chair == RISES else habit.seated
+        grip.length = blend(arm.first_length, wanted, share)
+    else:
+        grip.length += habit.straightening
+    grip.length = max(grip.length, arm.length)  # what would lift the tip gives way at once
+    turn_grip(grip, grip.angle - habit.yielding * arm.aside / arm.length)
 
 
 def _yield(habit: Habit, arm: Arm) -> None:
@@ -220,9 +228,10 @@ def _yield(habit: Habit, arm: Arm) -> None:
     turn_grip(grip, grip.angle - habit.yielding * arm.aside / arm.length)
 
 
-def _lift(habit: Habit, sense: Sense, arm: Arm) -> None:
+def _lift(habit: Habit, sense: Sense, arm: Arm, reach: float) -> None:
+    """Begin to swing a crutch to an angle from the vertical in [rad]."""
     grip = arm.grip
-    arm.doing, arm.since = SWUNG, 0
+    arm.doing, arm.since, arm.reach = SWUNG, 0, reach
     arm.first_angle = grip.angle - sense.lean
     grip.push = grip.turn = 0.0
     grip.length = arm.length - habit.clearance

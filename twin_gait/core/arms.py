@@ -78,6 +78,9 @@ class Arm:
         doing: What the arm is about, as :mod:`twin_gait.core.arm_policy` numbers it.
         since: Ticks since it began that.
         first_angle: Angle of the strut from the vertical where a swing of it began, in [rad].
+        reach: Angle from the vertical to which it is swung, in [rad].
+        first_length: Length of the strut when the person began to push up, in [m].
+        felt: What is felt of a chair, as it was last.
         felt_ahead: Way of the tip in front of the shoulder, on its way to the mind.
         felt_load: Load on the tip, likewise.
     """
@@ -100,6 +103,9 @@ class Arm:
     doing: int = 0
     since: int = 0
     first_angle: float = 0.0
+    reach: float = 0.0
+    first_length: float = 0.0
+    felt: float = 0.0
     tip: Point = field(default_factory=Point)
 
 

@@ -49,6 +49,7 @@ class Seat:
         buttocks: Both.
         thigh: One.
         hips: Places of the two hips in the coordinates.
+        behind: Way of its front edge behind the hips where it is put for a standing wearer, in [m].
         normal: Sum of the normal forces as it was last, in [N].
         friction: Of the forces along the seat, forwards positive; likewise.
         power: Of all of them in [W]; likewise.
@@ -63,6 +64,7 @@ class Seat:
     buttocks: Pad
     thigh: Pad
     hips: list[int]
+    behind: float
     normal: float = 0.0
     friction: float = 0.0
     power: float = 0.0

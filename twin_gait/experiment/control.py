@@ -1,25 +1,16 @@
 """What the controller of an experiment knows and may do."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
+from twin_gait import parameters
 from twin_gait.control.controller import Controller
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
 from twin_gait.control.controllers.position import PathParameters
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import (
-    HIP_FRICTION,
-    KNEE_FRICTION,
-    FrictionParameters,
-    LimitParameters,
-    Patient,
-    SafetyParameters,
-)
 from twin_gait.parameters.quantities import SHARE, Parameters, Range, Ratio, Time, Torque, require
 from twin_gait.vocabulary import JointName
 
@@ -54,16 +45,19 @@ class ControlParameters(Parameters):
     mode: ControlMode = _USUAL
     assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
     path: PathParameters = field(default_factory=PathParameters)
-    friction_model: Mapping[JointName, FrictionParameters] = field(
-        default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
+    friction_model: Mapping[JointName, parameters.FrictionParameters] = field(
+        default_factory=lambda: {
+            JointName.HIP: parameters.HIP_FRICTION,
+            JointName.KNEE: parameters.KNEE_FRICTION,
+        }
     )
     inertia_compensation: Annotated[Ratio, SHARE] = 0.0
     target_torque: Mapping[JointName, Torque] = field(
         default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
     )
-    limits: LimitParameters = field(default_factory=LimitParameters)
-    safety: SafetyParameters = field(default_factory=SafetyParameters)
-    patient: Patient | None = None
+    limits: parameters.LimitParameters = field(default_factory=parameters.LimitParameters)
+    safety: parameters.SafetyParameters = field(default_factory=parameters.SafetyParameters)
+    patient: parameters.Patient | None = None
     delay: Annotated[Time, DELAYS] = 0.0
 
     def __post_init__(self) -> None:

@@ -1,7 +1,5 @@
 """One frozen value that says everything a run needs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -155,12 +153,7 @@ class Experiment(Parameters):
         return self.scenario.steady
 
     def build_world(self) -> World:
-        """Build the world with its rigid-body model.
-
-        Raises:
-            ModelError: If the URDF cannot be used.
-            ParameterError: If something does not fit together, or the step does not carry braces or bristles.
-        """
+        """Build the world and its rigid bodies; ModelError or ParameterError if something does not fit."""
         model, plant = self._plant_model(Bodies.BOTH), self.plant
         rows = build_plant(
             model,

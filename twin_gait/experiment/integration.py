@@ -1,7 +1,5 @@
 """What computes an episode, and in which steps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated

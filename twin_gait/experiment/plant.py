@@ -1,24 +1,11 @@
 """What the leg of an experiment is, beside its rigid bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from twin_gait import parameters
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import (
-    HIP_ACTUATOR,
-    HIP_FRICTION,
-    KNEE_ACTUATOR,
-    KNEE_FRICTION,
-    ActuatorParameters,
-    AnkleParameters,
-    BatteryParameters,
-    ElectronicsParameters,
-    FrictionLaw,
-    StopParameters,
-)
 from twin_gait.parameters.quantities import NOT_NEGATIVE, Acceleration, Parameters, Ratio
 from twin_gait.vocabulary import JointName
 
@@ -41,16 +28,22 @@ class PlantParameters(Parameters):
     friction_ratio: Annotated[Mapping[JointName, Ratio], NOT_NEGATIVE] = field(
         default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
     )
-    friction: Mapping[JointName, FrictionLaw] = field(
-        default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
+    friction: Mapping[JointName, parameters.FrictionLaw] = field(
+        default_factory=lambda: {
+            JointName.HIP: parameters.HIP_FRICTION,
+            JointName.KNEE: parameters.KNEE_FRICTION,
+        }
     )
-    actuators: Mapping[JointName, ActuatorParameters] = field(
-        default_factory=lambda: {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
+    actuators: Mapping[JointName, parameters.ActuatorParameters] = field(
+        default_factory=lambda: {
+            JointName.HIP: parameters.HIP_ACTUATOR,
+            JointName.KNEE: parameters.KNEE_ACTUATOR,
+        }
     )
-    battery: BatteryParameters = field(default_factory=BatteryParameters)
-    electronics: ElectronicsParameters = field(default_factory=ElectronicsParameters)
-    stops: StopParameters = field(default_factory=StopParameters)
-    ankle: AnkleParameters = field(default_factory=AnkleParameters)
+    battery: parameters.BatteryParameters = field(default_factory=parameters.BatteryParameters)
+    electronics: parameters.ElectronicsParameters = field(default_factory=parameters.ElectronicsParameters)
+    stops: parameters.StopParameters = field(default_factory=parameters.StopParameters)
+    ankle: parameters.AnkleParameters = field(default_factory=parameters.AnkleParameters)
     gravity: Annotated[Acceleration, NOT_NEGATIVE] = 9.81
 
     def __post_init__(self) -> None:
@@ -60,7 +53,7 @@ class PlantParameters(Parameters):
             if joint not in self.friction:
                 raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
 
-    def true_friction(self) -> dict[JointName, FrictionLaw]:
+    def true_friction(self) -> dict[JointName, parameters.FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""
         return {
             joint: law.scaled(self.friction_ratio.get(joint, 1.0)) for joint, law in self.friction.items()

@@ -1,7 +1,5 @@
 """Frames that a walk puts on the CAN network, from the rows of its log, and files of them for other tools."""
 
-from __future__ import annotations
-
 import io
 import struct
 from collections.abc import Iterable, Iterator, Mapping
@@ -68,11 +66,9 @@ def bus_frames(
 
     Boards that the log does not have send none.
 
-    Args:
-        rows: Columns of the log by name, with the names of the phases.
-        first: Tick of the first row.
-        body_weight: Of wearer and device in [N].
-        tripped: Board that the monitor tripped on, such as ``left_knee``; empty for none.
+    ``rows``: columns of the log by name, with the names of the phases. ``first``: tick of the first row.
+    ``body_weight``: of wearer and device in [N]. ``tripped``: board that the monitor tripped on, such as
+    ``left_knee``; empty for none.
     """
     ticks = first + np.arange(len(rows["safety_state"]))
     found: list[BusFrame] = []
@@ -145,10 +141,7 @@ def _measurement(
 
 def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
     held = rows["safety_state"] == SafetyState.HOLD.code
-    found: dict[str, Any] = {
-        "safety_state": rows["safety_state"],
-        "trip_cause": _trip_causes(message, rows),
-    }
+    found: dict[str, Any] = {"safety_state": rows["safety_state"], "trip_cause": _trip_causes(message, rows)}
     for side in Side:
         name = f"{side}_phase"
         codes = message.codes.get(name, {})
@@ -164,9 +157,6 @@ def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     # A DBC file may have no word for a cause.
     own = [codes.get(str(cause), 0) if codes else cause.code for cause in TripCause]
     return np.take(own, rows["trip_cause"].astype(int))
-
-
-# ---------------------------------------------------------------------- files
 
 
 def export_can(frames: Iterable[BusFrame], path: Path, kind: str) -> int:

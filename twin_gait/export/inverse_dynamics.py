@@ -17,8 +17,6 @@ the guides of both in one sum, so that what OpenSim finds as ``pelvis_tx_force``
 then what the guide does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -67,13 +65,9 @@ def export_inverse_dynamics(
     ``opensim-cmd run-tool inverse_dynamics.xml`` in the folder then writes ``inverse_dynamics.sto``, to be
     compared with ``joint_moments.sto``.
 
-    Args:
-        folder: An existing, empty folder.
-        convention: Names and signs of the coordinates.
-        device: Whether bodies and motion are the device's where braces bind the wearer to it.
-
-    Raises:
-        ParameterError: If the convention has no column names of its own, or the log is too short.
+    ``folder``: an existing, empty folder. ``convention``: names and signs of the coordinates. ``device``:
+    whether bodies and motion are the device's where braces bind the wearer to it. Raises ParameterError if
+    the convention has no column names of its own, or the log is too short.
     """
     if len(run.log) < 2:
         raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")
@@ -104,9 +98,6 @@ def _bodies_of(world: World, device: bool) -> LegModel:
     if world.braces is None:
         return world.model
     return world.braces.device if device else world.braces.wearer
-
-
-# ---------------------------------------------------------------------- loads
 
 
 def external_loads(run: Run, world: World, *, device: bool = False) -> list[ExternalLoad]:
@@ -206,9 +197,6 @@ def _pelvis_load(run: Run, world: World, device: bool) -> ExternalLoad:
     return ExternalLoad("harness", PELVIS, force, point, torque)
 
 
-# ---------------------------------------------------------------------- motion and moments
-
-
 def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
     if world.model.pelvis_index is None:
         return {}
@@ -265,9 +253,6 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
     rotor = run.experiment.plant.actuators[joint].armature * np.gradient(velocity, TICK)
     orthosis = log[f"{name}_orthosis_torque_Nm"].to_numpy() if f"{name}_orthosis_torque_Nm" in log else 0.0
     return np.asarray(held + friction + stop + orthosis - rotor)
-
-
-# ---------------------------------------------------------------------- files
 
 
 def _load_columns(loads: list[ExternalLoad]) -> Mapping[str, np.ndarray]:

@@ -3,8 +3,6 @@
 A storage file of OpenSim has a header, ``endheader``, the names of the columns and rows of numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 from pathlib import Path
 
@@ -26,13 +24,10 @@ def export_motion(
     Hip and knee, and the ankle where the log has one, under the names and signs of the model. The pelvis is
     left out: the model keeps its own place.
 
-    Args:
-        log: One row per tick, with ``time_s`` and true angles.
-        unit: ``deg``, which is usual in .mot files, or ``rad``; the header says which.
-        device: Whether the angles are the device's where braces let the wearer move against it.
-
-    Raises:
-        ParameterError: If the convention has no column names of its own, or the unit is another.
+    ``log``: one row per tick, with ``time_s`` and true angles. ``unit``: ``deg``, which is usual in .mot
+    files, or ``rad``; the header says which. ``device``: whether the angles are the device's where braces let
+    the wearer move against it. Raises ParameterError if the convention has no column names of its own, or the
+    unit is another.
     """
     if unit not in (DEGREES, RADIANS):
         raise ParameterError(f"unit: expected {DEGREES} or {RADIANS}, got {unit!r}")

@@ -1,7 +1,5 @@
 """The rigid bodies of a leg model as a model of OpenSim (.osim): x forward, y up, z to the right."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from xml.etree import ElementTree
 

@@ -1,7 +1,5 @@
 """What the builds of an experiment's firmware give for the vectors of its runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -26,12 +24,7 @@ class Bench:
     """
 
     def __init__(self, project: Project, vectors: Sequence[Vectors], folder: Path) -> None:
-        """Write the C; nothing is built before it is asked for.
-
-        Args:
-            vectors: Of some runs.
-            folder: For all builds; it exists.
-        """
+        """Write the C for vectors of some runs into a folder; nothing is built before it is asked for."""
         self.project, self.vectors, self.folder = project, vectors, folder
         self.unit = project.write_linked(folder)
 

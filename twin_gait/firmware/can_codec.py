@@ -1,7 +1,5 @@
 """Frames of the CAN network as the firmware packs and unpacks them; these functions are printed as C."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -14,41 +12,28 @@ _NOTHING = SignalLayout(0, 0, 0, 0, 0, 1.0, 0.0, 0.0, 0.0)  # a signal without b
 
 @dataclass(slots=True)
 class CanMessage:
-    """A message of the DBC file.
+    """A message of the DBC file."""
 
-    Attributes:
-        identifier: Of 11 bits.
-        length: In bytes.
-        signals: In the order of the README; behind them some without bits, so that all have as many.
-    """
-
-    identifier: int
-    length: int
+    identifier: int  # Of 11 bits.
+    length: int  # In bytes.
+    # In the order of the README; behind them some without bits, so that all have as many.
     signals: list[SignalLayout]
 
 
 @dataclass(slots=True)
 class CanFrame:
-    """A frame on the bus.
+    """A frame on the bus."""
 
-    Attributes:
-        identifier: Of 11 bits.
-        length: In bytes.
-        halves: Bytes 0 to 3 and bytes 4 to 7, each as one number with the first byte lowest.
-    """
-
-    identifier: int = 0
-    length: int = 0
+    identifier: int = 0  # Of 11 bits.
+    length: int = 0  # In bytes.
+    # Bytes 0 to 3 and bytes 4 to 7, each as one number with the first byte lowest.
     halves: list[int] = field(default_factory=lambda: [0, 0])
 
 
 def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
     """Write numbers into a frame.
 
-    Args:
-        message: Whose frame it is.
-        values: One for each of its signals in its unit, NaN for none.
-        frame: Changed in place.
+    One for each signal of the message in its unit, NaN for none.
     """
     frame.identifier = message.identifier
     frame.length = message.length
@@ -58,13 +43,7 @@ def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
 def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> bool:
     """Read numbers from a frame, if it is one of a message.
 
-    Args:
-        message: Which it may be.
-        frame: As it was received.
-        values: One for each signal, NaN for none; changed in place.
-
-    Returns:
-        Whether it is.
+    One for each signal, NaN for none. Returns whether it is.
     """
     if frame.identifier != message.identifier or frame.length != message.length:
         return False

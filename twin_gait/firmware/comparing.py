@@ -1,7 +1,5 @@
 """How far the outputs of two builds of a unit are apart."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -9,12 +7,7 @@ import numpy as np
 
 
 def differing(first: np.ndarray, second: np.ndarray) -> int:
-    """Numbers of two arrays of records that are not the same bits; of NaN any is the same.
-
-    Args:
-        first: Shape ``(n, ...)``.
-        second: Of the same layout.
-    """
+    """Numbers of two arrays of records of one layout that are not the same bits; of NaN any is the same."""
     if first.dtype.names is not None:
         return sum(differing(first[name], second[name]) for name in first.dtype.names)
     ours, theirs = (np.ascontiguousarray(item) for item in (first, second))
@@ -31,15 +24,10 @@ def size_of(rows: np.ndarray) -> int:
 
 
 class Events(NamedTuple):
-    """Switches of the legs, and the trip of the monitor, leg by leg in the order of time.
+    """Switches of the legs, and the trip of the monitor, leg by leg in the order of time."""
 
-    Attributes:
-        ticks: Of each.
-        kinds: Leg, phases before and after; of a trip its cause.
-    """
-
-    ticks: np.ndarray
-    kinds: list[tuple[int, ...]]
+    ticks: np.ndarray  # of each
+    kinds: list[tuple[int, ...]]  # leg, phases before and after; of a trip its cause
 
 
 def events_of(outputs: np.ndarray) -> Events:

@@ -1,7 +1,5 @@
 """Compile a unit of the controller with the main loop that feeds it, for the Cortex-M4F or this machine."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -25,16 +23,12 @@ _AFTERMATH = re.compile("collect2|linker command failed")
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """C sources of a unit: the record, ``init`` and ``step`` that its header ``<name>.h`` declares.
+    """C sources of a unit: the record, ``init`` and ``step`` that its header ``<name>.h`` declares."""
 
-    Attributes:
-        name: Prefix of its functions, ``exoskeleton``; its records are ``Exoskeleton``, ``ExoskeletonInputs``
-            and ``ExoskeletonOutputs``.
-        sources: Files to compile; headers are looked for beside them.
-    """
-
+    # prefix of its functions, ``exoskeleton``; its records are ``Exoskeleton``, ``ExoskeletonInputs`` and
+    # ``ExoskeletonOutputs``
     name: str
-    sources: tuple[Path, ...]
+    sources: tuple[Path, ...]  # files to compile; headers are looked for beside them
 
     @property
     def flags(self) -> list[str]:
@@ -45,23 +39,14 @@ class Unit:
 
 
 class Sizes(NamedTuple):
-    """Bytes of memory that object files take, without the records that their caller keeps.
+    """Bytes of memory that object files take, without the records that their caller keeps."""
 
-    Attributes:
-        flash: Code, constants and the initial values of variables.
-        ram: Variables.
-    """
-
-    flash: int
-    ram: int
+    flash: int  # code, constants and the initial values of variables
+    ram: int  # variables
 
 
 def find_tool(name: str) -> str:
-    """Path of a program.
-
-    Raises:
-        MissingToolError: It is not installed; the message says how to get it.
-    """
+    """Path of a program; a MissingToolError says how to get it."""
     path = shutil.which(name)
     if path is None:
         install = f"apt-get install {_PACKAGES[name]}" if name in _PACKAGES else INSTALL
@@ -70,11 +55,7 @@ def find_tool(name: str) -> str:
 
 
 def build_objects(unit: Unit, folder: Path, *, flags: Sequence[str] = ()) -> tuple[Path, ...]:
-    """Compile the sources of a unit for the Cortex-M4F into object files in a folder that exists.
-
-    Raises:
-        FirmwareError: No cross compiler, or it refuses a source.
-    """
+    """Compile the sources of a unit for the Cortex-M4F into object files in a folder that exists."""
     objects = tuple(folder / f"{source.stem}.o" for source in unit.sources)
     for source, made in zip(unit.sources, objects, strict=True):
         words = [*FLAGS, *CORTEX_M4F, *unit.flags, *flags, "-c", source, "-o", made]
@@ -83,12 +64,9 @@ def build_objects(unit: Unit, folder: Path, *, flags: Sequence[str] = ()) -> tup
 
 
 def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
-    """Link a unit with the main loop and the start-up code of QEMU's mps2-an386 into an ELF file.
+    """Link a unit with main loop and start-up code of QEMU's mps2-an386 into an ELF file, without libm.
 
-    The C library gives ``memcpy`` and its like; there is no libm to link with.
-
-    Raises:
-        FirmwareError: No cross compiler, or it refuses a source.
+    Raises FirmwareError: no cross compiler, or it refuses a source.
     """
     harness = [TARGET / name for name in ("main.c", "cortex_m4.c", "clock.S")]
     script = ["-nostartfiles", "--specs=nano.specs", "-T", TARGET / "mps2_an386.ld"]
@@ -100,16 +78,9 @@ def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
 def build_host(
     unit: Unit, path: Path, *, compiler: str = "gcc", sanitize: bool = False, flags: Sequence[str] = ()
 ) -> Path:
-    """Link a unit with the same main loop into a program of this machine.
+    """Link a unit with the same main loop into a program of this machine, by ``gcc`` or ``clang``.
 
-    Args:
-        path: The program to write.
-        compiler: ``gcc`` or ``clang``.
-        sanitize: Stop at undefined behaviour and at wrong addresses.
-        flags: More words for the compiler.
-
-    Raises:
-        FirmwareError: No such compiler, or it refuses a source.
+    ``sanitize``: stop at undefined behaviour and at wrong addresses. ``flags``: more words for the compiler.
     """
     checks = SANITIZE if sanitize else ()
     words = [*FLAGS, *checks, *unit.flags, *flags, *unit.sources, TARGET / "main.c", TARGET / "host.c"]
@@ -118,11 +89,7 @@ def build_host(
 
 
 def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
-    """Compile sources into a shared library of this machine, beside the first of them.
-
-    Raises:
-        FirmwareError: No such compiler, or it refuses a source.
-    """
+    """Compile sources into a shared library of this machine, beside the first of them."""
     path = sources[0].with_suffix(".so")
     _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])
     return path

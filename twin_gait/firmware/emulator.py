@@ -3,8 +3,6 @@
 Inputs go down a pipe, outputs come back on another; QEMU has no network, and its image opens those two only.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select
@@ -45,13 +43,7 @@ class UnitProcess:
     """
 
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
-        """Keep what to start.
-
-        Args:
-            name: Of the process, for messages.
-            command: Program and arguments.
-            timeout: Longest time without an answer, in [s].
-        """
+        """Keep name for messages, program and arguments, and the longest time in [s] without an answer."""
         self._name, self._command, self._timeout = name, [str(word) for word in command], timeout
         self._process: subprocess.Popen[bytes] | None = None
         self._costs: list[np.ndarray] = []
@@ -88,25 +80,14 @@ class UnitProcess:
         return None if self._process is None else self._process.pid
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick.
+        """Run one tick: inputs as numbers of any type, ``input_bytes`` long; outputs as 4-byte words.
 
-        Args:
-            inputs: The record of inputs as numbers of any type, in all ``input_bytes`` long.
-
-        Returns:
-            The record of outputs as 4-byte words, to be viewed as what they are.
-
-        Raises:
-            FirmwareError: Inputs of another size, a process that has ended or does not answer.
+        Raises FirmwareError: inputs of another size, a process that has ended or does not answer.
         """
         return np.asarray(self.exchange_many(inputs[np.newaxis])[0])
 
     def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs, none of which depends on an answer; a row of outputs for each.
-
-        Raises:
-            FirmwareError: Inputs of another size, a process that has ended or does not answer.
-        """
+        """Run a tick for each row of inputs, none of which depends on an answer."""
         rows = np.ascontiguousarray(inputs)
         if rows.nbytes != len(rows) * self.input_bytes:
             size = rows.nbytes // max(len(rows), 1)
@@ -176,11 +157,7 @@ class Emulator(UnitProcess):
     """
 
     def __init__(self, image: Path, *, timeout: float = 10.0) -> None:
-        """Keep the image; nothing starts before the ``with`` statement.
-
-        Raises:
-            FirmwareError: QEMU is not installed; the message says how to get it.
-        """
+        """Keep the image; nothing starts before the ``with`` statement. FirmwareError without QEMU."""
         command = [find_tool("qemu-system-arm"), *_MACHINE, "-kernel", image.resolve()]
         super().__init__("qemu-system-arm", command, timeout)
         self._shortest = self._rate = 0.0  # counts of the shortest step, and an instruction

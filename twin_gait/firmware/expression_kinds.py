@@ -48,8 +48,6 @@ class ExpressionKinds:
         if kind != wanted and not widened:
             raise self.source.refused(node, f"is {_named(kind)} where {_named(wanted)} is expected")
 
-    # ------------------------------------------------------------------ what is written, and when
-
     def wrote(self, place: ast.expr) -> None:
         """Note that a record or list is written to, and so all that it is reached through."""
         match place:
@@ -83,8 +81,6 @@ class ExpressionKinds:
                 raise self.source.refused(
                     writing[0], "changes records beside what else is read; name its result"
                 )
-
-    # ------------------------------------------------------------------ expressions
 
     def kind(self, node: ast.expr) -> Kind:
         """Kind of an expression."""

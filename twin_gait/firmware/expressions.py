@@ -1,7 +1,5 @@
 """Expressions in C, every operation in the order of Python."""
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Sequence
@@ -98,8 +96,6 @@ class Expressions:
         """Keep what is known of the function."""
         self.functions, self.function, self.naming = functions, function, naming
 
-    # ------------------------------------------------------------------ places
-
     def local(self, name: str) -> str:
         """An argument or a name of the function."""
         return identifier(name, self.naming.taken)
@@ -126,8 +122,6 @@ class Expressions:
         """Of a record or a list."""
         text, is_address = self.place(node)
         return text if is_address or isinstance(self.function.kinds[node], ListKind) else f"&{text}"
-
-    # ------------------------------------------------------------------ values
 
     def value(self, node: ast.expr, wanted: Kind) -> str:
         """An expression as a value of some kind."""

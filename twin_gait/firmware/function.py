@@ -17,31 +17,19 @@ BY_HAND = {(ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")}
 
 @dataclass(slots=True, eq=False)
 class Function:
-    """A function, understood.
+    """A function, understood."""
 
-    Attributes:
-        source: As it stands in Python.
-        params: Kinds of its arguments.
-        returns: Kind of its result.
-        locals: Kinds of its names.
-        kinds: Of every expression.
-        calls: Functions that are called, by the call.
-        constants: Values of the global names in it.
-        aliases: What names of records and lists have been assigned.
-        written: Names of records and lists that are written to.
-        lengths: Arguments whose length matters.
-    """
-
-    source: Source
-    params: dict[str, Kind]
-    returns: Kind = None
-    locals: dict[str, Kind] = field(default_factory=dict)
-    kinds: dict[ast.AST, Kind] = field(default_factory=dict)
-    calls: dict[ast.Call, Function] = field(default_factory=dict)
-    constants: dict[str, bool | int | float] = field(default_factory=dict)
+    source: Source  # as it stands in Python
+    params: dict[str, Kind]  # kinds of its arguments
+    returns: Kind = None  # kind of its result
+    locals: dict[str, Kind] = field(default_factory=dict)  # kinds of its names
+    kinds: dict[ast.AST, Kind] = field(default_factory=dict)  # of every expression
+    calls: dict[ast.Call, Function] = field(default_factory=dict)  # functions that are called, by the call
+    constants: dict[str, bool | int | float] = field(default_factory=dict)  # values of the global names in it
+    # what names of records and lists have been assigned
     aliases: dict[str, list[ast.expr]] = field(default_factory=dict)
-    written: set[str] = field(default_factory=set)
-    lengths: set[str] = field(default_factory=set)
+    written: set[str] = field(default_factory=set)  # names of records and lists that are written to
+    lengths: set[str] = field(default_factory=set)  # arguments whose length matters
 
     @property
     def writes(self) -> bool:

@@ -29,14 +29,8 @@ class Inference(ExpressionKinds):
             found = kind_of_hint(self.source.hints["return"])
         self.function.returns = found
 
-    # ------------------------------------------------------------------ statements
-
     def _block(self, statements: Sequence[ast.stmt]) -> bool:
-        """Go through statements.
-
-        Returns:
-            Whether what comes after them is reached.
-        """
+        """Go through statements; whether what comes after them is reached."""
         for number, statement in enumerate(statements):
             if not self._statement(statement):
                 if number + 1 < len(statements):

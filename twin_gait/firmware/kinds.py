@@ -16,13 +16,9 @@ from twin_gait.simulation.record import ABSENT, kinds_of
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """A number.
+    """A number."""
 
-    Attributes:
-        name: Its type in C.
-    """
-
-    name: str
+    name: str  # its type in C
 
 
 REAL, INT, BOOL = Scalar("real"), Scalar("int32_t"), Scalar("bool")
@@ -33,37 +29,24 @@ LARGEST_SINGLE = (2.0 - 2.0**-23) * 2.0**127  # of float
 
 @dataclass(frozen=True, slots=True)
 class RecordKind:
-    """An instance of a dataclass, which C handles by its address.
+    """An instance of a dataclass, which C handles by its address."""
 
-    Attributes:
-        record: The class.
-    """
-
-    record: type
+    record: type  # the class
 
 
 @dataclass(frozen=True, slots=True)
 class ListKind:
-    """A list, all entries alike.
+    """A list, all entries alike."""
 
-    Attributes:
-        item: Kind of an entry.
-        length: Number of entries; None where it depends on the caller.
-    """
-
-    item: Kind
-    length: int | None
+    item: Kind  # kind of an entry
+    length: int | None  # number of entries; None where it depends on the caller
 
 
 @dataclass(frozen=True, slots=True)
 class TupleKind:
-    """Several numbers that a function returns.
+    """Several numbers that a function returns."""
 
-    Attributes:
-        items: Kinds of the numbers.
-    """
-
-    items: tuple[Scalar, ...]
+    items: tuple[Scalar, ...]  # kinds of the numbers
 
 
 Kind = Scalar | RecordKind | ListKind | TupleKind | None
@@ -131,11 +114,7 @@ class Shapes:
 
 
 def kind_of_hint(hint: Any) -> Kind:
-    """Kind that an annotation says; lists have no length.
-
-    Raises:
-        TypeError: If it is none.
-    """
+    """Kind that an annotation says, a TypeError if none; lists have no length."""
     if hint in SCALARS:
         return SCALARS[hint]
     if is_dataclass(hint) and isinstance(hint, type):

@@ -1,7 +1,6 @@
 """How the C looks: names, comments and lines of bounded length."""
 
-from __future__ import annotations
-
+import inspect
 import re
 from collections.abc import Iterator
 
@@ -86,14 +85,20 @@ def docstring_of(item: object) -> str:
 
 
 def attributes_of(kind: type) -> dict[str, str]:
-    """What a class says of its attributes, by name."""
+    """What a class says of its attributes, by name: in its docstring, or in comments behind or above them."""
     found: dict[str, str] = {}
-    _, _, section = (kind.__doc__ or "").partition("Attributes:\n")
-    for line in section.splitlines():
-        entry = re.match(r" {4,8}(\w+): (.*)", line)
-        if entry:
-            name = entry[1]
-            found[name] = entry[2]
-        elif found and line.strip():
-            found[name] += f" {line.strip()}"
+    above: list[str] = []
+    name, inside = "", False
+    for line in inspect.getsource(kind).splitlines():
+        code, _, said = line.strip().partition("# ")
+        entry = re.match(r"(\w+): (.*)", code)
+        inside = line.strip() == "Attributes:" or (inside and code != '"""')
+        if inside and entry:
+            name, found[entry[1]] = entry[1], entry[2]
+        elif inside and name:
+            found[name] += f" {code}".rstrip()
+        elif entry and (above or said):
+            found[entry[1]], above = " ".join(above) or said, []
+        elif said:
+            above.append(said)
     return found

@@ -1,7 +1,5 @@
 """A printed program as a shared library of this machine, called with the records of Python."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,17 +27,7 @@ class Library:
     def __init__(
         self, program: Program, *, double: bool = True, compiler: str = "gcc", flags: Sequence[str] = ()
     ) -> None:
-        """Compile and load a program.
-
-        Args:
-            program: From :func:`twin_gait.firmware.print_units`.
-            double: Whether numbers are double, as in Python; else they are float, as on the device.
-            compiler: ``gcc`` or ``clang``.
-            flags: More words for it.
-
-        Raises:
-            FirmwareError: There is no such compiler.
-        """
+        """Compile and load a program in double numbers, as in Python, or float, as on the device."""
         self.program, self._records = program, program.records
         self._number = ctypes.c_double if double else ctypes.c_float
         self._structures: dict[Any, type[ctypes.Structure]] = {}
@@ -52,15 +40,9 @@ class Library:
             self.handle = ctypes.CDLL(str(path))
 
     def call(self, name: str, *given: Any) -> Any:
-        """Call an entry.
+        """Call an entry by its name in Python with numbers, and records and lists, which it may change.
 
-        Args:
-            name: Of the function in Python.
-            given: Numbers, records and lists, which are changed as the function changes them; or structures
-                of :meth:`structure`, which are handed on as they are.
-
-        Returns:
-            What the function returns in Python.
+        Structures of :meth:`structure` are handed on as they are.
         """
         function = self._functions[name]
         called = self.handle[identifier(name)]
@@ -85,8 +67,6 @@ class Library:
     def read_back(self, structure: ctypes.Structure, record: Any) -> None:
         """Bring what C has changed in a structure back into the record that it was made of."""
         self._give_back(RecordKind(type(record)), structure, record)
-
-    # ------------------------------------------------------------------ kinds
 
     def _scalar(self, name: str) -> Any:
         return {REAL.name: self._number, BOOL.name: ctypes.c_bool}.get(name) or _WHOLE[name]
@@ -122,8 +102,6 @@ class Library:
 
     def _item(self, kind: Kind) -> Any:
         return self._scalar(kind.name) if isinstance(kind, Scalar) else self._type(kind.record)  # type: ignore[union-attr]
-
-    # ------------------------------------------------------------------ values
 
     def _taken(self, kind: Kind, value: Any) -> Any:
         """A value for C."""

@@ -1,7 +1,5 @@
 """The gait controller of an experiment linked with the boards of all joints, as one unit without a bus."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,17 +8,9 @@ import numpy as np
 
 from twin_gait.control.joint_board import Command
 from twin_gait.core.guards import GuardProgram
+from twin_gait.firmware import units
 from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
 from twin_gait.firmware.records import Records
-from twin_gait.firmware.units import (
-    Decision,
-    Exoskeleton,
-    ExoskeletonInputs,
-    ExoskeletonOutputs,
-    JointBoardInputs,
-    Settings,
-    Surroundings,
-)
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK
@@ -31,21 +21,13 @@ from twin_gait.simulation.problem import Problem
 
 @dataclass(frozen=True)
 class LinkedUnit:
-    """All that the unit of an experiment is printed from, or bound to.
+    """All that the unit of an experiment is printed from, or bound to."""
 
-    Attributes:
-        record: At tick 0.
-        inputs: Of a tick; only their shape is of meaning.
-        outputs: Likewise.
-        structure: Constants and functions of the controller that it is bound to.
-        kernel: Source of the functions of the controller's model.
-    """
-
-    record: Exoskeleton
-    inputs: ExoskeletonInputs
-    outputs: ExoskeletonOutputs
-    structure: Mapping[str, Any]
-    kernel: str
+    record: units.Exoskeleton  # at tick 0
+    inputs: units.ExoskeletonInputs  # of a tick; only their shape is of meaning
+    outputs: units.ExoskeletonOutputs  # likewise
+    structure: Mapping[str, Any]  # constants and functions of the controller that it is bound to
+    kernel: str  # source of the functions of the controller's model
 
 
 def linked_unit(problem: Problem) -> LinkedUnit:
@@ -62,25 +44,23 @@ def linked_unit(problem: Problem) -> LinkedUnit:
         trim(compile_guards(modes), controller.supervisor.program, [controller.supervisor.debounce])
         part_ticks(controller.supervisor.program, modes.signals)
     joints, legs = len(boards), len(episode.controller.legs)
-    settings = Settings(episode.rates, episode.limits, episode.watching)
-    inputs = ExoskeletonInputs([JointBoardInputs() for _ in range(joints)], Surroundings([0.0] * legs))
-    outputs = ExoskeletonOutputs([Command() for _ in range(joints)], Decision([0] * legs, [0] * legs))
+    settings = units.Settings(episode.rates, episode.limits, episode.watching)
+    inputs = units.ExoskeletonInputs(
+        [units.JointBoardInputs() for _ in range(joints)], units.Surroundings([0.0] * legs)
+    )
+    outputs = units.ExoskeletonOutputs(
+        [Command() for _ in range(joints)], units.Decision([0] * legs, [0] * legs)
+    )
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
     if structure["INERTIA_WANTED"]:
         texts.append(write_control_inertia(bodies.control_bodies))
     kernel = "\n\n".join([*write_side_by_side("".join(texts)), *texts])
     names = {**structure, **problem.controller.functions()}
-    return LinkedUnit(Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
+    return LinkedUnit(units.Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
 
 
 def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int]]) -> None:
-    """Take out the entries that mean nothing, with which tables of like size share a compiled loop.
-
-    Args:
-        program: Of the table.
-        room: The same with such entries; changed in place.
-        debounces: Counters of its transitions, likewise.
-    """
+    """Take out, in place, the empty entries with which tables of like size share a compiled loop."""
     count = max(1, len(program.transitions))
     del room.transitions[count:]
     del room.nodes[max(1, len(program.nodes)) :]
@@ -90,13 +70,9 @@ def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int
 
 
 def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
-    """Move thresholds on the time in a phase half-way to the next tick, which changes no tick's result.
+    """Move, in place, thresholds on the time in a phase half-way to the next tick, which changes no result.
 
     A time of whole ticks that meets its threshold exactly in double numbers need not do so in float.
-
-    Args:
-        program: Changed in place.
-        signals: Names of its signals.
     """
     for comparison in program.comparisons:
         if comparison.factor_b == 0.0 and signals[comparison.signal_a].endswith(TIME):
@@ -106,11 +82,7 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
 
 
 def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any]:
-    """Layout of a record in C, its numbers float or double, addresses of tables as a Cortex-M has them.
-
-    Args:
-        real: Type of the numbers.
-    """
+    """Layout of a record in C, its numbers of type ``real``, addresses of tables as a Cortex-M has them."""
 
     def layout(kind: Kind, name: str) -> tuple[Any, ...]:
         if isinstance(kind, ListKind):
@@ -129,12 +101,7 @@ def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any
 
 
 def converted(rows: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
-    """Rows in another layout, field by field; what the other one does not have is left out.
-
-    Args:
-        rows: Records, shape ``(n, ...)``.
-        dtype: Its names are among those of the rows.
-    """
+    """Rows in another layout, field by field; what the other one does not have is left out."""
     result = np.zeros(rows.shape, dtype)
     for name in dtype.names or ():
         field = result[name]

@@ -5,8 +5,6 @@ recursion, allocation and anything of the C library. Built with double numbers (
 the bits of Python; a microcontroller takes float.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.resources import files
@@ -26,36 +24,23 @@ from twin_gait.firmware.statements import Printed, result_struct
 
 
 class TranslationUnit(NamedTuple):
-    """What one file of C is for.
+    """What one file of C is for."""
 
-    Attributes:
-        name: Of the file.
-        entries: Functions that are called from outside.
-        samples: Records as they are at tick 0, by name. Of what is written to there is a function
-            ``<name>_init``; what is not is a constant.
-    """
-
-    name: str
-    entries: Sequence[Callable[..., Any]]
+    name: str  # of the file
+    entries: Sequence[Callable[..., Any]]  # functions that are called from outside
+    # records as they are at tick 0, by name. Of what is written to there is a function ``<name>_init``; what
+    # is not is a constant
     samples: Mapping[str, Any]
 
 
 class Program(NamedTuple):
-    """What was printed.
+    """What was printed."""
 
-    Attributes:
-        files: Text by name.
-        source_hash: Of all that it was printed from.
-        functions: What is known of the functions.
-        records: Layout of the records.
-        entries: What is called from outside.
-    """
-
-    files: dict[str, str]
-    source_hash: str
-    functions: Functions
-    records: Records
-    entries: list[Function]
+    files: dict[str, str]  # text by name
+    source_hash: str  # of all that it was printed from
+    functions: Functions  # what is known of the functions
+    records: Records  # layout of the records
+    entries: list[Function]  # what is called from outside
 
 
 def print_units(

@@ -1,7 +1,5 @@
 """Processor in the loop: the plant in our engine, the gait controller in a unit elsewhere, tick by tick."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -43,16 +41,10 @@ def walk_with(
     The log has the plant and the unit's commands; velocities are as the boards of the simulation estimate
     them from the same encoders.
 
-    Args:
-        unit: At tick 0.
-        project: That it was built from.
-        experiment: Run without its bus.
-        progress: Called now and then with ticks done and ticks in all.
-        on_compile: Called if the plant has to be compiled first.
-        double: Whether the unit was built with double numbers, as no Cortex-M4F is.
-
-    Raises:
-        FirmwareError: The unit does not answer, or a fault is one of the controller itself.
+    ``unit``: at tick 0. ``project``: that it was built from. ``experiment``: run without its bus.
+    ``progress``: called now and then with ticks done and ticks in all. ``on_compile``: called if the plant
+    has to be compiled first. ``double``: whether the unit was built with double numbers, as no Cortex-M4F is.
+    Raises FirmwareError: the unit does not answer, or a fault is one of the controller itself.
     """
     problem = build_problem(without_bus(experiment))
     engine = CompiledEngine(problem, on_compile=on_compile)
@@ -75,11 +67,7 @@ def walk_with(
 
 
 def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
-    """Bring commands, phases and trip of a unit into the record of an engine.
-
-    Args:
-        answer: Of this tick.
-    """
+    """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
     e, decision = engine.episode, answer["decision"]
     commands, trip, legs = e["joints"]["board"]["command"], e["controller"]["trip"], e["controller"]["legs"]
     for name in answer["commands"].dtype.names:

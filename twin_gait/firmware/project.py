@@ -1,7 +1,5 @@
 """What ``twin-gait firmware`` leaves behind: readable C, a walk to compare it with, how to use it."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -60,19 +58,12 @@ _FILES = Path(__file__).with_name("project_files")
 
 @dataclass(frozen=True)
 class Project:
-    """The firmware of an experiment.
+    """The firmware of an experiment."""
 
-    Attributes:
-        problem: The experiment, laid out.
-        linked: Gait controller and boards as one unit.
-        messages: Of the CAN network, by name; none where cantools is not installed.
-        program: All units in C.
-    """
-
-    problem: Problem
-    linked: LinkedUnit
-    messages: Mapping[str, Message]
-    program: Program
+    problem: Problem  # the experiment, laid out
+    linked: LinkedUnit  # gait controller and boards as one unit
+    messages: Mapping[str, Message]  # of the CAN network, by name; none where cantools is not installed
+    program: Program  # all units in C
 
     @property
     def joints(self) -> list[str]:
@@ -80,14 +71,7 @@ class Project:
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
     def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
-        """Write everything.
-
-        Args:
-            folder: Which exists and is empty.
-            vectors: Of a short walk.
-            document: The experiment, from
-                :func:`twin_gait.configuration.experiments.resolved_document`.
-        """
+        """Write C, vectors of a short walk and the resolved document of the experiment into a folder."""
         self.write_linked(folder)
         texts = {}
         for path in _FILES.iterdir():
@@ -170,9 +154,8 @@ class Project:
 def print_project(experiment: Experiment) -> Project:
     """Print the firmware of an experiment.
 
-    Raises:
-        FirmwareError: If it uses something that the firmware does not have; key, value and way out.
-        GaitTableError: If its table has more phases or conditions than the device's whole numbers have bits.
+    Raises FirmwareError if it uses something that the firmware does not have; key, value and way out. Raises
+    GaitTableError if its table has more phases or conditions than the device's whole numbers have bits.
     """
     refuse_what_c_has_not(experiment)
     problem = build_problem(experiment)
@@ -189,11 +172,7 @@ def print_project(experiment: Experiment) -> Project:
 
 
 def refuse_what_c_has_not(experiment: Experiment) -> None:
-    """Refuse what the simulation does in place of the firmware.
-
-    Raises:
-        FirmwareError: With key, value and way out.
-    """
+    """Refuse, with key, value and way out, what the simulation does in the firmware's place."""
     control, network = experiment.control, experiment.network
     unprinted = control.controller().unprinted
     if unprinted:
@@ -237,9 +216,6 @@ def _messages(experiment: Experiment) -> dict[str, Message]:
         return load_messages(PACKAGED_DBC if experiment.network is None else experiment.network.dbc)
     except MissingOptionalDependency:
         return {}
-
-
-# ------------------------------------------------------------------ texts
 
 
 def _table(joints: Sequence[str], vectors: Vectors, supervised: bool) -> Iterator[str]:

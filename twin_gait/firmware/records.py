@@ -4,25 +4,13 @@ What no printed function writes to is a parameter: a structure has its address, 
 is part of the structure, and lies in RAM.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 from twin_gait.exceptions import FirmwareError
+from twin_gait.firmware import kinds
 from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import Function, Functions
-from twin_gait.firmware.kinds import (
-    INT,
-    INT_LIMIT,
-    LARGEST_SINGLE,
-    REAL,
-    Kind,
-    ListKind,
-    RecordKind,
-    Scalar,
-    type_name,
-)
 from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
 from twin_gait.simulation.watching import NEVER
 
@@ -31,13 +19,7 @@ class Records:
     """Layout of all records of a program."""
 
     def __init__(self, functions: Functions, entries: Iterable[Function], samples: Iterable[Any]) -> None:
-        """Decide what is a table and what is not.
-
-        Args:
-            functions: All that is printed.
-            entries: What is called from outside.
-            samples: Records that have a table of their own.
-        """
+        """Decide which of all that is printed is a table: not what entries or samples hand in."""
         self.functions, self.fields = functions, functions.shapes.fields
         self.in_ram: set[type] = set()
         self._handed: set[type] = set()  # what others may fill with whatever they like
@@ -47,22 +29,22 @@ class Records:
                 if name in entry.written:
                     self._embed(kind, self.in_ram)
         for sample in samples:
-            self._hand(RecordKind(type(sample)))
+            self._hand(kinds.RecordKind(type(sample)))
 
-    def _hand(self, kind: Kind) -> None:
+    def _hand(self, kind: kinds.Kind) -> None:
         self._embed(kind, self._handed)
 
-    def _embed(self, kind: Kind, into: set[type]) -> None:
+    def _embed(self, kind: kinds.Kind, into: set[type]) -> None:
         """A record with all that is part of it."""
-        while isinstance(kind, ListKind):
+        while isinstance(kind, kinds.ListKind):
             kind = kind.item
-        if isinstance(kind, RecordKind) and kind.record not in into:
+        if isinstance(kind, kinds.RecordKind) and kind.record not in into:
             into.add(kind.record)
             for name, inner in self.used(kind.record):
                 if not self.is_table(kind.record, name):
                     self._embed(inner, into)
 
-    def used(self, record: type) -> Iterator[tuple[str, Kind]]:
+    def used(self, record: type) -> Iterator[tuple[str, kinds.Kind]]:
         """Names and kinds of the fields that are read or written, in their order."""
         for name, kind in self.fields.get(record, {}).items():
             if (record, name) in self.functions.used:
@@ -71,20 +53,18 @@ class Records:
     def is_table(self, record: type, name: str) -> bool:
         """Whether a field is the address of something in flash."""
         kind = self.fields[record][name]
-        return not isinstance(kind, Scalar) and (record, name) not in self.functions.mutable
+        return not isinstance(kind, kinds.Scalar) and (record, name) not in self.functions.mutable
 
     def type_of(self, record: type, name: str) -> str:
         """Type of a number in a record; in flash alone whole numbers take the room that they need."""
         kind = self.fields[record][name]
-        assert isinstance(kind, Scalar)
-        if kind is INT and record not in self._handed:
+        assert isinstance(kind, kinds.Scalar)
+        if kind is kinds.INT and record not in self._handed:
             values = [getattr(item, name) for item in self.functions.shapes.instances[record].values()]
             for bits in (8, 16):
                 if all(-(2 ** (bits - 1)) <= value < 2 ** (bits - 1) for value in values):
                     return f"int{bits}_t"
         return kind.name
-
-    # ------------------------------------------------------------------ structures
 
     def structures(self) -> list[str]:
         """Definitions of all structures, each after those that it contains."""
@@ -96,9 +76,9 @@ class Records:
                 return
             done.add(record)
             for _, kind in self.used(record):
-                while isinstance(kind, ListKind):
+                while isinstance(kind, kinds.ListKind):
                     kind = kind.item
-                if isinstance(kind, RecordKind):
+                if isinstance(kind, kinds.RecordKind):
                     define(kind.record)
             lines.extend([*self._structure(record), ""])
 
@@ -117,14 +97,14 @@ class Records:
     def member(self, record: type, name: str) -> str:
         """Declaration of a field."""
         kind, place = self.fields[record][name], identifier(name)
-        if isinstance(kind, Scalar):
+        if isinstance(kind, kinds.Scalar):
             return f"{self.type_of(record, name)} {place}"
-        if isinstance(kind, ListKind) and isinstance(kind.item, ListKind):
+        if isinstance(kind, kinds.ListKind) and isinstance(kind.item, kinds.ListKind):
             raise FirmwareError(f"{record.__name__}.{name}: lists of lists are not printed")
-        text = type_name(kind)
+        text = kinds.type_name(kind)
         if self.is_table(record, name):
             return f"const {text} *{place}"
-        if not isinstance(kind, ListKind):
+        if not isinstance(kind, kinds.ListKind):
             return f"{text} {place}"
         if kind.length is None:
             raise FirmwareError(f"{record.__name__}.{name}: of different lengths in two samples")
@@ -141,11 +121,7 @@ class Tables:
         self._names: dict[tuple[str, str], str] = {}
 
     def initialiser(self, sample: Any, name: str) -> str:
-        """Contents of a record; its tables are added.
-
-        Args:
-            name: Of the record, for those of its tables.
-        """
+        """Contents of a record; its tables are added, named after it."""
         record, parts = type(sample), []
         for field, kind in self.records.used(record):
             value = getattr(sample, field)
@@ -168,28 +144,28 @@ class Tables:
                 self.lines += wrapped(row if row.endswith(",") else f"{row},", INDENT)
             self.lines.append("};")
 
-    def _table(self, value: Any, kind: Kind, name: str) -> str:
-        text = type_name(kind)
+    def _table(self, value: Any, kind: kinds.Kind, name: str) -> str:
+        text = kinds.type_name(kind)
         contents = self._value(value, kind, name, name)
         known = self._names.get((text, contents))
         if known is None:
             known = self._names[text, contents] = name
-            size = f"[{len(value)}]" if isinstance(kind, ListKind) else ""
+            size = f"[{len(value)}]" if isinstance(kind, kinds.ListKind) else ""
             self.add(f"static const {text} {name}{size}", contents)
-        return known if isinstance(kind, ListKind) else f"&{known}"
+        return known if isinstance(kind, kinds.ListKind) else f"&{known}"
 
-    def _value(self, value: Any, kind: Kind, name: str, where: str) -> str:
-        if isinstance(kind, ListKind):
+    def _value(self, value: Any, kind: kinds.Kind, name: str, where: str) -> str:
+        if isinstance(kind, kinds.ListKind):
             numbered = enumerate(value)
             return (
                 f"{{{', '.join(self._value(item, kind.item, f'{name}_{k}', where) for k, item in numbered)}}}"
             )
-        if isinstance(kind, RecordKind):
+        if isinstance(kind, kinds.RecordKind):
             return self.initialiser(value, name)
-        assert isinstance(kind, Scalar)
-        if kind is INT and value == NEVER:
+        assert isinstance(kind, kinds.Scalar)
+        if kind is kinds.INT and value == NEVER:
             return "INT32_MAX"
-        largest = LARGEST_SINGLE if kind is REAL else INT_LIMIT - 1
+        largest = kinds.LARGEST_SINGLE if kind is kinds.REAL else kinds.INT_LIMIT - 1
         if abs(value) > largest and value == value and abs(value) != float("inf"):
             raise FirmwareError(f"{where}: {value} does not fit into 32 bits")
         return number(value, kind)

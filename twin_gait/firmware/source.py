@@ -4,8 +4,6 @@ Names are looked up as :mod:`twin_gait.simulation.binding` binds them: first wha
 of the function.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap
@@ -20,25 +18,15 @@ from twin_gait.firmware.kinds import SCALARS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """A function as it is printed.
+    """A function as it is printed."""
 
-    Attributes:
-        name: In Python.
-        module: Where it stands.
-        text: As it was written.
-        first_line: In its file.
-        tree: Simplified.
-        scope: What its global names stand for.
-        hints: Of its arguments and of what it returns.
-    """
-
-    name: str
-    module: str
-    text: str
-    first_line: int
-    tree: ast.FunctionDef
-    scope: Mapping[str, Any]
-    hints: Mapping[str, Any]
+    name: str  # in Python
+    module: str  # where it stands
+    text: str  # as it was written
+    first_line: int  # in its file
+    tree: ast.FunctionDef  # simplified
+    scope: Mapping[str, Any]  # what its global names stand for
+    hints: Mapping[str, Any]  # of its arguments and of what it returns
 
     def refused(self, node: ast.AST, problem: str) -> FirmwareError:
         """What is raised for something that cannot be printed; it names function, line and construct."""
@@ -52,12 +40,7 @@ class Sources:
     """Every function by name or by itself, read once."""
 
     def __init__(self, names: Mapping[str, Any], text: str) -> None:
-        """Keep what takes the place of globals.
-
-        Args:
-            names: Constants, and functions, by the names of the globals that they replace.
-            text: Source of more functions, likewise; what they call is found in ``names``.
-        """
+        """Keep ``names``, which replace globals, and the functions of a ``text``, likewise."""
         self.names = names
         self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
         self._lines = text.splitlines()

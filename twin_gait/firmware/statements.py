@@ -1,7 +1,5 @@
 """Functions in C, statement by statement; every name is declared where the narrowest block needs it."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -61,8 +59,6 @@ class Printed:
         """A line at the present depth."""
         self.lines += wrapped(line, self.depth * INDENT)
 
-    # ------------------------------------------------------------------ blocks and names
-
     def _block(self, statements: Sequence[ast.stmt]) -> None:
         """Statements, with the names that are of no narrower block."""
         first = {}
@@ -94,14 +90,8 @@ class Printed:
             number += 1
         return identifier(name, self.naming.taken)
 
-    # ------------------------------------------------------------------ statements
-
     def _statement(self, node: ast.stmt, fresh: set[str]) -> None:
-        """One statement.
-
-        Args:
-            fresh: Names that it declares if it assigns them.
-        """
+        """One statement; ``fresh`` are names that it declares if it assigns them."""
         match node:
             case ast.Assign(targets=[target], value=value):
                 self._assign(target, value, fresh)

@@ -6,8 +6,6 @@ episodes at once (:mod:`twin_gait.simulation.rooms.tick`), with sensors, bus and
 functions are printed as C. A step takes a unit with its inputs, and changes unit and outputs in place.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from twin_gait.control.gait_controller import (
@@ -72,79 +70,46 @@ from twin_gait.simulation.interface import control_gravity, control_inertia
 
 @dataclass(slots=True)
 class Settings:
-    """What all units are set to.
+    """What all units are set to."""
 
-    Attributes:
-        rates: How they sample.
-        limits: Of commands, and of what is borne how long.
-        watching: Whether the monitor is on.
-    """
-
-    rates: Rates
-    limits: Limits
-    watching: bool
-
-
-# ------------------------------------------------------------------ the board of a joint
+    rates: Rates  # How they sample.
+    limits: Limits  # Of commands, and of what is borne how long.
+    watching: bool  # Whether the monitor is on.
 
 
 @dataclass(slots=True)
 class JointBoardInputs:
-    """What a board reads at the start of a tick.
+    """What a board reads at the start of a tick."""
 
-    Attributes:
-        angle: Counts of the encoder times the angle of a count, in [rad]; not a number if it is missing.
-        voltage: On the winding in the tick before, in [V].
-        current: Measured in the tick before, in [A].
-        current_deviation: Of this current from what the drive should have given, in [A].
-        demand: Last heard from the gait controller; a unit of all boards has it itself.
-        heard: Whether it came since the tick before.
-    """
-
+    # Counts of the encoder times the angle of a count, in [rad]; not a number if it is missing.
     angle: float = 0.0
-    voltage: float = 0.0
-    current: float = 0.0
-    current_deviation: float = 0.0
+    voltage: float = 0.0  # On the winding in the tick before, in [V].
+    current: float = 0.0  # Measured in the tick before, in [A].
+    current_deviation: float = 0.0  # Of this current from what the drive should have given, in [A].
+    # Last heard from the gait controller; a unit of all boards has it itself.
     demand: Demand = field(default_factory=Demand)
-    heard: bool = False
+    heard: bool = False  # Whether it came since the tick before.
 
 
 @dataclass(slots=True)
 class JointBoardOutputs:
-    """What a board gives in a tick.
+    """What a board gives in a tick."""
 
-    Attributes:
-        command: With the current set point of the drive.
-        measurement: For the gait controller.
-    """
-
-    command: Command = field(default_factory=Command)
-    measurement: Measurement = field(default_factory=Measurement)
+    command: Command = field(default_factory=Command)  # With the current set point of the drive.
+    measurement: Measurement = field(default_factory=Measurement)  # For the gait controller.
 
 
 @dataclass(slots=True)
 class JointBoard:
-    """The unit of a board.
+    """The unit of a board."""
 
-    Attributes:
-        settings: Of all units.
-        state: All that it keeps.
-        tick: Present one.
-    """
-
-    settings: Settings
-    state: BoardState
-    tick: int = 0
+    settings: Settings  # Of all units.
+    state: BoardState  # All that it keeps.
+    tick: int = 0  # Present one.
 
 
 def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointBoardOutputs) -> None:
-    """Measure, and set the current of what the gait controller has demanded last.
-
-    Args:
-        unit: Changed in place.
-        inputs: What the board reads and has heard.
-        outputs: Changed in place.
-    """
+    """Measure, and set the current of what the gait controller has demanded last."""
     board, settings = unit.state, unit.settings
     measure(board, settings, inputs, unit.tick)
     hear(board, settings.limits, inputs.demand, inputs.heard)
@@ -168,89 +133,54 @@ def measure(board: BoardState, settings: Settings, inputs: JointBoardInputs, tic
         watch_drive(board, settings.rates)
 
 
-# ------------------------------------------------------------------ the gait controller
-
-
 @dataclass(slots=True)
 class Surroundings:
-    """What the gait controller reads itself at the start of a tick.
+    """What the gait controller reads itself at the start of a tick."""
 
-    Attributes:
-        loads: Of the feet over body weight.
-        bus_voltage: In [V].
-        common: Heard of the device as a whole, for the guards of both legs; with operating modes only the
-            pitch of the trunk is.
-        request: Of the supervisor in this tick, counted from 1, 0 for none.
-    """
-
-    loads: list[float]
-    bus_voltage: float = 0.0
+    loads: list[float]  # Of the feet over body weight.
+    bus_voltage: float = 0.0  # In [V].
+    # Heard of the device as a whole, for the guards of both legs; with operating modes only the pitch of the
+    # trunk is.
     common: Device = field(default_factory=Device)
-    request: int = NO_REQUEST
+    request: int = NO_REQUEST  # Of the supervisor in this tick, counted from 1, 0 for none.
 
 
 @dataclass(slots=True)
 class Decision:
-    """What the gait controller has decided.
+    """What the gait controller has decided."""
 
-    Attributes:
-        phases: Of the legs.
-        transitions: That the legs take in this tick, -1 for none; of no meaning after a trip.
-        trip_cause: Of the monitor, 0 for none.
-        trip_part: Of a trip: a joint, or the number of joints plus a leg, or -1 for the supply.
-        mode: Operating mode.
-        refused: Request of this tick that nothing has answered, 0 for none.
-    """
-
-    phases: list[int]
-    transitions: list[int]
-    trip_cause: int = NO_TRIP
-    trip_part: int = 0
-    mode: int = 0
-    refused: int = NO_REQUEST
+    phases: list[int]  # Of the legs.
+    transitions: list[int]  # That the legs take in this tick, -1 for none; of no meaning after a trip.
+    trip_cause: int = NO_TRIP  # Of the monitor, 0 for none.
+    trip_part: int = 0  # Of a trip: a joint, or the number of joints plus a leg, or -1 for the supply.
+    mode: int = 0  # Operating mode.
+    refused: int = NO_REQUEST  # Request of this tick that nothing has answered, 0 for none.
 
 
 @dataclass(slots=True)
 class GaitControllerInputs:
-    """What the gait controller reads and has heard at the start of a tick.
+    """What the gait controller reads and has heard at the start of a tick."""
 
-    Attributes:
-        surroundings: Read by itself.
-        measurements: Last heard from each board.
-        heard: Which of them came since the tick before.
-    """
-
-    surroundings: Surroundings
-    measurements: list[Measurement]
-    heard: list[bool]
+    surroundings: Surroundings  # Read by itself.
+    measurements: list[Measurement]  # Last heard from each board.
+    heard: list[bool]  # Which of them came since the tick before.
 
 
 @dataclass(slots=True)
 class GaitControllerOutputs:
-    """What the gait controller gives in a tick.
+    """What the gait controller gives in a tick."""
 
-    Attributes:
-        decision: Phases and trip.
-        demands: For each board.
-    """
-
-    decision: Decision
-    demands: list[Demand]
+    decision: Decision  # Phases and trip.
+    demands: list[Demand]  # For each board.
 
 
 @dataclass(slots=True)
 class GaitController:
-    """The unit of the gait controller.
+    """The unit of the gait controller."""
 
-    Attributes:
-        settings: Of all units.
-        state: All that it keeps.
-        tick: Present one.
-    """
-
-    settings: Settings
-    state: ControllerState
-    tick: int = 0
+    settings: Settings  # Of all units.
+    state: ControllerState  # All that it keeps.
+    tick: int = 0  # Present one.
 
 
 def decide(controller: ControllerState, settings: Settings, inputs: Surroundings, tick: int) -> None:
@@ -345,13 +275,7 @@ def tell(controller: ControllerState, decision: Decision) -> None:
 def gait_controller_step(
     unit: GaitController, inputs: GaitControllerInputs, outputs: GaitControllerOutputs
 ) -> None:
-    """Take what the boards have told, decide, and say what every board is to do.
-
-    Args:
-        unit: Changed in place.
-        inputs: What it reads and has heard.
-        outputs: Changed in place.
-    """
+    """Take what the boards have told, decide, and say what every board is to do."""
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
         if inputs.heard[number]:
@@ -365,60 +289,34 @@ def gait_controller_step(
     unit.tick += 1
 
 
-# ------------------------------------------------------------------ all of them without a bus
-
-
 @dataclass(slots=True)
 class Exoskeleton:
-    """Boards and gait controller in one unit.
+    """Boards and gait controller in one unit."""
 
-    Attributes:
-        settings: Of all.
-        boards: Leg by leg: left hip, left knee, right hip, …
-        controller: That demands of them.
-        tick: Present one.
-    """
-
-    settings: Settings
-    boards: list[BoardState]
-    controller: ControllerState
-    tick: int = 0
+    settings: Settings  # Of all.
+    boards: list[BoardState]  # Leg by leg: left hip, left knee, right hip, …
+    controller: ControllerState  # That demands of them.
+    tick: int = 0  # Present one.
 
 
 @dataclass(slots=True)
 class ExoskeletonInputs:
-    """What all sensors read at the start of a tick.
+    """What all sensors read at the start of a tick."""
 
-    Attributes:
-        boards: Of each joint.
-        surroundings: Of the gait controller itself.
-    """
-
-    boards: list[JointBoardInputs]
-    surroundings: Surroundings
+    boards: list[JointBoardInputs]  # Of each joint.
+    surroundings: Surroundings  # Of the gait controller itself.
 
 
 @dataclass(slots=True)
 class ExoskeletonOutputs:
-    """What is given in a tick.
+    """What is given in a tick."""
 
-    Attributes:
-        commands: Of each joint, with the current set point of its drive.
-        decision: Phases and trip.
-    """
-
-    commands: list[Command]
-    decision: Decision
+    commands: list[Command]  # Of each joint, with the current set point of its drive.
+    decision: Decision  # Phases and trip.
 
 
 def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: ExoskeletonOutputs) -> None:
-    """Measure everywhere, decide, and set every current, all in one tick.
-
-    Args:
-        unit: Changed in place.
-        inputs: What is read.
-        outputs: Changed in place.
-    """
+    """Measure everywhere, decide, and set every current, all in one tick."""
     controller, settings, tick = unit.controller, unit.settings, unit.tick
     for number in range(len(unit.boards)):
         measure(unit.boards[number], settings, inputs.boards[number], tick)

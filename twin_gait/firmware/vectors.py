@@ -1,7 +1,5 @@
 """What the linked unit reads tick by tick in a run of the compiled engine, and what it is to give."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,28 +20,16 @@ from twin_gait.worlds.faults import FaultKind
 
 
 class Vectors(NamedTuple):
-    """A run as the unit sees it.
+    """A run as the unit sees it."""
 
-    Attributes:
-        run: Of the compiled engine.
-        unit: That is to run on the inputs.
-        inputs: Of each tick, shape ``(n_ticks,)``, laid out as
-            :class:`~twin_gait.firmware.units.ExoskeletonInputs`.
-        outputs: Expected, likewise as :class:`~twin_gait.firmware.units.ExoskeletonOutputs`.
-    """
-
-    run: Run
-    unit: LinkedUnit
-    inputs: np.ndarray
-    outputs: np.ndarray
+    run: Run  # of the compiled engine
+    unit: LinkedUnit  # that is to run on the inputs
+    inputs: np.ndarray  # of each tick, shape ``(n_ticks,)``, laid out as ExoskeletonInputs
+    outputs: np.ndarray  # expected, likewise as ExoskeletonOutputs
 
 
 def without_bus(experiment: Experiment) -> Experiment:
-    """The experiment as a unit without a bus runs it.
-
-    Raises:
-        FirmwareError: Its controller goes wrong by itself, which no vector can hold against the unit.
-    """
+    """The experiment without its bus; FirmwareError if its controller goes wrong by itself."""
     for fault in experiment.faults:
         if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
             raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
@@ -57,13 +43,9 @@ def record_vectors(
 ) -> Vectors:
     """Run an experiment on the compiled engine, and keep what the unit reads and gives in each tick.
 
-    Args:
-        experiment: Run without its bus.
-        progress: Called now and then with ticks done and ticks in all.
-        on_compile: Called if the engine has to be compiled first.
-
-    Raises:
-        FirmwareError: A fault of the controller itself.
+    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
+    ``on_compile``: called if the engine has to be compiled first. Raises FirmwareError: a fault of the
+    controller itself.
     """
     problem = build_problem(without_bus(experiment))
     engine, unit = CompiledEngine(problem, on_compile=on_compile), linked_unit(problem)
@@ -88,11 +70,7 @@ Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and whe
 
 
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
-    """Inputs that stand in an engine's record from the end of a tick to that of the next.
-
-    Args:
-        record: Of the engine, shape ``(1,)``.
-    """
+    """Inputs that stand in an engine's record, shape ``(1,)``, from the end of a tick to that of the next."""
     boards, joints = inputs["boards"], record["joints"]
     return [
         *((boards[name], joints[name]) for name in ("voltage", "current", "current_deviation")),

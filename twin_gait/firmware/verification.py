@@ -1,7 +1,5 @@
 """The proof that what is printed is what walks in the simulation: on this machine, and on a Cortex-M4F."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,36 +24,22 @@ Progress = Callable[[int, int], None]
 
 
 class Check(NamedTuple):
-    """A part of the proof.
+    """A part of the proof."""
 
-    Attributes:
-        name: What is compared.
-        passed: None if a tool is missing.
-        text: What was found, in a line.
-        figures: What was found, in numbers.
-    """
-
-    name: str
-    passed: bool | None
-    text: str
-    figures: dict[str, Any]
+    name: str  # what is compared
+    passed: bool | None  # None if a tool is missing
+    text: str  # what was found, in a line
+    figures: dict[str, Any]  # what was found, in numbers
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        source_hash: Of the C.
-        checks: Parts of the proof.
-        walk: Of the compiled engine.
-        loop_walk: Of the same plant with the emulated processor; None if a tool is missing.
-    """
-
-    source_hash: str
-    checks: tuple[Check, ...]
-    walk: Run
-    loop_walk: Run | None
+    source_hash: str  # of the C
+    checks: tuple[Check, ...]  # parts of the proof
+    walk: Run  # of the compiled engine
+    loop_walk: Run | None  # of the same plant with the emulated processor; None if a tool is missing
 
     @property
     def passed(self) -> bool:
@@ -71,13 +55,9 @@ def verify(
     Its walk is run, and a shorter one with a fault of each kind. A controller that runs away is a fault of
     the controller itself, which no C has.
 
-    Args:
-        experiment: Run without its bus.
-        progress: Called now and then with ticks done and ticks in all.
-        on_compile: Called if an engine has to be compiled first.
-
-    Raises:
-        FirmwareError: It uses something that the firmware does not have, or a compiler refuses the C.
+    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
+    ``on_compile``: called if an engine has to be compiled first. Raises FirmwareError: it uses something that
+    the firmware does not have, or a compiler refuses the C.
     """
     project = print_project(experiment)
     cases = list(cases_of(experiment))
@@ -110,9 +90,6 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
             joint = None if on_supply or on_foot else experiment.joints[-1]
             fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, side=side, joint=joint)
             yield replace(experiment, duration=length, faults=(fault,))
-
-
-# ------------------------------------------------------------------ checks
 
 
 def _tried(name: str, check: Callable[[Bench], Check], bench: Bench) -> Check:

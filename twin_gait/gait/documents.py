@@ -6,8 +6,6 @@ time-out, debounce). Guards are read here in three values, true, false and not y
 :mod:`twin_gait.core.guards` is not asked, so that each can be tested against the other.
 """
 
-from __future__ import annotations
-
 import math
 import string
 from collections.abc import Iterable, Mapping, Sequence
@@ -50,15 +48,10 @@ Truths = Mapping[Condition, bool]  # of those conditions that are known
 
 
 class TruthRow(NamedTuple):
-    """One row of a truth table.
+    """One row of a truth table."""
 
-    Attributes:
-        truths: Truth of the conditions that matter; the others may be either.
-        transition: Index of the transition that is taken, or None.
-    """
-
-    truths: Truths
-    transition: int | None
+    truths: Truths  # truth of the conditions that matter; the others may be either
+    transition: int | None  # index of the transition that is taken, or None
 
 
 class PhaseLogic:
@@ -97,8 +90,7 @@ class PhaseLogic:
         It branches on a condition of the first exit that may open. Combinations that no measurements can
         have are left out.
 
-        Returns:
-            Rows that exclude each other and cover every combination that measurements can have.
+        Returns rows that exclude each other and cover every combination that measurements can have.
         """
         chosen = chosen or {}
         known = {**chosen, **self._implied(chosen)}
@@ -169,9 +161,6 @@ def _without(row: TruthRow, condition: Condition) -> TruthRow:
     return TruthRow({item: value for item, value in row.truths.items() if item != condition}, row.transition)
 
 
-# ---------------------------------------------------------------------- Markdown
-
-
 def number(value: float, digits: int = 10) -> str:
     """Write a number without noise in its last digits and with a true minus sign.
 
@@ -181,11 +170,7 @@ def number(value: float, digits: int = 10) -> str:
 
 
 def transition_table(table: StateTable) -> str:
-    """State-transition table: a row per transition, the exits of a phase in order of priority.
-
-    Returns:
-        Markdown, ending with a line break; guards as the file writes them.
-    """
+    """State-transition table in Markdown: a row per transition, the exits of a phase in order of priority."""
     rows = []
     for phase, parameters in table.phases.items():
         for item in (entry for entry in table.transitions if entry.source == phase):
@@ -203,11 +188,9 @@ def transition_table(table: StateTable) -> str:
 
 
 def truth_table(table: StateTable) -> str:
-    """Truth table of every phase, with what the phase sets.
+    """Truth table of every phase in Markdown, with what the phase sets, to ten digits.
 
-    Returns:
-        Markdown, ending with a line break. It holds every number of the table that has an effect, to ten
-        digits, and is the same for equal tables: a change of the table is a change of the text.
+    A change of the table is a change of the text.
     """
     parts = [
         f"# Truth tables of {_text(table.name)}\n",
@@ -313,6 +296,7 @@ def _settings(table: StateTable, phase: str) -> str:
             rows += _impedance_rows(own[phase], f"{side} ")
             shares.append(f"{side} {number(own[phase].gravity_compensation)}")
     stay = f", minimum duration {common.minimum_ticks} ms"
+    stay += "" if common.blending_ticks is None else f", blending {common.blending_ticks} ms"
     heading = ("joint", "k [Nm/°]", "θ0 [°]", "ζ", "b [Nms/rad]", "G")
     return f"{_grid(heading, rows)}\n{', '.join(shares)}{stay}.\n"
 

@@ -28,23 +28,14 @@ Phases = tuple[str | None, ...]  # of the other leg; None stands for a leg that 
 
 @dataclass(frozen=True)
 class Bound:
-    """``upper - lower < limit`` (strict) or ``<= limit``.
+    """``upper - lower < limit`` (strict) or ``<= limit``."""
 
-    Attributes:
-        upper: Name of a number, or ``ZERO``.
-        lower: Name of a number, or ``ZERO``.
-        limit: The limit.
-        strict: Whether the limit itself is excluded.
-        room: Comfortable distance from the limit, asked for in part or in whole; 0 for none.
-        whole: Whether the difference is a whole number.
-    """
-
-    upper: str
-    lower: str
-    limit: float
-    strict: bool = False
-    room: float = 0.0
-    whole: bool = False
+    upper: str  # name of a number, or ``ZERO``
+    lower: str  # name of a number, or ``ZERO``
+    limit: float  # the limit
+    strict: bool = False  # whether the limit itself is excluded
+    room: float = 0.0  # comfortable distance from the limit, asked for in part or in whole; 0 for none
+    whole: bool = False  # whether the difference is a whole number
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,13 +74,9 @@ def bound_of(atom: Comparison, true: bool) -> Bound:
 
 
 def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | None:
-    """Find numbers that keep all bounds.
+    """Numbers that keep all bounds, each as near to zero as those before it allow; None if there are none.
 
-    Args:
-        share: Share of the comfortable distance that is kept from each limit.
-
-    Returns:
-        The numbers, each as near to zero as those before it allow; None if there are none.
+    ``share``: share of the comfortable distance that is kept from each limit.
     """
     names = list(dict.fromkeys([ZERO, *(name for item in bounds for name in (item.upper, item.lower))]))
     paths = {a: {b: 0.0 if a == b else math.inf for b in names} for a in names}
@@ -142,16 +129,9 @@ def ways(
 ) -> Iterator[Way]:
     """All ways to fulfil requirements, one after the other; a way that contradicts itself is not followed.
 
-    Args:
-        start: Phases of the other leg and bounds that hold anyway. Without another leg (``(None,)``) no
-            comparison that reads it is open.
-        requirements: What has to be open or closed.
-
-    Yields:
-        The ways.
-
-    Raises:
-        GaitTableError: If there are more than ``MOST_BRANCHES`` choices to try.
+    ``start``: phases of the other leg and bounds that hold anyway. Without another leg (``(None,)``) no
+    comparison that reads it is open. ``requirements``: what has to be open or closed. Yields the ways. Raises
+    GaitTableError if there are more than ``MOST_BRANCHES`` choices to try.
     """
     left = iter(range(MOST_BRANCHES))
 
@@ -224,8 +204,7 @@ def translated(
 ) -> Guard:
     """A guard over other signals, for example those that the other leg has for its own.
 
-    Args:
-        member: Truth of a membership where it is known; None to leave memberships as they are.
+    ``member``: truth of a membership where it is known; None to leave memberships as they are.
     """
 
     def changed(atom: Comparison | PhaseMembership) -> Guard:

@@ -26,19 +26,12 @@ from twin_gait.gait.signals import (
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A strict inequality ``signal [- minus] (< or >) threshold`` in the units of the table.
+    """A strict inequality ``signal [- minus] (< or >) threshold`` in the units of the table."""
 
-    Attributes:
-        signal: Name of the signal, for example ``other.hip.angle_deg``.
-        minus: Name of a signal that is subtracted, or None.
-        operator: ``"<"`` or ``">"``.
-        threshold: In the unit that the signal's name carries.
-    """
-
-    signal: str
-    minus: str | None
-    operator: str
-    threshold: float
+    signal: str  # name of the signal, for example ``other.hip.angle_deg``
+    minus: str | None  # name of a signal that is subtracted, or None
+    operator: str  # ``"<"`` or ``">"``
+    threshold: float  # in the unit that the signal's name carries
 
     def __post_init__(self) -> None:
         """Check operator and threshold."""
@@ -57,15 +50,10 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseMembership:
-    """The other leg is in one of some phases; in a table of modes, one of some requests is made.
+    """The other leg is in one of some phases; in a table of modes, one of some requests is made."""
 
-    Attributes:
-        phases: Names of the phases, or of the requests.
-        of: What is looked at, as the table writes it.
-    """
-
-    phases: tuple[str, ...]
-    of: str = "other.phase"
+    phases: tuple[str, ...]  # names of the phases, or of the requests
+    of: str = "other.phase"  # what is looked at, as the table writes it
 
     def __str__(self) -> str:
         """Write the membership as in the table."""
@@ -74,13 +62,9 @@ class PhaseMembership:
 
 @dataclass(frozen=True, kw_only=True)
 class AllOf:
-    """Every one of some guards holds.
+    """Every one of some guards holds."""
 
-    Attributes:
-        guards: The guards; an empty conjunction is true (a transition with a time-out only).
-    """
-
-    guards: tuple[Guard, ...]
+    guards: tuple[Guard, ...]  # the guards; an empty conjunction is true (a transition with a time-out only)
 
     def __str__(self) -> str:
         """Write the conjunction."""
@@ -89,13 +73,9 @@ class AllOf:
 
 @dataclass(frozen=True, kw_only=True)
 class AnyOf:
-    """At least one of some guards holds.
+    """At least one of some guards holds."""
 
-    Attributes:
-        guards: The guards, at least one.
-    """
-
-    guards: tuple[Guard, ...]
+    guards: tuple[Guard, ...]  # the guards, at least one
 
     def __post_init__(self) -> None:
         """Check that there is a guard."""
@@ -137,19 +117,13 @@ _MEMBERSHIP = re.compile(rf"\s*({_SIGNAL})\s+in\s*\[([^\]]*)\]\s*")
 
 
 class GuardWords(NamedTuple):
-    """What the guards of a kind of table may read.
+    """What the guards of a kind of table may read."""
 
-    Attributes:
-        of: What a membership looks at.
-        member: What its members are.
-        signals: From the joints to the names of all signals, in the order of the list of signals.
-        listed: From the joints to these in words.
-    """
-
-    of: str
-    member: str
+    of: str  # what a membership looks at
+    member: str  # what its members are
+    # from the joints to the names of all signals, in the order of the list of signals
     signals: Callable[[Sequence[str]], list[str]]
-    listed: Callable[[Sequence[str]], str]
+    listed: Callable[[Sequence[str]], str]  # from the joints to these in words
 
 
 LEG_WORDS = GuardWords(
@@ -174,17 +148,10 @@ MODE_WORDS = GuardWords(
 def parse_guard(
     text: str, joints: Sequence[str], phases: Sequence[str], words: GuardWords = LEG_WORDS
 ) -> Guard:
-    """Parse one guard string.
+    """Parse one guard, such as ``other.hip.angle_deg > 10`` or ``other.phase in [early_stance]``.
 
-    Args:
-        text: For example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``,
-            ``"other.phase in [early_stance, middle_stance]"`` or ``"request in [walk]"``.
-        joints: Of the table.
-        phases: What a membership may name.
-        words: What the guards of the table may read.
-
-    Raises:
-        GaitTableError: If the text is not a guard, or names an unknown signal or phase.
+    ``phases``: what a membership may name. ``words``: what guards may read. Raises GaitTableError if the text
+    is not a guard, or names an unknown signal or phase.
     """
     membership = _MEMBERSHIP.fullmatch(text)
     if membership and membership.group(1) == words.of:

@@ -4,8 +4,6 @@
 decided by the one evaluator in :mod:`twin_gait.core.guards`. Time is the tick count handed in.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -24,23 +22,14 @@ POSTURE = "posture"  # cause of a switch that an operating mode asks for; it is 
 
 
 class PhaseSwitch(NamedTuple):
-    """One switch of phase.
+    """One switch of phase."""
 
-    Attributes:
-        tick: Tick at which the new phase begins.
-        side: Leg.
-        source: Phase that was left.
-        target: Phase that was entered.
-        cause: Cause written in the gait table.
-        transition: Index of the transition in the table, -1 for a posture.
-    """
-
-    tick: int
-    side: Side
-    source: str
-    target: str
-    cause: str
-    transition: int
+    tick: int  # tick at which the new phase begins
+    side: Side  # leg
+    source: str  # phase that was left
+    target: str  # phase that was entered
+    cause: str  # cause written in the gait table
+    transition: int  # index of the transition in the table, -1 for a posture
 
     @property
     def time(self) -> float:
@@ -67,17 +56,7 @@ class GaitStateMachine:
         initial_phase: str | None = None,
         program: GuardProgram | None = None,
     ) -> None:
-        """Build the machine.
-
-        Args:
-            table: The gait table.
-            side: The leg.
-            initial_phase: Phase at tick 0; the first of the table if None.
-            program: The compiled table, to share it between legs.
-
-        Raises:
-            GaitTableError: If the initial phase is not in the table.
-        """
+        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``."""
         self.table = table
         self.side = side
         self.owner = f"{side} leg"
@@ -126,18 +105,10 @@ class GaitStateMachine:
     ) -> PhaseSwitch | None:
         """Advance by one tick on named signals.
 
-        Args:
-            tick: Present tick.
-            own: Measurements of this leg.
-            other: Measurements of the other leg, or None for a one-legged bench.
-            other_phase: Phase of the other leg at the start of the tick, or None.
-            other_time_in_phase: Time since the other leg entered its phase in [s].
-
-        Returns:
-            The switch, or None if the leg stays.
-
-        Raises:
-            MeasurementError: If a measurement is missing or not finite.
+        ``tick``: present tick. ``own``: measurements of this leg. ``other``: measurements of the other leg,
+        or None for a one-legged bench. ``other_phase``: phase of the other leg at the start of the tick, or
+        None. ``other_time_in_phase``: time since the other leg entered its phase in [s]. Returns the switch,
+        or None if the leg stays. Raises MeasurementError if a measurement is missing or not finite.
         """
         signals = signal_list(self.table, self.time_in_phase(tick), own, other, other_time_in_phase)
         other_index = -1 if other_phase is None else self.table.phase_index(other_phase)
@@ -146,16 +117,10 @@ class GaitStateMachine:
     def take(self, tick: int, signals: Mapping[str, float], member: str | None = None) -> PhaseSwitch | None:
         """Advance by one tick on signals by their names.
 
-        Args:
-            tick: Present tick.
-            signals: In the units of their names; what is missing is 0, the time in the phase is counted.
-            member: Phase of the other leg, or of the supervisor the request that is made, or None.
-
-        Returns:
-            The switch, or None if the phase stays.
-
-        Raises:
-            MeasurementError: If a signal is not finite.
+        ``tick``: present tick. ``signals``: in the units of their names; what is missing is 0, the time in
+        the phase is counted. ``member``: phase of the other leg, or of the supervisor the request that is
+        made, or None. Returns the switch, or None if the phase stays. Raises MeasurementError if a signal is
+        not finite.
         """
         given = {**signals, TIME: self.time_in_phase(tick)}
         values = [scale * given.get(name, 0.0) for name, scale in self._scales]
@@ -219,20 +184,9 @@ def signal_list(
     other: LegSignals | None,
     other_time_in_phase: float = 0.0,
 ) -> list[float]:
-    """Lay the signals of both legs out as the guard program reads them.
+    """Signals of both legs and the device as the guard program reads them; NaN for an absent other leg.
 
-    Args:
-        table: The gait table.
-        time_in_phase: Of this leg in [s].
-        own: Measurements of this leg.
-        other: Measurements of the other leg, or None.
-        other_time_in_phase: Of the other leg in [s].
-
-    Returns:
-        This leg's numbers, the other's, and those of the device; NaN for an absent other leg.
-
-    Raises:
-        MeasurementError: If the number of joints is not that of the table.
+    Times in a phase are in [s]. Raises MeasurementError if the number of joints is not that of the table.
     """
     for leg in (own,) if other is None else (own, other):
         if len(leg.angles) != len(table.joints) or len(leg.velocities) != len(table.joints):

@@ -6,8 +6,6 @@ phase is the request: of a schedule, a live panel or the therapist's tablet, mad
 :mod:`twin_gait.control.supervisor` runs a table of modes.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,16 +13,7 @@ from typing import Annotated, ClassVar
 
 from twin_gait.core.guards import GuardProgram
 from twin_gait.exceptions import GaitTableError, ParameterError
-from twin_gait.gait.guards import (
-    MODE_WORDS,
-    AllOf,
-    AnyOf,
-    Comparison,
-    Guard,
-    GuardWords,
-    PhaseMembership,
-    atoms,
-)
+from twin_gait.gait import guards
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import guard_is_open
 from twin_gait.gait.signals import TIME, signal_scale
@@ -53,19 +42,13 @@ class Mode(Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class ModeTable(StateTable):
-    """Operating modes, and what leads from one to another.
+    """Operating modes, and what leads from one to another."""
 
-    Attributes:
-        phases: The modes by name; the device begins in the first.
-        requests: What can be asked for, if anything.
-        hold: Mode in which the device is after a trip of the safety monitor; it is not left.
-    """
+    phases: Mapping[str, Mode]  # the modes by name; the device begins in the first
+    requests: tuple[str, ...]  # what can be asked for, if anything
+    hold: str  # mode in which the device is after a trip of the safety monitor; it is not left
 
-    phases: Mapping[str, Mode]
-    requests: tuple[str, ...]
-    hold: str
-
-    words: ClassVar[GuardWords] = MODE_WORDS
+    words: ClassVar[guards.GuardWords] = guards.MODE_WORDS
 
     def _check_phases(self) -> None:
         _require(len(self.requests) <= MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
@@ -79,7 +62,7 @@ class ModeTable(StateTable):
         super()._check_transition(place, item)
         _require(item.source != self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
         late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
-        asks = any(isinstance(atom, PhaseMembership) for atom in atoms(item.guard))
+        asks = any(isinstance(atom, guards.PhaseMembership) for atom in guards.atoms(item.guard))
         _require(item.debounce_ticks == 1 or not asks, f"{late}; leave debounce_ms out")
 
     @property
@@ -99,7 +82,8 @@ class ModeTable(StateTable):
             for item in self.transitions
             if item.source == mode
             and any(
-                isinstance(atom, PhaseMembership) and request in atom.phases for atom in atoms(item.guard)
+                isinstance(atom, guards.PhaseMembership) and request in atom.phases
+                for atom in guards.atoms(item.guard)
             )
         ]
 
@@ -109,22 +93,15 @@ def _require(right: bool, text: str) -> None:
         raise GaitTableError(text)
 
 
-# ---------------------------------------------------------------------- what is asked for, and when
-
 _TIMED = re.compile(r"\s*(\w+)\s*@\s*([\d.]+)\s*s\s*")
 
 
 @dataclass(frozen=True)
 class TimedRequest:
-    """A request at a time.
+    """A request at a time."""
 
-    Attributes:
-        name: What is asked for.
-        ticks: When, in ticks of 1 [ms].
-    """
-
-    name: str
-    ticks: int
+    name: str  # what is asked for
+    ticks: int  # when, in ticks of 1 [ms]
 
     def __str__(self) -> str:
         """Write the request in its notation."""
@@ -153,9 +130,6 @@ def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) 
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
 
 
-# ---------------------------------------------------------------------- in plain Python
-
-
 class ModeMachine(GaitStateMachine):
     """The state machine of a table of modes in plain Python; a side has no meaning for it."""
 
@@ -175,17 +149,9 @@ class ModeMachine(GaitStateMachine):
 def why_refused(
     table: ModeTable, mode: str, request: str, signals: Mapping[str, float], ticks: int
 ) -> str | None:
-    """Why a request is not answered in a mode, in words.
+    """What each transition that would answer a request lacks, in words; None if one of them is open.
 
-    Args:
-        table: The modes.
-        mode: Present one.
-        request: That is made.
-        signals: Measured, in the units of their names; what is missing is 0.
-        ticks: Since the mode was entered.
-
-    Returns:
-        What each transition that would answer lacks; None if one of them is open.
+    ``signals``: in the units of their names; missing ones are 0. ``ticks``: since the mode was entered.
     """
     answers = table.answers(mode, request)
     if not answers:
@@ -205,18 +171,18 @@ def _missing(
     return waits + _closed(table, item.guard, values, table.member_index(request))
 
 
-def _closed(table: ModeTable, guard: Guard, values: list[float], request: int) -> list[str]:
+def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request: int) -> list[str]:
     """The conditions that keep a guard closed, with what is measured."""
     if guard_is_open(guard, table, values, request):
         return []
-    if isinstance(guard, (AllOf, AnyOf)):
+    if isinstance(guard, (guards.AllOf, guards.AnyOf)):
         parts = [_closed(table, inner, values, request) for inner in guard.guards]
         return [text for part in parts for text in part]
     return [f"{guard} is not true{_measured(table, guard, values)}"]
 
 
-def _measured(table: ModeTable, atom: Comparison | PhaseMembership, values: list[float]) -> str:
-    if isinstance(atom, PhaseMembership):
+def _measured(table: ModeTable, atom: guards.Comparison | guards.PhaseMembership, values: list[float]) -> str:
+    if isinstance(atom, guards.PhaseMembership):
         return ""
     names = [name for name in (atom.signal, atom.minus) if name is not None]
     shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in names]

@@ -1,20 +1,9 @@
 """Compile a gait table into the program that the core evaluates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
+from twin_gait.core import guards
 from twin_gait.core import guards as core
-from twin_gait.core.guards import (
-    OP_ALL,
-    OP_ANY,
-    OP_COMPARE,
-    OP_PHASE,
-    GuardNode,
-    GuardProgram,
-    TransitionRule,
-    guard_holds,
-)
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import signal_scale
@@ -24,16 +13,9 @@ OPEN_RESULTS = 62  # results that wait to be joined are bits of a signed 64-bit 
 DEVICE_BITS = 30  # of an int32_t, so that all of them may be shifted once more
 
 
-def compile_guards(table: StateTable) -> GuardProgram:
-    """Compile the transitions of a table.
-
-    Args:
-        table: Of gait or of modes.
-
-    Returns:
-        The program, with thresholds in SI units.
-    """
-    nodes: list[GuardNode] = []
+def compile_guards(table: StateTable) -> guards.GuardProgram:
+    """Compile the transitions of a table of gait or of modes, thresholds in SI units."""
+    nodes: list[guards.GuardNode] = []
     comparisons: list[core.Comparison] = []
     rules = []
     for transition in table.transitions:
@@ -41,7 +23,7 @@ def compile_guards(table: StateTable) -> GuardProgram:
         _emit(transition.guard, table, nodes, comparisons)
         _check_size(transition, nodes[first:])
         rules.append(
-            TransitionRule(
+            guards.TransitionRule(
                 source=table.phase_index(transition.source),
                 target=table.phase_index(transition.target),
                 first_node=first,
@@ -50,7 +32,7 @@ def compile_guards(table: StateTable) -> GuardProgram:
                 time_out_ticks=-1 if transition.time_out_ticks is None else transition.time_out_ticks,
             )
         )
-    return GuardProgram(
+    return guards.GuardProgram(
         n_transitions=len(rules),
         minimum_ticks=[item.minimum_ticks for item in table.phases.values()],
         transitions=rules,
@@ -62,22 +44,21 @@ def compile_guards(table: StateTable) -> GuardProgram:
 def guard_is_open(guard: Guard, table: StateTable, signals: Sequence[float], member: int) -> bool:
     """Whether a guard by itself is true, by the evaluator of programs.
 
-    Args:
-        table: That it is of.
-        signals: In SI, in the order of the list of the table.
-        member: Place among the members of the table, negative for none.
+    ``signals``: in SI, in the order of the table. ``member``: place among its members, negative for none.
     """
-    nodes: list[GuardNode] = []
+    nodes: list[guards.GuardNode] = []
     comparisons: list[core.Comparison] = []
     _emit(guard, table, nodes, comparisons)
-    return guard_holds(GuardProgram(0, [], [], nodes, comparisons), 0, len(nodes), signals, member)
+    return guards.guard_holds(
+        guards.GuardProgram(0, [], [], nodes, comparisons), 0, len(nodes), signals, member
+    )
 
 
-def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN_RESULTS) -> None:
+def _check_size(transition: Transition, nodes: list[guards.GuardNode], bits: int = OPEN_RESULTS) -> None:
     """Refuse a guard whose results the evaluator cannot hold."""
     waiting = most = 0
     for node in nodes:
-        waiting += 1 - (node.operand if node.operation in (OP_ALL, OP_ANY) else 0)
+        waiting += 1 - (node.operand if node.operation in (guards.OP_ALL, guards.OP_ANY) else 0)
         most = max(most, waiting)
     if most > bits:
         raise GaitTableError(
@@ -86,15 +67,8 @@ def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN
         )
 
 
-def require_bits(table: StateTable, program: GuardProgram, bits: int = DEVICE_BITS) -> None:
-    """Refuse a table whose phases or waiting results are too many for whole numbers of so many bits.
-
-    Args:
-        bits: By default those that the device has.
-
-    Raises:
-        GaitTableError: It has more.
-    """
+def require_bits(table: StateTable, program: guards.GuardProgram, bits: int = DEVICE_BITS) -> None:
+    """Refuse, by a GaitTableError, a table with more phases or waiting results than there are bits."""
     if len(table.members) > bits:
         raise GaitTableError(f"{len(table.members)} {table.words.member}s; at most {bits} fit")
     for transition, rule in zip(table.transitions, program.transitions, strict=True):
@@ -102,18 +76,20 @@ def require_bits(table: StateTable, program: GuardProgram, bits: int = DEVICE_BI
 
 
 def _emit(
-    guard: Guard, table: StateTable, nodes: list[GuardNode], comparisons: list[core.Comparison]
+    guard: Guard, table: StateTable, nodes: list[guards.GuardNode], comparisons: list[core.Comparison]
 ) -> None:
     if isinstance(guard, Comparison):
         comparisons.append(_comparison(guard, table))
-        nodes.append(GuardNode(OP_COMPARE, len(comparisons) - 1))
+        nodes.append(guards.GuardNode(guards.OP_COMPARE, len(comparisons) - 1))
     elif isinstance(guard, PhaseMembership):
         mask = sum(1 << table.members.index(name) for name in guard.phases)
-        nodes.append(GuardNode(OP_PHASE, mask))
+        nodes.append(guards.GuardNode(guards.OP_PHASE, mask))
     else:
         for inner in guard.guards:
             _emit(inner, table, nodes, comparisons)
-        nodes.append(GuardNode(OP_ALL if isinstance(guard, AllOf) else OP_ANY, len(guard.guards)))
+        nodes.append(
+            guards.GuardNode(guards.OP_ALL if isinstance(guard, AllOf) else guards.OP_ANY, len(guard.guards))
+        )
 
 
 def _comparison(guard: Comparison, table: StateTable) -> core.Comparison:

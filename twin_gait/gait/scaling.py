@@ -1,7 +1,5 @@
 """Adapt a gait table to wearer, support and belt speed, by the laws that the table states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -21,13 +19,10 @@ def scale_table(
 ) -> GaitTable:
     """Apply the scaling laws of a table, see :class:`twin_gait.gait.table.Scaling`.
 
-    Args:
-        carried_mass: Mass of wearer and device times (1 - support) in [kg]; None switches its law off.
-        speed: Belt speed in [m] / [s]; None switches its law off.
-        height: Of the wearer in [m], as the controller knows it; None switches its law off.
-
-    Returns:
-        The adapted table; the same values where a law is off.
+    ``carried_mass``: mass of wearer and device times (1 - support) in [kg]; None switches its law off.
+    ``speed``: belt speed in [m] / [s]; None switches its law off. ``height``: of the wearer in [m], as the
+    controller knows it; None switches its law off. Returns the adapted table; the same values where a law is
+    off.
     """
     law = table.scaling
     stiffness = _power(carried_mass, law.carried_mass, law.carried_mass_exponent)
@@ -87,12 +82,9 @@ def _is_hip_angle(signal: str | None) -> bool:
 def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.ndarray:
     """Lay the phases of one side out as numbers, damping ratios resolved.
 
-    Args:
-        inertia_at: Effective inertia in [kg m²] of a joint of a side at the equilibrium angles of
-            all joints of a phase, armature included: M_jj with the pelvis fixed.
-
-    Returns:
-        Shape ``(n_phases, 4 n_joints + 1)``: k, b, θ0, G of each joint, then the gravity share.
+    ``inertia_at``: effective inertia in [kg m²] of a joint of a side at the equilibrium angles of all joints
+    of a phase, armature included: M_jj with the pelvis fixed. Returns shape ``(n_phases, 4 n_joints + 1)``:
+    k, b, θ0, G of each joint, then the gravity share.
     """
     rows = []
     for phase in table.phases_of(side).values():

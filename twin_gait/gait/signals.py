@@ -5,8 +5,6 @@ A further one is declared here; the gait controller keeps and writes it
 diagram, replay and firmware go by the declaration.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,17 +32,11 @@ class Scope(Enum):
 
 
 class Unit(NamedTuple):
-    """Unit of a table.
+    """Unit of a table."""
 
-    Attributes:
-        words: In messages.
-        symbol: Behind a number in a diagram.
-        factor: To SI.
-    """
-
-    words: str
-    symbol: str
-    factor: float = 1.0
+    words: str  # in messages
+    symbol: str  # behind a number in a diagram
+    factor: float = 1.0  # to SI
 
 
 DEGREES = Unit("deg", "°", DEGREE)
@@ -55,15 +47,11 @@ NO_UNIT = Unit("no unit", "")
 
 
 class Known(NamedTuple):
-    """What a check knows of the device.
+    """What a check knows of the device."""
 
-    Attributes:
-        limits: Lowest and highest angle of each joint, and of what else turns, in [rad].
-        speeds: Highest ones in [rad] / [s], where they are known.
-    """
-
+    # lowest and highest angle of each joint, and of what else turns, in [rad]
     limits: Mapping[str, tuple[float, float]]
-    speeds: Mapping[str, float]
+    speeds: Mapping[str, float]  # highest ones in [rad] / [s], where they are known
 
 
 # Lowest and highest value in SI, by what is known and what it belongs to: a joint, or a part of the device.
@@ -72,33 +60,24 @@ Range = Callable[[Known, str], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Signal:
-    """A signal of guards.
+    """A signal of guards."""
 
-    Attributes:
-        name: In a table; of a joint what follows its name and a point.
-        scope: What has one of its own.
-        unit: Of its values in a table; what is measured is in SI.
-        field: Of :class:`LegSignals`, and of the gait controller's record of the device; empty for the time
-            in the phase, which a machine counts itself.
-        words: In a diagram, behind what it belongs to.
-        range: What it can be at all.
-        noise: From tick to tick, in the unit of the table: an assumption. The encoder's own step is far below
-            (0.0004° of the joint); cuffs, gears and the foot on the belt shake more.
-        room: Comfortable distance from a threshold, in the unit of the table, that the test kit keeps.
-        first: Before anything is measured, in SI; NaN opens no guard.
-        column: Of a log, in SI, from which a replay reads a signal of the device; without one it stays as at
-            first. How angles and loads are read, :mod:`twin_gait.replay.reading` says.
-    """
-
-    name: str
-    scope: Scope
-    unit: Unit
+    name: str  # in a table; of a joint what follows its name and a point
+    scope: Scope  # what has one of its own
+    unit: Unit  # of its values in a table; what is measured is in SI
+    # of LegSignals, and of the gait controller's record of the device; empty for the time in the phase, which
+    # a machine counts itself
     field: str
-    words: str
-    range: Range
+    words: str  # in a diagram, behind what it belongs to
+    range: Range  # what it can be at all
+    # from tick to tick, in the unit of the table: an assumption. The encoder's own step is far below (0.0004°
+    # of the joint); cuffs, gears and the foot on the belt shake more
     noise: float = 0.0
+    # comfortable distance from a threshold, in the unit of the table, that the test kit keeps
     room: float = 0.0
-    first: float = math.nan
+    first: float = math.nan  # before anything is measured, in SI; NaN opens no guard
+    # of a log, in SI, from which a replay reads a signal of the device; without one it stays as at first. How
+    # angles and loads are read, reading says
     column: str = ""
 
     def of(self, joint: str) -> str:
@@ -168,10 +147,7 @@ def signal_names(joints: Sequence[str]) -> list[str]:
 
 
 def all_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of this leg, those of the other, then those of the device, in the order of the list of signals.
-
-    Their positions are the indices in the guard program.
-    """
+    """Signals of this leg, the other, then the device: their positions index the guard program."""
     own = signal_names(joints)
     return [*own, *(OTHER + name for name in own), *DEVICE_NAMES]
 
@@ -216,32 +192,19 @@ def signal_scale(name: str) -> float:
 
 
 class LegSignals(NamedTuple):
-    """Measured signals of one leg in SI units, and what it has of the device.
+    """Measured signals of one leg in SI units, and what it has of the device."""
 
-    Attributes:
-        angles: Joint angles in [rad], in the order of the table's joints.
-        velocities: Joint velocities in [rad] / [s].
-        foot_load: Normal force of the foot over body weight.
-        walk: Command: 1 to walk, 0 to stand. A leg reads its own only.
-        trunk_pitch: Of the trunk from upright in [rad], positive forward; read likewise.
-        step: Command: 1 to take a step, 0 to wait; read likewise.
-    """
-
-    angles: tuple[float, ...]
-    velocities: tuple[float, ...]
-    foot_load: float = 0.0
-    walk: float = WALK.first
+    angles: tuple[float, ...]  # joint angles in [rad], in the order of the table's joints
+    velocities: tuple[float, ...]  # joint velocities in [rad] / [s]
+    foot_load: float = 0.0  # normal force of the foot over body weight
+    walk: float = WALK.first  # command: 1 to walk, 0 to stand. A leg reads its own only
+    # of the trunk from upright in [rad], positive forward; read likewise
     trunk_pitch: float = TRUNK_PITCH.first
-    step: float = STEP.first
+    step: float = STEP.first  # command: 1 to take a step, 0 to wait; read likewise
 
 
 def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:
-    """Signals of a leg by their names.
-
-    Args:
-        joints: Of the table.
-        value: In SI by the name of a signal.
-    """
+    """Signals of a leg by their names, from a function that gives each in SI."""
     found: dict[str, tuple[float, ...] | float] = {}
     for signal in SIGNALS:
         if signal.scope is Scope.JOINT:

@@ -5,8 +5,6 @@ replay, checks, diagrams and tests. Angles are in [rad] and times in ticks of 1 
 edge (:mod:`twin_gait.configuration`) converts.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,27 +15,12 @@ from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import LEG_WORDS, AllOf, Comparison, Guard, GuardWords, PhaseMembership, atoms
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_scale
-from twin_gait.parameters import require
-from twin_gait.parameters.quantities import (
-    DEGREE,
-    SHARE,
-    Angle,
-    AsInFile,
-    Key,
-    Length,
-    Mass,
-    Parameters,
-    Range,
-    Ratio,
-    RotaryDamping,
-    RotaryStiffness,
-    Speed,
-)
+from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import PRE_SWING, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
-TICKS = Range(1, LONGEST, words=f"1 to {LONGEST}")
+TICKS = quantities.Range(1, LONGEST, words=f"1 to {LONGEST}")
 MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
 
 
@@ -64,7 +47,7 @@ class BlendingLaw(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blending(Parameters):
+class Blending(quantities.Parameters):
     """Blending of k, b, θ0, G and the gravity share when a phase is entered.
 
     Attributes:
@@ -73,17 +56,17 @@ class Blending(Parameters):
     """
 
     law: BlendingLaw = BlendingLaw.MINIMUM_JERK
-    duration_ticks: Annotated[int, Range(0, LONGEST), Key("duration_ms")] = 60
+    duration_ticks: Annotated[int, quantities.Range(0, LONGEST), quantities.Key("duration_ms")] = 60
 
 
 # Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
 LARGEST, SMALLEST = 1e9, 1e-3
-PER_ANGLE, WIDE = Range(0.0, LARGEST / DEGREE), Range(-LARGEST, LARGEST)
-REFERENCES, EXPONENTS = Range(SMALLEST, LARGEST), Range(-3.0, 3.0)
+PER_ANGLE, WIDE = quantities.Range(0.0, LARGEST / quantities.DEGREE), quantities.Range(-LARGEST, LARGEST)
+REFERENCES, EXPONENTS = quantities.Range(SMALLEST, LARGEST), quantities.Range(-3.0, 3.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointImpedance(Parameters):
+class JointImpedance(quantities.Parameters):
     """Impedance of one joint in one phase; exactly one of damping and damping ratio is given.
 
     Attributes:
@@ -94,11 +77,11 @@ class JointImpedance(Parameters):
         damping_ratio: ζ, or None; b = 2 ζ √(k I) is resolved when the experiment is built.
     """
 
-    stiffness: Annotated[RotaryStiffness, PER_ANGLE]
-    equilibrium_angle: Annotated[Angle, WIDE, Key("equilibrium")]
-    friction_compensation_gain: Annotated[Ratio, SHARE]
-    damping: Annotated[RotaryDamping | None, PER_ANGLE] = None
-    damping_ratio: Annotated[Ratio | None, Range(0.0, LARGEST)] = None
+    stiffness: Annotated[quantities.RotaryStiffness, PER_ANGLE]
+    equilibrium_angle: Annotated[quantities.Angle, WIDE, quantities.Key("equilibrium")]
+    friction_compensation_gain: Annotated[quantities.Ratio, quantities.SHARE]
+    damping: Annotated[quantities.RotaryDamping | None, PER_ANGLE] = None
+    damping_ratio: Annotated[quantities.Ratio | None, quantities.Range(0.0, LARGEST)] = None
 
     def __post_init__(self) -> None:
         """Check the ranges, and that there is one damping."""
@@ -112,18 +95,20 @@ class JointImpedance(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhaseParameters(Parameters):
+class PhaseParameters(quantities.Parameters):
     """What one phase of gait sets.
 
     Attributes:
         joints: Impedance per joint name.
         gravity_compensation: Share of the leg's gravity torque that is fed forward.
         minimum_ticks: The phase is not left before so many ticks.
+        blending_ticks: Length of the fade into it in ticks; None for that of the table.
     """
 
-    joints: Annotated[Mapping[str, JointImpedance], AsInFile()]
-    gravity_compensation: Annotated[Ratio, SHARE] = 0.0
-    minimum_ticks: Annotated[int, Range(0, LONGEST), Key("minimum_duration_ms")] = 0
+    joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile()]
+    gravity_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
+    minimum_ticks: Annotated[int, quantities.Range(0, LONGEST), quantities.Key("minimum_duration_ms")] = 0
+    blending_ticks: Annotated[int | None, quantities.Range(0, LONGEST), quantities.Key("blending_ms")] = None
 
 
 class DrivenBy(StrEnum):
@@ -136,7 +121,7 @@ class DrivenBy(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Transition(Parameters):
+class Transition(quantities.Parameters):
     """One entry of the transition list.
 
     Attributes:
@@ -171,7 +156,7 @@ class Transition(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scaling(Parameters):
+class Scaling(quantities.Parameters):
     r"""Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
 
     With carried mass m (wearer and device, times 1 - support), wearer's height h, belt speed v and the
@@ -196,21 +181,21 @@ class Scaling(Parameters):
         hip_centre: θ_c in [rad].
     """
 
-    carried_mass: Annotated[Mass | None, REFERENCES] = None
-    carried_mass_exponent: Annotated[Ratio, EXPONENTS] = 1.0
+    carried_mass: Annotated[quantities.Mass | None, REFERENCES] = None
+    carried_mass_exponent: Annotated[quantities.Ratio, EXPONENTS] = 1.0
     stance_phases: tuple[str, ...] = ()
-    speed: Annotated[Speed | None, REFERENCES] = None
-    speed_exponent: Annotated[Ratio, EXPONENTS] = 0.0
-    height: Annotated[Length | None, REFERENCES] = None
-    height_exponent: Annotated[Ratio, EXPONENTS] = 0.0
-    hip_centre: Annotated[Angle, WIDE] = 0.0
+    speed: Annotated[quantities.Speed | None, REFERENCES] = None
+    speed_exponent: Annotated[quantities.Ratio, EXPONENTS] = 0.0
+    height: Annotated[quantities.Length | None, REFERENCES] = None
+    height_exponent: Annotated[quantities.Ratio, EXPONENTS] = 0.0
+    hip_centre: Annotated[quantities.Angle, WIDE] = 0.0
 
 
 SCALING_EXPONENTS = ("carried_mass_exponent", "speed_exponent", "height_exponent")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Waiver(Parameters):
+class Waiver(quantities.Parameters):
     """A warning of the check that the table lives with.
 
     Attributes:
@@ -245,26 +230,16 @@ class State(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class StateTable:
-    """The phases of a state machine and the transitions between them: of a leg, or of the supervisor.
+    """The phases of a state machine and the transitions between them: of a leg, or of the supervisor."""
 
-    Attributes:
-        name: What the table is called.
-        joints: Joint names, in the order of the parameter arrays.
-        phases: By name, in the order of the cycle; the machine begins in the first.
-        transitions: In order of priority: of several open exits the first listed wins.
-        description: What it is for and where its numbers come from.
-        waivers: Warnings of the check that the table lives with.
-        words: What its guards may read.
-    """
+    name: str  # what the table is called
+    joints: tuple[str, ...]  # joint names, in the order of the parameter arrays
+    phases: Mapping[str, State]  # by name, in the order of the cycle; the machine begins in the first
+    transitions: tuple[Transition, ...]  # in order of priority: of several open exits the first listed wins
+    description: str = ""  # what it is for and where its numbers come from
+    waivers: tuple[Waiver, ...] = ()  # warnings of the check that the table lives with
 
-    name: str
-    joints: tuple[str, ...]
-    phases: Mapping[str, State]
-    transitions: tuple[Transition, ...]
-    description: str = ""
-    waivers: tuple[Waiver, ...] = ()
-
-    words: ClassVar[GuardWords] = LEG_WORDS
+    words: ClassVar[GuardWords] = LEG_WORDS  # what its guards may read
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
@@ -375,23 +350,16 @@ class StateTable:
 
 @dataclass(frozen=True, kw_only=True)
 class GaitTable(StateTable):
-    """Per-phase impedances and transitions.
+    """Per-phase impedances and transitions."""
 
-    Attributes:
-        phases: Parameters per phase, in the order of the cycle.
-        blending: How parameters fade at a switch.
-        side_phases: Parameters that differ on one side (hemiparesis).
-        scaling: Laws that adapt the table.
-        cycles: Cycles of phases that are meant; empty for the phases in their order.
-        postures: Phases that a supervisor may send both legs into, :mod:`twin_gait.gait.modes`.
-    """
-
-    phases: Mapping[str, PhaseParameters]
-    blending: Blending = field(default_factory=Blending)
+    phases: Mapping[str, PhaseParameters]  # parameters per phase, in the order of the cycle
+    blending: Blending = field(default_factory=Blending)  # how parameters fade at a switch
+    # parameters that differ on one side (hemiparesis)
     side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
-    scaling: Scaling = field(default_factory=Scaling)
+    scaling: Scaling = field(default_factory=Scaling)  # laws that adapt the table
+    # cycles of phases that are meant; empty for the phases in their order
     cycles: tuple[tuple[str, ...], ...] = ()
-    postures: tuple[str, ...] = ()
+    postures: tuple[str, ...] = ()  # phases that a supervisor may send both legs into, modes
 
     def _check_phases(self) -> None:
         for mapping in (self.phases, *self.side_phases.values()):
@@ -426,6 +394,10 @@ class GaitTable(StateTable):
     def is_swing(self, phase: str) -> bool:
         """Whether a phase is meant to be in the air, by its name and by what ``scaling`` has in stance."""
         return "swing" in phase.lower() and phase not in (PRE_SWING, *self.scaling.stance_phases)
+
+    def blend_ticks(self, phase: PhaseParameters) -> int:
+        """Length of the fade into a phase in ticks, whatever its law."""
+        return self.blending.duration_ticks if phase.blending_ticks is None else phase.blending_ticks
 
     def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:
         """Parameters of one side, its own differences laid over the common ones."""

@@ -1,34 +1,17 @@
 """The joint test bench of the thesis as an identification sees it, and how its logs are processed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
 
-from twin_gait.parameters import ActuatorParameters
-from twin_gait.parameters.quantities import (
-    COUNT,
-    NOT_NEGATIVE,
-    POSITIVE,
-    Acceleration,
-    Angle,
-    AngularAcceleration,
-    AngularVelocity,
-    Frequency,
-    Inertia,
-    Length,
-    Mass,
-    Parameters,
-    Unit,
-)
+from twin_gait.parameters import ActuatorParameters, quantities
 from twin_gait.worlds import HORIZONTAL, LoadAngle
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchSetup(Parameters):
+class BenchSetup(quantities.Parameters):
     """Test bench of one joint (thesis 2.2.1).
 
     Attributes:
@@ -44,14 +27,14 @@ class BenchSetup(Parameters):
     """
 
     actuator: ActuatorParameters
-    mass: Annotated[Mass | None, NOT_NEGATIVE] = None
-    lever: Annotated[Length, POSITIVE] = 0.30
-    link_inertia: Annotated[Inertia, NOT_NEGATIVE] = 0.02
-    link_moment: Annotated[float, Unit("kgm"), NOT_NEGATIVE] = 0.0
-    start_angle: Angle | None = HORIZONTAL
+    mass: Annotated[quantities.Mass | None, quantities.NOT_NEGATIVE] = None
+    lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
+    link_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.02
+    link_moment: Annotated[float, quantities.Unit("kgm"), quantities.NOT_NEGATIVE] = 0.0
+    start_angle: quantities.Angle | None = HORIZONTAL
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
-    gravity: Acceleration = 9.81
+    gravity: quantities.Acceleration = 9.81
 
     def joint_angle(self, angle: np.ndarray) -> np.ndarray:
         """Logged angles, set so that the first one is the start angle, in [rad]."""
@@ -60,9 +43,7 @@ class BenchSetup(Parameters):
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
         """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
 
-        Args:
-            angle: Joint angle in [rad], shape ``(n,)``.
-            mass: On the link in [kg].
+        ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: on the link in [kg].
         """
         tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
         return np.asarray(self.gravity * (mass * self.lever + self.link_moment) * np.cos(tilt))
@@ -93,7 +74,7 @@ class CurrentSource(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProcessingOptions(Parameters):
+class ProcessingOptions(quantities.Parameters):
     """How to process logs.
 
     Attributes:
@@ -108,9 +89,9 @@ class ProcessingOptions(Parameters):
     """
 
     processing: Processing | None = None
-    cutoff: Annotated[Frequency, POSITIVE] = 40.0
-    window: Annotated[int, COUNT] = 10
+    cutoff: Annotated[quantities.Frequency, quantities.POSITIVE] = 40.0
+    window: Annotated[int, quantities.COUNT] = 10
     current: CurrentSource | None = None
-    standstill_velocity: Annotated[AngularVelocity | None, NOT_NEGATIVE] = None
-    impact_acceleration: Annotated[AngularAcceleration, POSITIVE] = 25.0
-    stop_margin: Annotated[Angle, NOT_NEGATIVE] = 0.01
+    standstill_velocity: Annotated[quantities.AngularVelocity | None, quantities.NOT_NEGATIVE] = None
+    impact_acceleration: Annotated[quantities.AngularAcceleration, quantities.POSITIVE] = 25.0
+    stop_margin: Annotated[quantities.Angle, quantities.NOT_NEGATIVE] = 0.01

@@ -6,8 +6,6 @@ Gauss-Newton step with the normal equations of the tests drawn. This one-step bo
 and agrees with full fits as far as the law is linear over the interval.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

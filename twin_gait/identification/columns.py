@@ -1,7 +1,5 @@
 """Which column of a log holds what: the names that quantities go by, and the units that are understood."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

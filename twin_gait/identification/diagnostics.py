@@ -1,7 +1,5 @@
 """What a reader of an identification must be warned about."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures of an identification: friction over speed with the best laws, and where the residuals go."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ polished on part of the samples by :func:`scipy.optimize.least_squares` (trust r
 on all of them by :mod:`twin_gait.identification.refining`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -106,16 +104,11 @@ def _scale(scale: Scale, samples: Samples) -> float:
 
 
 def fit_model(
-    model: FrictionModel,
-    samples: Samples,
-    options: FitOptions,
-    *,
-    seeds: Sequence[np.ndarray] = (),
+    model: FrictionModel, samples: Samples, options: FitOptions, *, seeds: Sequence[np.ndarray] = ()
 ) -> Fit:
     """Fit a model to samples with every column that it needs.
 
-    Args:
-        seeds: Further starts beside the many: the fits of simpler models.
+    ``seeds``: further starts beside the many: the fits of simpler models.
     """
     full = rows_of(model, samples)
     low, high = bounds(model, full, physical=options.physical)

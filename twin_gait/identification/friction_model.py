@@ -5,8 +5,6 @@ exponents, ratios: its *shape*) are held. A fit works on the vector ``x``: the l
 logarithms of the shape, which keeps velocities positive and gives the sign-normal form.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum

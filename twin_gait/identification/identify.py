@@ -1,7 +1,5 @@
 """Identify friction: logs in, models out, best first."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -86,9 +84,8 @@ def identify_logs(
 ) -> Identification:
     """Read, process and identify logs, one file a test; ``progress`` hears the steps done and their number.
 
-    Raises:
-        ParameterFileError: If a file cannot be used.
-        ParameterError: If an option is wrong or too little is left to fit.
+    Raises ParameterFileError if a file cannot be used. Raises ParameterError if an option is wrong or too
+    little is left to fit.
     """
     if not paths:
         raise ParameterError("logs: expected at least one file")

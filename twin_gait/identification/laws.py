@@ -5,8 +5,6 @@ bristles as ratios to it, so that each law is linear in its coefficients. The la
 what is reported.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache
@@ -199,12 +197,9 @@ def bristle_deflection(
     The velocity holds from the sample before to the sample. A test starts with straight bristles; what is
     left of another start is :func:`remembered_start`.
 
-    Args:
-        velocity: In [rad] / [s], shape ``(n,)`` as the next three.
-        period: Since the sample before in [s].
-        fresh: Where a test starts; true at the first sample.
-        level: g of :func:`twin_gait.core.friction_models.bristle_rate` in [N m].
-        stiffness: σ0 in [N m] / [rad].
+    ``velocity``: in [rad] / [s], shape ``(n,)`` as the next three. ``period``: since the sample before in
+    [s]. ``fresh``: where a test starts; true at the first sample. ``level``: g of
+    :func:`twin_gait.core.friction_models.bristle_rate` in [N m]. ``stiffness``: σ0 in [N m] / [rad].
     """
     return np.asarray(_loop()(velocity, period, fresh, level, stiffness))
 

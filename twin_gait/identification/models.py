@@ -1,7 +1,5 @@
 """The friction models that can be fitted, by name, which of them samples can tell, and their starts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

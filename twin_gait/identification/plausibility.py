@@ -1,7 +1,5 @@
 """Rows and columns that cannot be used: empty cells, disordered times, other units, missing-value marks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """From a log to samples of speed and friction torque (thesis 2.3.1, 2.3.2 and 3.1)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -51,8 +49,7 @@ class _Motion:
 def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) -> FrictionTest:
     """Turn a log into samples of friction torque; without a bench only friction torques are expected.
 
-    Raises:
-        ParameterFileError: If the log lacks what is needed, or cannot be what it is read as.
+    Raises ParameterFileError if the log lacks what is needed, or cannot be what it is read as.
     """
     log, counts, notes = clean(log, joint_known=bench is not None)
     if Quantity.FRICTION_TORQUE in log.columns:

@@ -1,7 +1,5 @@
 """Read logs and series of measurements: any text table, any column names, units declared or by name."""
 
-from __future__ import annotations
-
 import csv
 import re
 import warnings
@@ -57,8 +55,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on. Columns
     with a known name are found without being named in ``columns``.
 
-    Raises:
-        ParameterFileError: If the file cannot be read as numbers; one line with file, column and row.
+    Raises ParameterFileError if the file cannot be read as numbers; one line with file, column and row.
     """
     columns = columns or LogColumns()
     layout = _layout(path, set(columns.names.values()))

@@ -4,8 +4,6 @@ A warm start of thousands of samples and a handful of parameters suits normal eq
 of the time of a general solver; cross-validation does this hundreds of times.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

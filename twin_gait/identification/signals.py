@@ -5,8 +5,6 @@ the way to the end of the range, where the balance of torques becomes larger tha
 speeds, by more than a wrong inertia could explain.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
@@ -17,10 +15,8 @@ ORDER = 2  # of the Butterworth filter; run forwards and backwards it acts twice
 def zero_phase(values: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
     """Low-pass filter without delay: Butterworth, forwards and backwards, of evenly sampled values.
 
-    Args:
-        values: Shape ``(n,)``.
-        cutoff: Of one pass in [Hz]; half the amplitude is left there.
-        rate: Samples per second in [Hz], above twice the cutoff.
+    ``values``: shape ``(n,)``. ``cutoff``: of one pass in [Hz]; half the amplitude is left there. ``rate``:
+    samples per second in [Hz], above twice the cutoff.
     """
     sections = butter(ORDER, cutoff, fs=rate, output="sos")
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
@@ -63,12 +59,9 @@ def hard_stop(
 ) -> np.ndarray:
     """Mask of samples around an impact, and wherever the joint is as far as it was then, shape ``(n,)``.
 
-    Args:
-        angle: In [rad], shape ``(n,)``.
-        acceleration: Its size in [rad] / [s²], shape ``(n,)``.
-        limit: Beyond it the link has hit something.
-        window: Samples over which the direction of motion is taken.
-        margin: Samples so near to where the stop was hit count too, in [rad].
+    ``angle``: in [rad], shape ``(n,)``. ``acceleration``: its size in [rad] / [s²], shape ``(n,)``.
+    ``limit``: beyond it the link has hit something. ``window``: samples over which the direction of motion is
+    taken. ``margin``: samples so near to where the stop was hit count too, in [rad].
     """
     hit = acceleration > limit
     around = widened(hit, max(reach, window))
@@ -84,12 +77,9 @@ def soft_stop(
 ) -> np.ndarray:
     """Mask of samples at which a spring brakes the joint at an end of its range, shape ``(n,)``.
 
-    Args:
-        angle: In [rad], shape ``(n,)``.
-        velocity: In [rad] / [s].
-        torque: Balance of torques without the stop in [N m].
-        inertial: What inertia takes of it in [N m].
-        margin: As far before the contact count too, in [rad].
+    ``angle``: in [rad], shape ``(n,)``. ``velocity``: in [rad] / [s]. ``torque``: balance of torques without
+    the stop in [N m]. ``inertial``: what inertia takes of it in [N m]. ``margin``: as far before the contact
+    count too, in [rad].
     """
     stopped = np.zeros(len(angle), dtype=bool)
     for direction in (1.0, -1.0):

@@ -1,7 +1,5 @@
 """How well a fitted law describes its samples, and how well it predicts tests that it was not fitted to."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

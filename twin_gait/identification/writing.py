@@ -1,7 +1,5 @@
 """What an identification leaves behind: the document, parameter files, samples and figures in a folder."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math
@@ -13,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
@@ -21,14 +20,6 @@ from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.bootstrap import DRAWS, LEVEL
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
-from twin_gait.parameters import (
-    HIP_FRICTION,
-    KNEE_FRICTION,
-    AsymmetricFriction,
-    FrictionLaw,
-    FrictionParameters,
-    LuGreFriction,
-)
 from twin_gait.report.canvas import readable
 from twin_gait.report.pages import figures_page, picture_of
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -43,18 +34,21 @@ SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _DIGITS = 10
 _LISTED_SAMPLES = 100_000
-_TABLE: Mapping[JointName, FrictionLaw] = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
+_TABLE: Mapping[JointName, parameters.FrictionLaw] = {
+    JointName.HIP: parameters.HIP_FRICTION,
+    JointName.KNEE: parameters.KNEE_FRICTION,
+}
 # Models that a simulation takes, with the law whose keys are their parameters.
-PARAMETER_FILES: Mapping[str, Mapping[str, type[FrictionLaw]]] = {
+PARAMETER_FILES: Mapping[str, Mapping[str, type[parameters.FrictionLaw]]] = {
     PLANT_FILE: {
-        "rotational": FrictionParameters,
-        "asymmetric": AsymmetricFriction,
-        "asymmetric_stribeck": AsymmetricFriction,
-        "dahl": LuGreFriction,
-        "lugre": LuGreFriction,
-        "lugre_asymmetric": LuGreFriction,
+        "rotational": parameters.FrictionParameters,
+        "asymmetric": parameters.AsymmetricFriction,
+        "asymmetric_stribeck": parameters.AsymmetricFriction,
+        "dahl": parameters.LuGreFriction,
+        "lugre": parameters.LuGreFriction,
+        "lugre_asymmetric": parameters.LuGreFriction,
     },
-    COMPENSATOR_FILE: {"rotational": FrictionParameters},
+    COMPENSATOR_FILE: {"rotational": parameters.FrictionParameters},
 }
 
 
@@ -194,12 +188,12 @@ def _samples_csv(result: Identification) -> str:
     return table.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 
-def _parameter_laws(result: Identification) -> dict[str, tuple[str, FrictionLaw]]:
+def _parameter_laws(result: Identification) -> dict[str, tuple[str, parameters.FrictionLaw]]:
     """Model and law of each parameter file: the best that its reader knows and that takes no power back.
 
     The plant takes static laws and bristles, the compensator the firmware's law alone.
     """
-    found: dict[str, tuple[str, FrictionLaw]] = {}
+    found: dict[str, tuple[str, parameters.FrictionLaw]] = {}
     for item in result.models:
         for file, entries in PARAMETER_FILES.items():
             if file not in found and item.name in entries:
@@ -209,7 +203,7 @@ def _parameter_laws(result: Identification) -> dict[str, tuple[str, FrictionLaw]
     return found
 
 
-def _parameter_file(file: str, law: FrictionLaw, model: str, joint: JointName) -> str:
+def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: JointName) -> str:
     """An experiment with the law in the plant or in the compensator.
 
     The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.

@@ -1,7 +1,5 @@
 """From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -9,20 +7,10 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
+from twin_gait.leg_model import wearer
 from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
 from twin_gait.leg_model.joints import ALL_GUIDES, GUIDES, LegJoints
 from twin_gait.leg_model.urdf import build_model
-from twin_gait.leg_model.wearer import (
-    DRAWN_FOOT,
-    TRUNK_CENTRE_OF_MASS,
-    TRUNK_LENGTH,
-    TRUNK_RADIUS_OF_GYRATION,
-    DeviceSizes,
-    foot_line,
-    segment_inertia,
-    segments_of,
-    trunk_mass,
-)
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
@@ -39,13 +27,9 @@ class Assembly:
     def __init__(self, path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> None:
         """Read a URDF and lock the joints that are not asked for.
 
-        Args:
-            legs: Joint names of each leg; a minus in front turns a joint round.
-            pelvis: How it is held.
-            up_axis: ``"z"`` or ``"y"``.
-
-        Raises:
-            ModelError: If the URDF cannot be read or lacks a joint or frame.
+        ``legs``: joint names of each leg; a minus in front turns a joint round. ``pelvis``: how it is held.
+        ``up_axis``: ``"z"`` or ``"y"``. Raises ModelError if the URDF cannot be read or lacks a joint or
+        frame.
         """
         self._path, self._pelvis, self._up_axis = path, pelvis, up_axis
         model = self._read()
@@ -57,15 +41,14 @@ class Assembly:
         if turned:
             self.model = self._lock_other_joints(self._read(turned))
 
-    def fit(self, sizes: DeviceSizes) -> None:
+    def fit(self, sizes: wearer.DeviceSizes) -> None:
         """Set femur, tibia, waist and foot: places of joints and soles, and the device's own inertia.
 
         The mass of a link stays; its centre of mass along the tube moves with the length and its
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
         from the ankle in the same proportion.
 
-        Raises:
-            ModelError: If two joints coincide, so that there is no tube between them.
+        Raises ModelError if two joints coincide, so that there is no tube between them.
         """
         for leg in self.legs.values():
             placements = self.model.jointPlacements
@@ -79,7 +62,7 @@ class Assembly:
             if leg.ankle is not None:
                 ankle = self._id(leg.ankle)
                 self._stretch(knee, ankle, sizes.tibia)
-                self._grow_foot(ankle, sizes.foot / DRAWN_FOOT)
+                self._grow_foot(ankle, sizes.foot / wearer.DRAWN_FOOT)
 
     def take_device_away(self) -> None:
         """Leave the joints where they are, and the links without mass."""
@@ -89,10 +72,9 @@ class Assembly:
     def put_on(self, patient: Patient) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
-        Raises:
-            ModelError: If hip and knee coincide, so that there is no thigh between them.
+        Raises ModelError if hip and knee coincide, so that there is no thigh between them.
         """
-        segments = segments_of(patient)
+        segments = wearer.segments_of(patient)
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
@@ -100,32 +82,27 @@ class Assembly:
                 raise ModelError(
                     f"{self._path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
                 )
-            self._append(hip, *segment_inertia(segments["thigh"], patient.mass, thigh))
+            self._append(hip, *wearer.segment_inertia(segments["thigh"], patient.mass, thigh))
             if leg.ankle is None:
                 down = thigh / np.linalg.norm(thigh)
                 shank = SHANK_LENGTH * patient.height * down
-                self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
+                self._append(knee, *wearer.segment_inertia(segments["shank"], patient.mass, shank))
                 continue
             ankle = self._id(leg.ankle)
             shank = self.model.jointPlacements[ankle].translation.copy()
-            self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
+            self._append(knee, *wearer.segment_inertia(segments["shank"], patient.mass, shank))
             self._append_foot(ankle, patient)
         if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
     def set_gravity(self, gravity: float) -> None:
-        """Let gravity pull down.
-
-        Args:
-            gravity: Its magnitude in [m] / [s²].
-        """
+        """Let gravity of a magnitude in [m] / [s²] pull down."""
         self.model.gravity.linear = -gravity * self._up()
 
     def set_armature(self, armature: Mapping[JointName, float]) -> None:
         """Set the inertia of rotors and gears at the joints.
 
-        Args:
-            armature: Per joint name in [kg m²]; 0 if absent.
+        ``armature``: per joint name in [kg m²]; 0 if absent.
         """
         values = np.zeros(self.model.nv)
         for leg in self.legs.values():
@@ -203,18 +180,23 @@ class Assembly:
 
     def _append_foot(self, ankle: int, patient: Patient) -> None:
         forward_and_up = np.array([FORWARD, self._up()])
-        start, axis = (vector @ forward_and_up for vector in foot_line(patient))
-        mass, from_start, inertia = segment_inertia(segments_of(patient)["foot"], patient.mass, axis)
+        start, axis = (vector @ forward_and_up for vector in wearer.foot_line(patient))
+        mass, from_start, inertia = wearer.segment_inertia(
+            wearer.segments_of(patient)["foot"], patient.mass, axis
+        )
         self._append(ankle, mass, start + from_start, inertia)
 
     def _append_trunk(self, patient: Patient) -> None:
-        mass = trunk_mass(patient)
-        length = TRUNK_LENGTH * patient.height
-        radius = TRUNK_RADIUS_OF_GYRATION * length
+        mass = wearer.trunk_mass(patient)
+        length = wearer.TRUNK_LENGTH * patient.height
+        radius = wearer.TRUNK_RADIUS_OF_GYRATION * length
         along = np.outer(self._up(), self._up())
         inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
         self._append(
-            self._id(GUIDES[self._pelvis][-1]), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia
+            self._id(GUIDES[self._pelvis][-1]),
+            mass,
+            wearer.TRUNK_CENTRE_OF_MASS * length * self._up(),
+            inertia,
         )
 
     def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:

@@ -1,7 +1,5 @@
 """Which way the joints of a URDF turn, and joints that turn the other way."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Collection, Mapping
@@ -33,8 +31,7 @@ class ReversedJointWarning(UserWarning):
 def plain_names(legs: Mapping[Side, LegJoints], known: Collection[str]) -> dict[Side, LegJoints]:
     """Joint names without the sign in front of them.
 
-    Args:
-        known: Joints of the URDF; a name that begins with a sign there keeps it.
+    ``known``: joints of the URDF; a name that begins with a sign there keeps it.
     """
 
     def plain(name: str) -> str:
@@ -59,10 +56,8 @@ def reversed_joints(
     A minus in front of a name says that it has to, a plus that it has not. Without a sign the joint's axis at
     zero posture decides, and a warning says so.
 
-    Args:
-        path: Of the URDF, for messages.
-        model: As the URDF has it, x forward.
-        up: Unit vector that points up, shape ``(3,)``.
+    ``path``: of the URDF, for messages. ``model``: as the URDF has it, x forward. ``up``: unit vector that
+    points up, shape ``(3,)``.
     """
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))

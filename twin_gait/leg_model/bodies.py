@@ -1,7 +1,5 @@
 """A rigid-body model as plain numbers, for engines that do not know Pinocchio."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,41 +13,24 @@ _ROUNDING = 1e-13
 
 
 class BodyArrays(NamedTuple):
-    """One body and the joint that carries it; entries are numbers, or symbols while a kernel is traced.
+    """One body and the joint that carries it; entries are numbers, or symbols while a kernel is traced."""
 
-    Attributes:
-        parent: Index of the parent body, -1 for the world.
-        prismatic: Whether the joint slides instead of turning.
-        axis: Of the joint, in its own frame, shape ``(3,)``.
-        rotation: Of the joint frame in the parent frame at zero, shape ``(3, 3)``.
-        position: Of the joint frame in the parent frame in [m], shape ``(3,)``.
-        mass: In [kg].
-        first_moment: Mass times centre of mass in the joint frame in [kg m], shape ``(3,)``.
-        inertia: About the joint frame's origin in [kg m²], shape ``(3, 3)``.
-        armature: Inertia of the rotor at the joint.
-    """
-
-    parent: int
-    prismatic: bool
-    axis: Any
-    rotation: Any
-    position: Any
-    mass: Any
-    first_moment: Any
-    inertia: Any
-    armature: Any
+    parent: int  # index of the parent body, -1 for the world
+    prismatic: bool  # whether the joint slides instead of turning
+    axis: Any  # of the joint, in its own frame, shape ``(3,)``
+    rotation: Any  # of the joint frame in the parent frame at zero, shape ``(3, 3)``
+    position: Any  # of the joint frame in the parent frame in [m], shape ``(3,)``
+    mass: Any  # in [kg]
+    first_moment: Any  # mass times centre of mass in the joint frame in [kg m], shape ``(3,)``
+    inertia: Any  # about the joint frame's origin in [kg m²], shape ``(3, 3)``
+    armature: Any  # inertia of the rotor at the joint
 
 
 class ContactPoint(NamedTuple):
-    """A point of a body that may touch the ground.
+    """A point of a body that may touch the ground."""
 
-    Attributes:
-        body: Index of the body.
-        position: In the body's joint frame in [m], shape ``(3,)``.
-    """
-
-    body: int
-    position: Any
+    body: int  # index of the body
+    position: Any  # in the body's joint frame in [m], shape ``(3,)``
 
 
 def export_bodies(model: pin.Model) -> list[BodyArrays]:
@@ -57,11 +38,8 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
 
     A continuous joint counts with its angle, where Pinocchio has cosine and sine.
 
-    Returns:
-        Bodies in the order of the joints, so that ``q[i]`` moves body ``i``.
-
-    Raises:
-        ModelError: If a joint has more than one degree of freedom or is a helical or mimic joint.
+    Returns bodies in the order of the joints, so that ``q[i]`` moves body ``i``. Raises ModelError if a joint
+    has more than one degree of freedom or is a helical or mimic joint.
     """
     bodies = []
     for index in range(1, model.njoints):

@@ -52,9 +52,7 @@ class LegJoints(Parameters):
     def of_twin(cls, side: Side, *, foot: bool = True) -> LegJoints:
         """Names in the URDFs of this project.
 
-        Args:
-            side: Which leg.
-            foot: Whether the URDF has an ankle and a foot.
+        ``side``: which leg. ``foot``: whether the URDF has an ankle and a foot.
         """
         return cls(
             hip=f"{side}_hip",

@@ -2,10 +2,9 @@
 
 Conventions: joint angles in [rad] with hip flexion, knee flexion and ankle dorsiflexion positive (joints
 that a user's URDF counts the other way are turned round, see :mod:`twin_gait.leg_model.axes`); all joints
-have one degree of freedom, so ``q`` and ``v`` have the same length; torques act on the joints.
+have one degree of freedom, so ``q`` and ``v`` and all that is returned have shape ``(nv,)`` unless said;
+torques act on the joints.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Mapping
@@ -15,15 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError, ParameterError
+from twin_gait.leg_model import joints
 from twin_gait.leg_model.assembly import Assembly
-from twin_gait.leg_model.joints import (
-    FORWARD_JOINT,
-    GUIDES,
-    PELVIS_JOINT,
-    PITCH_JOINT,
-    Bodies,
-    LegJoints,
-)
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
@@ -44,7 +36,7 @@ class LegModel:
     def __init__(
         self,
         urdf: str | Path,
-        legs: Mapping[Side, LegJoints],
+        legs: Mapping[Side, joints.LegJoints],
         *,
         patient: Patient | None = None,
         fit_device: bool = True,
@@ -52,7 +44,7 @@ class LegModel:
         armature: Mapping[JointName, float] | None = None,
         gravity: float = 9.81,
         up_axis: str = "z",
-        bodies: Bodies = Bodies.BOTH,
+        bodies: joints.Bodies = joints.Bodies.BOTH,
     ) -> None:
         """Build the model.
 
@@ -87,19 +79,17 @@ class LegModel:
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
             assembly.fit(self.sizes)
-        if patient is not None and bodies is Bodies.WEARER:
+        if patient is not None and bodies is joints.Bodies.WEARER:
             assembly.take_device_away()
-        if patient is not None and bodies is not Bodies.DEVICE:
+        if patient is not None and bodies is not joints.Bodies.DEVICE:
             assembly.put_on(patient)
         assembly.set_gravity(gravity)
-        assembly.set_armature({} if bodies is Bodies.WEARER else armature or {})
+        assembly.set_armature({} if bodies is joints.Bodies.WEARER else armature or {})
         self.model = assembly.model
         self.data = self.model.createData()
 
     def _joint_id(self, name: str) -> int:
         return int(self.model.getJointId(name))
-
-    # ------------------------------------------------------------------ indices
 
     @property
     def nv(self) -> int:
@@ -112,18 +102,7 @@ class LegModel:
         return tuple(self.legs)
 
     def index(self, side: Side, joint: JointName) -> int:
-        """Position of a joint in ``q``, ``v`` and ``tau``.
-
-        Args:
-            side: Which leg.
-            joint: Which joint.
-
-        Returns:
-            Index.
-
-        Raises:
-            ModelError: If the leg has no such joint.
-        """
+        """Position of a joint in ``q``, ``v`` and ``tau``; a ModelError if the leg has no such joint."""
         if side not in self.legs:
             raise ModelError(f"{self.urdf_path}: the model has no {side} leg; it has {', '.join(self.legs)}")
         for name, urdf_name in self.legs[side].items():
@@ -134,27 +113,27 @@ class LegModel:
     @property
     def pelvis_index(self) -> int | None:
         """Position of the vertical pelvis coordinate, or None if the pelvis is fixed."""
-        return self._guide_index(PELVIS_JOINT)
+        return self._guide_index(joints.PELVIS_JOINT)
 
     @property
     def forward_index(self) -> int | None:
         """Position of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards."""
-        return self._guide_index(FORWARD_JOINT)
+        return self._guide_index(joints.FORWARD_JOINT)
 
     @property
     def pitch_index(self) -> int | None:
         """Position of the pitch of pelvis and trunk, forwards positive, or None if the pelvis is guided."""
-        return self._guide_index(PITCH_JOINT)
+        return self._guide_index(joints.PITCH_JOINT)
 
     def _guide_index(self, name: str) -> int | None:
-        if name not in GUIDES[self.pelvis]:
+        if name not in joints.GUIDES[self.pelvis]:
             return None
         return int(self.model.joints[self._joint_id(name)].idx_v)
 
     @property
     def trunk_joint(self) -> str | None:
         """Name of the joint that carries pelvis and trunk, or None if the pelvis is fixed."""
-        guides = GUIDES[self.pelvis]
+        guides = joints.GUIDES[self.pelvis]
         return guides[-1] if guides else None
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
@@ -167,40 +146,16 @@ class LegModel:
         """Mass of all links, wearer included, in [kg]."""
         return float(sum(body.mass for body in self.model.inertias))
 
-    # ------------------------------------------------------------------ physics
-
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
-        """Torques that hold the posture against gravity, in [N m] ([N] at the pelvis).
-
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-
-        Returns:
-            :math:`g(q)`, shape ``(nv,)``; add it to compensate gravity.
-        """
+        """Torques :math:`g(q)` that hold the posture against gravity, in [N m] ([N] at the pelvis)."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """Joint-space inertia with armature, in [kg m²].
-
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-
-        Returns:
-            :math:`M(q)`, shape ``(nv, nv)``, symmetric.
-        """
+        """Joint-space inertia :math:`M(q)` with armature, in [kg m²], shape ``(nv, nv)``, symmetric."""
         return np.array(pin.crba(self.model, self.data, q))
 
     def inertia_torque(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        r"""Torques that accelerate the joints: :math:`M(q)\,\ddot q`, armature included.
-
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            a: Joint accelerations in [rad] / [s²], shape ``(nv,)``.
-
-        Returns:
-            Torques in [N m], shape ``(nv,)``.
-        """
+        r"""Torques in [N m] that accelerate the joints: :math:`M(q)\,\ddot q`, armature included."""
         return np.asarray(self.mass_matrix(q) @ a)
 
     def effective_inertia(self, q: np.ndarray, index: int) -> float:
@@ -208,41 +163,15 @@ class LegModel:
         return float(self.mass_matrix(q)[index, index])
 
     def nonlinear_effects(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        r"""Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m].
-
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            v: Joint velocities in [rad] / [s], shape ``(nv,)``.
-
-        Returns:
-            Shape ``(nv,)``.
-        """
+        r"""Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m]."""
         return np.array(pin.nonLinearEffects(self.model, self.data, q, v))
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Torques that give an acceleration, armature included (recursive Newton-Euler).
-
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            v: Joint velocities, shape ``(nv,)``.
-            a: Joint accelerations, shape ``(nv,)``.
-
-        Returns:
-            Torques in [N m], shape ``(nv,)``.
-        """
+        """Torques in [N m] that give an acceleration, armature included (recursive Newton-Euler)."""
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
     def forward_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Joint accelerations under torques (articulated-body algorithm).
-
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            v: Joint velocities, shape ``(nv,)``.
-            tau: Joint torques in [N m], shape ``(nv,)``.
-
-        Returns:
-            Accelerations in [rad] / [s²], shape ``(nv,)``.
-        """
+        """Joint accelerations in [rad] / [s²] under torques (articulated-body algorithm)."""
         return np.asarray(pin.aba(self.model, self.data, q, v, tau))
 
     def kinetic_energy(self, q: np.ndarray, v: np.ndarray) -> float:
@@ -254,18 +183,7 @@ class LegModel:
         return float(pin.computePotentialEnergy(self.model, self.data, q))
 
     def frame_position(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Position of a frame in the world in [m].
-
-        Args:
-            q: Joint angles, shape ``(nv,)``.
-            frame: Name of a frame of the URDF.
-
-        Returns:
-            Shape ``(3,)``.
-
-        Raises:
-            ModelError: If there is no such frame.
-        """
+        """Position of a frame in the world in [m], shape ``(3,)``; a ModelError if there is none."""
         if not self.model.existFrame(frame):
             known = ", ".join(item.name for item in self.model.frames)
             raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")

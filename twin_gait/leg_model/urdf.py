@@ -1,7 +1,5 @@
 """Find and read URDF files, with errors that help."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io
@@ -28,14 +26,8 @@ PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf")
 def packaged_urdf(name: str) -> Path:
     """Path of a URDF that ships with the package, installed or in a checkout.
 
-    Args:
-        name: File name, for example ``twin.urdf``.
-
-    Returns:
-        Path of the file.
-
-    Raises:
-        ModelError: If there is no such file.
+    ``name``: file name, for example ``twin.urdf``. Returns path of the file. Raises ModelError if there is no
+    such file.
     """
     path = shipped_file(name)
     if path is None:
@@ -46,11 +38,8 @@ def packaged_urdf(name: str) -> Path:
 def find_urdf(path_or_name: str | Path) -> Path:
     """Resolve a path, or the bare name of a packaged URDF.
 
-    Args:
-        path_or_name: Path of a file, or for example ``twin.urdf``.
-
-    Raises:
-        ModelError: If there is no such file.
+    ``path_or_name``: path of a file, or for example ``twin.urdf``. Raises ModelError if there is no such
+    file.
     """
     path = Path(path_or_name).expanduser()
     if path.is_file():
@@ -66,8 +55,7 @@ def read_urdf(path: Path) -> str:
     Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine). Every law here acts on
     one angle, so such joints become revolute ones without limits.
 
-    Raises:
-        ModelError: If the file cannot be read or is not a URDF.
+    Raises ModelError if the file cannot be read or is not a URDF.
     """
     try:
         return _checked_text(path, path.read_text(encoding="utf-8"))
@@ -146,18 +134,13 @@ def urdf_hash(path: Path) -> str:
 
 
 def build_model(
-    path: Path,
-    root_joints: Sequence[tuple[pin.JointModel, str]] = (),
-    reversed_joints: Collection[str] = (),
+    path: Path, root_joints: Sequence[tuple[pin.JointModel, str]] = (), reversed_joints: Collection[str] = ()
 ) -> pin.Model:
     """Build a Pinocchio model of a URDF file.
 
-    Args:
-        root_joints: Joints between world and root link with their names; none fixes the root link.
-        reversed_joints: Joints whose angle is counted the other way than in the file.
-
-    Raises:
-        ModelError: If Pinocchio refuses the file.
+    ``root_joints``: joints between world and root link with their names; none fixes the root link.
+    ``reversed_joints``: joints whose angle is counted the other way than in the file. Raises ModelError if
+    Pinocchio refuses the file.
     """
     text = read_urdf(path)
     if reversed_joints:

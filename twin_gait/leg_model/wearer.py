@@ -1,7 +1,5 @@
 """Body segments of the wearer and the sizes of the device that fit them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -40,19 +38,12 @@ DRAWN_FOOT = FOOT_LENGTH * 1.75
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """Body segment as shares of body mass and segment length.
+    """Body segment as shares of body mass and segment length."""
 
-    Attributes:
-        mass: Share of the body mass.
-        centre_of_mass: Distance from the proximal end, share of the segment length.
-        transverse_radius: Radius of gyration about the medio-lateral axis, share of the length.
-        longitudinal_radius: Radius of gyration about the long axis, share of the length.
-    """
-
-    mass: float
-    centre_of_mass: float
-    transverse_radius: float
-    longitudinal_radius: float
+    mass: float  # share of the body mass
+    centre_of_mass: float  # distance from the proximal end, share of the segment length
+    transverse_radius: float  # radius of gyration about the medio-lateral axis, share of the length
+    longitudinal_radius: float  # radius of gyration about the long axis, share of the length
 
 
 # de Leva (1996), J Biomech 29(9), table 4: thigh HJC-KJC, shank KJC-AJC, foot HEEL-TTIP.
@@ -117,19 +108,13 @@ def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceSizes:
-    """Sizes that the device is set to.
+    """Sizes that the device is set to."""
 
-    Attributes:
-        femur: Distance from hip to knee in [m], one of ``FEMUR_SIZES``.
-        tibia: Distance from knee to ankle in [m].
-        waist: Distance between the hips in [m], one of ``WAIST_SIZES``.
-        foot: Length of the wearer's foot in [m]; the foot plate is as much larger than drawn as it is longer
-            than ``DRAWN_FOOT``.
-    """
-
-    femur: float
-    tibia: float
-    waist: float
+    femur: float  # distance from hip to knee in [m], one of ``FEMUR_SIZES``
+    tibia: float  # distance from knee to ankle in [m]
+    waist: float  # distance between the hips in [m], one of ``WAIST_SIZES``
+    # length of the wearer's foot in [m]; the foot plate is as much larger than drawn as it is longer than
+    # ``DRAWN_FOOT``
     foot: float
 
 
@@ -140,14 +125,8 @@ def device_sizes(patient: Patient) -> DeviceSizes:
     the foot plate made for the foot. The joints of wearer and device are taken as aligned: what is left
     (at most 1 cm at the femur) is neglected.
 
-    Args:
-        patient: The wearer.
-
-    Returns:
-        The sizes.
-
-    Raises:
-        ParameterError: If the shank is outside the range of the tibia.
+    ``patient``: the wearer. Returns the sizes. Raises ParameterError if the shank is outside the range of the
+    tibia.
     """
     tibia = SHANK_LENGTH * patient.height
     fits = TIBIA_RANGE[0] <= tibia <= TIBIA_RANGE[1]
@@ -167,13 +146,9 @@ def segment_inertia(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, centre of mass and rotational inertia of a limb segment.
 
-    Args:
-        body_mass: In [kg].
-        axis: From the proximal to the distal joint in [m], shape ``(3,)``.
-
-    Returns:
-        Mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia
-        about the centre of mass in [kg m²], shape ``(3, 3)``.
+    ``body_mass``: in [kg]. ``axis``: from the proximal to the distal joint in [m], shape ``(3,)``. Returns
+    mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia about the centre
+    of mass in [kg m²], shape ``(3, 3)``.
     """
     mass = segment.mass * body_mass
     length = float(np.linalg.norm(axis))

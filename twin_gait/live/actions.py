@@ -5,15 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from twin_gait.live.protocol import (
-    Action,
-    ActionSpec,
-    Control,
-    ControlKind,
-    DoAction,
-    MessageRefused,
-    Value,
-)
+from twin_gait.live.protocol import Action, ActionSpec, Control, ControlKind, DoAction, MessageRefused, Value
 from twin_gait.live.protocol.to_page import checked
 from twin_gait.simulation.problem import Problem
 from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
@@ -105,8 +97,7 @@ class Actions:
     def values_of(self, message: DoAction) -> dict[str, Value]:
         """Values of an action's fields, those left out as they begin.
 
-        Raises:
-            MessageRefused: If a value is unknown or out of its range.
+        Raises MessageRefused if a value is unknown or out of its range.
         """
         spec = next((item for item in self.specs() if item.action is message.action), None)
         if spec is None:
@@ -121,8 +112,7 @@ class Actions:
     def fault_of(self, values: dict[str, Value]) -> Fault:
         """The fault that the fields of the action ask for.
 
-        Raises:
-            ParameterError: If kind, place and size do not fit together.
+        Raises ParameterError if kind, place and size do not fit together.
         """
         place, size = (str(values[name]).strip() for name in ("place", "size"))
         written = f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
@@ -141,13 +131,7 @@ def _text(name: str, label: str, action: Action, value: str, text: str) -> Contr
 
 
 def _number(
-    name: str,
-    label: str,
-    action: Action,
-    value: float,
-    unit: str,
-    bounds: tuple[float, float],
-    step: float,
+    name: str, label: str, action: Action, value: float, unit: str, bounds: tuple[float, float], step: float
 ) -> Control:
     least, largest = bounds
     return _field(

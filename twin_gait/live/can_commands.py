@@ -17,14 +17,10 @@ MODE = "mode"
 
 
 class Wish(NamedTuple):
-    """What a frame asks of a control.
+    """What a frame asks of a control."""
 
-    Attributes:
-        value: In the unit of the control.
-        tolerance: Half a step of the signal in that unit: numbers that close are the same on the bus.
-    """
-
-    value: Value
+    value: Value  # in the unit of the control
+    # half a step of the signal in that unit: numbers that close are the same on the bus
     tolerance: float = 0.0
 
 
@@ -39,14 +35,8 @@ def commands_of(messages: Mapping[str, Message]) -> dict[int, Message]:
 def wishes_of(message: Message, data: bytes) -> Wishes:
     """Read a command.
 
-    Args:
-        data: Of the frame.
-
-    Returns:
-        What it asks for by the name of the control; a signal that says that there is no number asks nothing.
-
-    Raises:
-        MessageRefused: If the frame has another length.
+    Returns what it asks for by the name of the control; a signal that says that there is no number asks
+    nothing. Raises MessageRefused if the frame has another length.
     """
     if len(data) != message.length:
         raise MessageRefused(f"{message.name}: expected {message.length} bytes, got {len(data)}")

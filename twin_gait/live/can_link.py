@@ -43,13 +43,10 @@ MOST_NOTES = 20  # that a session tells of its bus
 def open_bus(name: str) -> can.BusABC:
     """Open a bus of python-can.
 
-    Args:
-        name: ``INTERFACE:CHANNEL``, such as ``udp_multicast:239.74.163.2`` or ``socketcan:vcan0``; what else
-            a driver needs (a bit rate) stands in python-can's own configuration file.
-
-    Raises:
-        ParameterError: If there is no such interface, or it cannot be opened.
-        MissingOptionalDependency: If python-can is not installed.
+    ``name``: ``INTERFACE:CHANNEL``, such as ``udp_multicast:239.74.163.2`` or ``socketcan:vcan0``; what else
+    a driver needs (a bit rate) stands in python-can's own configuration file. Raises ParameterError if there
+    is no such interface, or it cannot be opened. Raises MissingOptionalDependency if python-can is not
+    installed.
     """
     try:
         import can
@@ -89,11 +86,9 @@ class CanLink:
     ) -> None:
         """Open the bus; :meth:`start` begins.
 
-        Args:
-            name: As in :func:`open_bus`.
-            book: Hears what is wrong, and has the answers to what was submitted.
-            submit: Takes a message as from a page.
-            controls: Gives the panel with its present values.
+        ``name``: as in :func:`open_bus`; ``book``: hears what is wrong, and has the answers to what was
+        submitted; ``submit``: takes a message as from a page; ``controls``: gives the panel with its present
+        values.
         """
         self._messages = messages_of(problem.experiment)
         self._commands = commands_of(self._messages)

@@ -39,21 +39,13 @@ TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
 
 
 class Quantity(NamedTuple):
-    """A parameter of an impedance as a control shows it.
+    """A parameter of an impedance as a control shows it."""
 
-    Attributes:
-        label: In words, with its letter.
-        unit: Of the control.
-        scale: SI value of one unit.
-        step: Of the control, in its unit.
-        help: One sentence.
-    """
-
-    label: str
-    unit: str
-    scale: float
-    step: float
-    help: str
+    label: str  # in words, with its letter
+    unit: str  # of the control
+    scale: float  # SI value of one unit
+    step: float  # of the control, in its unit
+    help: str  # one sentence
 
 
 QUANTITIES = {
@@ -64,12 +56,9 @@ QUANTITIES = {
     "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "Added to the command in torque control."),
 }
 _FIELDS = {
-    "stiffness": "stiffness",
-    "damping": "damping",
-    "equilibrium": "equilibrium_angle",
-    "gain": "friction_compensation_gain",
-    "torque": "target_torque",
-}
+    "stiffness": "stiffness", "damping": "damping", "equilibrium": "equilibrium_angle",
+    "gain": "friction_compensation_gain", "torque": "target_torque",
+}  # fmt: skip
 
 
 class Panel:
@@ -96,8 +85,7 @@ class Panel:
     def controls(self, settings: Settings) -> tuple[Control, ...]:
         """All controls with the values of some settings.
 
-        Returns:
-            Controls in the order in which a page shows them.
+        Returns controls in the order in which a page shows them.
         """
         if self._shown is not None and self._shown[0] is settings:
             return self._shown[1]
@@ -196,32 +184,19 @@ class Panel:
     ) -> Control:
         least, largest = self.range_of(quantity, JointName(place.joint))
         return Control(
-            name=f"{prefix}.{quantity}",
-            label=QUANTITIES[quantity].label,
-            group=group,
-            kind=ControlKind.NUMBER,
-            value=value,
-            default=default,
-            unit=QUANTITIES[quantity].unit,
-            least=least,
-            largest=largest,
-            step=QUANTITIES[quantity].step,
-            phase=place.phase or None,
-            joint=place.joint,
-            side=place.side,
-            help=QUANTITIES[quantity].help,
-        )
+            name=f"{prefix}.{quantity}", label=QUANTITIES[quantity].label, group=group,
+            kind=ControlKind.NUMBER, value=value, default=default, unit=QUANTITIES[quantity].unit,
+            least=least, largest=largest, step=QUANTITIES[quantity].step, phase=place.phase or None,
+            joint=place.joint, side=place.side, help=QUANTITIES[quantity].help,
+        )  # fmt: skip
 
     def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
         """Least and largest value of a quantity of a joint, in the unit of the control.
 
-        Args:
-            quantity: A key of ``QUANTITIES``.
-
-        Returns:
-            Angles: the stops, or what the table has if that is beyond. Stiffness: the published range, or
-            what the table has if that is more. Damping: critical at that stiffness with the leg's inertia,
-            or twice what the table has if that is more. Gain: 0 to 1. Torque: the limit, both ways.
+        ``quantity``: a key of ``QUANTITIES``. Returns angles: the stops, or what the table has if that is
+        beyond. Stiffness: the published range, or what the table has if that is more. Damping: critical at
+        that stiffness with the leg's inertia, or twice what the table has if that is more. Gain: 0 to 1.
+        Torque: the limit, both ways.
         """
         own = [place.read(self.preset.table) for place in self._places if place.joint == joint]
         if quantity == "equilibrium":
@@ -247,11 +222,8 @@ class Panel:
     def set(self, settings: Settings, name: str, value: Value) -> Settings:
         """Settings with one control changed.
 
-        Returns:
-            The settings after it; whether they are safe is not looked at.
-
-        Raises:
-            MessageRefused: If there is no such control, or the value is out of its range.
+        Returns the settings after it; whether they are safe is not looked at. Raises MessageRefused if there
+        is no such control, or the value is out of its range.
         """
         controls = {item.name: item for item in self.controls(settings)}
         if name not in controls:
@@ -284,11 +256,7 @@ class Panel:
     def revert(self, settings: Settings, name: str) -> Settings:
         """Settings with one control, or everything, as the session began.
 
-        Args:
-            name: Of the control, or ``all``.
-
-        Raises:
-            MessageRefused: If there is no such control.
+        ``name`` of the control, or ``all``. Raises MessageRefused if there is no such control.
         """
         if name == EVERYTHING:
             return self.preset

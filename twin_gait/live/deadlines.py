@@ -33,12 +33,9 @@ class BlockClock:
     def wait(self, now: float) -> float:
         """Time until the next block may begin.
 
-        Args:
-            now: Present time in [s].
-
-        Returns:
-            Time in [s]; 0 if the block is due. A loop that is more than ``CATCH_UP`` behind begins a new
-            stretch; the time that it gives up is counted as lost, and the blocks that belonged there as late.
+        ``now``: present time in [s]. Returns time in [s]; 0 if the block is due. A loop that is more than
+        ``CATCH_UP`` behind begins a new stretch; the time that it gives up is counted as lost, and the blocks
+        that belonged there as late.
         """
         if self._start is None:
             self._start, self._number = now, 0
@@ -51,11 +48,7 @@ class BlockClock:
         return max(0.0, -behind)
 
     def finished(self, now: float) -> None:
-        """Count a block.
-
-        Args:
-            now: Time in [s] at which it was finished.
-        """
+        """Count a block. ``now``: time in [s] at which it was finished."""
         assert self._start is not None  # a block is waited for before it is finished
         self._number += 1
         self._count(max(0.0, now - (self._start + self._number * PERIOD)), 1)

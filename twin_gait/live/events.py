@@ -29,12 +29,7 @@ class EventBook:
         self._lock = threading.RLock()
 
     def emit(self, response: Response, text: str, *, tick: int | None = None, **rest: Any) -> Event:
-        """Add an event.
-
-        Args:
-            tick: Of the event, if it is not the last that is known.
-            rest: More attributes of the event.
-        """
+        """Add an event. ``tick`` of the event, if it is not the last that is known."""
         with self._lock:
             self.serial += 1
             event = Event(

@@ -10,19 +10,12 @@ from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 
 
 class Fade(NamedTuple):
-    """Numbers on their way to others by the minimum-jerk law; JSON takes it as it is.
+    """Numbers on their way to others by the minimum-jerk law; JSON takes it as it is."""
 
-    Attributes:
-        start: What they were, as nested lists.
-        target: What they come to, likewise.
-        first: First tick of the fade.
-        ticks: Its length; 0 for a change at once.
-    """
-
-    start: list[Any]
-    target: list[Any]
-    first: int
-    ticks: int
+    start: list[Any]  # what they were, as nested lists
+    target: list[Any]  # what they come to, likewise
+    first: int  # first tick of the fade
+    ticks: int  # its length; 0 for a change at once
 
     def write(self, tick: int, values: np.ndarray) -> bool:
         """Write what they are in a tick; True if they are not there yet. ``values`` are changed in place."""

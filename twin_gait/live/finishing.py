@@ -33,15 +33,10 @@ LONGEST_PICTURES = 120.0  # [s]
 
 
 class Completed(NamedTuple):
-    """A walk whose run folder is complete.
+    """A walk whose run folder is complete."""
 
-    Attributes:
-        folder: The run folder.
-        summary: Content of its ``summary.json``.
-    """
-
-    folder: Path
-    summary: dict[str, Any]
+    folder: Path  # the run folder
+    summary: dict[str, Any]  # content of its ``summary.json``
 
 
 def complete(
@@ -49,17 +44,10 @@ def complete(
 ) -> Completed | None:
     """Make the run folder of a walk out of its journal, which then goes.
 
-    Args:
-        journal: The file; its walk has ended or its process is dead.
-        pictures: Whether to draw figures and animation, where the set-up wants them and the walk is short.
-        on_step: Called with the name of each file before it is written.
-
-    Returns:
-        The folder, or None if not one tick had been walked.
-
-    Raises:
-        RunDirectoryError: If the journal cannot be read or is still being written, or the folder cannot be
-            made.
+    ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
+    and animation, where the set-up wants them and the walk is short; ``on_step``: called with the name of
+    each file before it is written. Returns the folder, or None if not one tick had been walked. Raises
+    RunDirectoryError if the journal cannot be read or is still being written, or the folder cannot be made.
     """
     with locked(journal):
         content = read_journal(journal)
@@ -75,11 +63,7 @@ def complete(
 
 
 def _write(
-    content: Content,
-    take: Take,
-    problem: Problem,
-    pictures: bool,
-    on_step: Callable[[str], None] | None,
+    content: Content, take: Take, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
 ) -> Completed:
     setup, run = content.setup, run_of(take, problem)
     folder, force = Path(setup["folder"]), bool(setup["force"])
@@ -98,8 +82,7 @@ def _write(
 def run_of(take: Take, problem: Problem) -> Run:
     """A live walk as a run like any other; faults injected from a page are faults of its experiment.
 
-    Returns:
-        The run, as long as it was walked.
+    Returns the run, as long as it was walked.
     """
     result, experiment = take.result, problem.experiment
     injected = [
@@ -129,10 +112,9 @@ def complete_all(
 ) -> None:
     """Complete the walks of a session; only the last one is drawn, as nobody waits for twenty.
 
-    Args:
-        journals: In the order of the walks; those that somebody has completed already are passed over.
-        tell: Takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
-            (``folder`` with ``folder``, ``summary`` and ``failed``).
+    ``journals`` in the order of the walks; those that somebody has completed already are passed over;
+    ``tell``: takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
+    (``folder`` with ``folder``, ``summary`` and ``failed``).
     """
     there = [path for path in journals if path.exists()]
     for number, journal in enumerate(there, start=1):
@@ -154,8 +136,7 @@ def complete_all(
 def changes_csv(changes: list[AppliedChange]) -> str:
     """The changes of a walk as CSV.
 
-    Returns:
-        One line per change: its first tick, who, what, and the values before and after.
+    Returns one line per change: its first tick, who, what, and the values before and after.
     """
     buffer = io.StringIO()
     writer = csv.DictWriter(buffer, CHANGE_COLUMNS, lineterminator="\n", extrasaction="ignore")
@@ -168,11 +149,8 @@ def changes_csv(changes: list[AppliedChange]) -> str:
 def recover(records: Path) -> Iterator[str]:
     """Complete the run folders of all sessions that were killed, and close those sessions in the record.
 
-    Yields:
-        One sentence for each session, as the record has it from then on.
-
-    Raises:
-        SessionError: If the record cannot be used.
+    Yields one sentence for each session, as the record has it from then on. Raises SessionError if the record
+    cannot be used.
     """
     for entry in list_sessions(records):
         if entry.status == KILLED and entry.ended is None:

@@ -44,22 +44,15 @@ NICENESS = 5  # the walk goes first
 
 @dataclass(frozen=True, kw_only=True)
 class Forecast:
-    """What comes.
+    """What comes."""
 
-    Attributes:
-        text: In one sentence.
-        bad: Whether the wearer falls or hangs, the monitor trips, the walk stalls or the state diverges.
-        horizon_s: How far ahead was looked, in [s].
-        rmse_deg: Mean deviation of both sides from the reference by joint in [deg] RMS, from the second
-            stride on; None where there is no reference or no stride.
-        saturated_share: Share of the time in which the most loaded joint is at a limit of torque, current or
-            voltage.
-    """
-
-    text: str
-    bad: bool
-    horizon_s: float
+    text: str  # in one sentence
+    bad: bool  # whether the wearer falls or hangs, the monitor trips, the walk stalls or the state diverges
+    horizon_s: float  # how far ahead was looked, in [s]
+    # mean deviation of both sides from the reference by joint in [deg] RMS, from the second stride on; None
+    # where there is no reference or no stride
     rmse_deg: Mapping[str, float | None]
+    # share of the time in which the most loaded joint is at a limit of torque, current or voltage
     saturated_share: float
 
 
@@ -73,13 +66,9 @@ def foresee(
 ) -> Forecast:
     """Run a moment ahead with other settings.
 
-    Args:
-        walk: Of the same experiment; what it did before is forgotten.
-        moment: From :meth:`~twin_gait.live.walk.LiveWalk.moment`.
-        now: Time in [s], for the budget.
-
-    Returns:
-        The forecast. Of a walk that is over, that of a new start.
+    ``walk`` of the same experiment; what it did before is forgotten; ``moment`` from
+    :meth:`~twin_gait.live.walk.LiveWalk.moment`; ``now``: time in [s], for the budget. Returns the forecast.
+    Of a walk that is over, that of a new start.
     """
     until = now() + BUDGET
     least = min(LEAST, horizon)

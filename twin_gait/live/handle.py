@@ -42,9 +42,8 @@ class LoopProcess:
     ) -> None:
         """Keep whom to tell; all of them are called from the thread that reads.
 
-        Args:
-            module: The loop, or the one that looks ahead.
-            on_end: Called when the process is gone, with its exit status; negative: killed by that signal.
+        ``module``: the loop, or the one that looks ahead; ``on_end``: called when the process is gone, with
+        its exit status; negative: killed by that signal.
         """
         self._module = f"{__package__}.{module}"
         self._on_frame, self._on_message, self._on_end = on_frame, on_message, on_end
@@ -97,11 +96,7 @@ class LoopProcess:
     # ------------------------------------------------------------------ commands
 
     def command(self, command: Mapping[str, Any], then: Callable[[Answer], None]) -> _Pending:
-        """Send a command.
-
-        Raises:
-            ParameterError: If the process is gone, or has not been started.
-        """
+        """Send a command. Raises ParameterError if the process is gone, or has not been started."""
         if self._process is None:
             raise ParameterError("the walk has not begun yet")
         with self._lock:
@@ -118,18 +113,14 @@ class LoopProcess:
     def ask(self, command: Mapping[str, Any]) -> Answer:
         """Send a command and wait for the answer.
 
-        Raises:
-            ParameterError: If the process is gone.
-            MessageRefused: If the loop refuses it.
+        Raises ParameterError if the process is gone. Raises MessageRefused if the loop refuses it.
         """
         return self.answer(self.command(command, lambda answer: None))
 
     def answer(self, pending: _Pending) -> Answer:
         """Wait for the answer to a command.
 
-        Raises:
-            ParameterError: If the process is gone.
-            MessageRefused: If it refuses the command.
+        Raises ParameterError if the process is gone. Raises MessageRefused if it refuses the command.
         """
         if not pending.answered.wait(ANSWER_TIME):
             raise ParameterError(f"the walk has not answered for {ANSWER_TIME:g} s")

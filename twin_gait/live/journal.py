@@ -39,11 +39,8 @@ def next_free(folder: Path, number: int) -> Path:
 def locked(journal: Path, *, make: bool = False) -> Iterator[None]:
     """Hold a journal, so that nobody else writes or completes it.
 
-    Args:
-        make: Whether it is to be made; nobody but this user may read it.
-
-    Raises:
-        RunDirectoryError: If it cannot be opened, has gone, or is held.
+    ``make``: whether it is to be made; nobody but this user may read it. Raises RunDirectoryError if it
+    cannot be opened, has gone, or is held.
     """
     flags = os.O_RDWR | (os.O_CREAT | os.O_EXCL if make else 0)
     try:
@@ -80,12 +77,8 @@ class Journal:
     ) -> None:
         """Make the file, and its folder if there is none.
 
-        Args:
-            setup: What the run folder needs beside the log, as JSON takes it.
-            on_failure: Called once, from the thread, if it cannot be written any more.
-
-        Raises:
-            RunDirectoryError: If it cannot be made.
+        ``setup``: what the run folder needs beside the log, as JSON takes it; ``on_failure``: called once,
+        from the thread, if it cannot be written any more. Raises RunDirectoryError if it cannot be made.
         """
         self.path = path
         self._on_failure = on_failure
@@ -128,24 +121,17 @@ class Journal:
 
 
 class Content(NamedTuple):
-    """What a journal holds.
+    """What a journal holds."""
 
-    Attributes:
-        setup: From :class:`Journal`.
-        columns: Of the log.
-        pieces: One after the other, those up to the last complete one.
-    """
-
-    setup: dict[str, Any]
-    columns: tuple[str, ...]
-    pieces: Iterator[Piece]
+    setup: dict[str, Any]  # from Journal
+    columns: tuple[str, ...]  # of the log
+    pieces: Iterator[Piece]  # one after the other, those up to the last complete one
 
 
 def read_journal(path: Path) -> Content:
     """Read a journal, whatever has become of its writer.
 
-    Raises:
-        RunDirectoryError: If not even its beginning can be read.
+    Raises RunDirectoryError if not even its beginning can be read.
     """
     try:
         stream = pa.ipc.open_stream(pa.OSFile(str(path), "rb"))

@@ -78,15 +78,11 @@ class LiveLoop:
     ) -> None:
         """Prepare the loop; :meth:`run` starts it.
 
-        Args:
-            run: The walk at tick 0.
-            now: Time in [s] of a clock that never goes back.
-            sleep: Waits for a time in [s].
-            commands: Gives the next command, or None; returns at once.
-            send: Takes a frame or an answer; returns at once.
-            keep: Takes the next piece of the walk, the last one of a walk marked so; returns at once.
-            paused: Whether to wait for the command to walk.
-            tells_rows: Whether to send all rows of the log, for a bus.
+        ``run``: the walk at tick 0; ``now``: time in [s] of a clock that never goes back; ``sleep``: waits
+        for a time in [s]; ``commands``: gives the next command, or None; returns at once; ``send``: takes a
+        frame or an answer; returns at once; ``keep``: takes the next piece of the walk, the last one of a
+        walk marked so; returns at once; ``paused``: whether to wait for the command to walk; ``tells_rows``:
+        whether to send all rows of the log, for a bus.
         """
         self._run, self._now, self._sleep = run, now, sleep
         self._commands, self._send, self._keep = commands, send, keep
@@ -180,16 +176,10 @@ class LiveLoop:
     def _keep_piece(self, *, over: bool = False) -> None:
         run, kept = self._run, self._kept
         piece = Piece(
-            rows=run.rows(kept.tick),
-            switches=run.switches(kept.switches),
-            changes=tuple(kept.changes),
-            table=self._table,
-            status=run.status,
-            reason=run.reason,
-            trip=run.trip,
-            wall_s=self._now() - self._began,
-            over=over,
-        )
+            rows=run.rows(kept.tick), switches=run.switches(kept.switches), changes=tuple(kept.changes),
+            table=self._table, status=run.status, reason=run.reason, trip=run.trip,
+            wall_s=self._now() - self._began, over=over,
+        )  # fmt: skip
         self._kept = _Kept(run.tick, kept.switches + len(piece.switches))
         self._keep(piece)
 
@@ -203,14 +193,11 @@ class LiveLoop:
         self._last_frame = self._now()
         tick = max(run.tick - 1, 0)
         frame = Frame(
-            tick=tick,
-            time_s=tick * TICK,
-            status=str(self.status),
+            tick=tick, time_s=tick * TICK, status=str(self.status),
             q=tuple((run.q if q is None else q).tolist()),
-            log=self._named(rows[-1].tolist()) if len(rows) else {},
-            events=tuple(event_entries(run.events)),
+            log=self._named(rows[-1].tolist()) if len(rows) else {}, events=tuple(event_entries(run.events)),
             deadlines=self.clock.statistics(),
-        )
+        )  # fmt: skip
         self._send_trace()
         self._send(frame.to_dict())
 

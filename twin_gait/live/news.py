@@ -24,30 +24,14 @@ _ENDINGS = {
 
 
 class LatestFrame(NamedTuple):
-    """The newest frame.
+    """The newest frame."""
 
-    Attributes:
-        number: Counts frames; 0 before the first.
-        text: The frame as JSON, ready for a page.
-    """
-
-    number: int
-    text: str
+    number: int  # counts frames; 0 before the first
+    text: str  # the frame as JSON, ready for a page
 
 
 class WalkNews:
-    """What is known of the walks of a session; told by the thread that reads, asked by any.
-
-    Attributes:
-        ready: Set when the process walks, or has said why it cannot.
-        frame: The newest one.
-        status: What the walk does, as in :class:`~twin_gait.live.protocol.Frame`.
-        walks: Run folders to come.
-        folders: Run folders that have been written.
-        summary: Content of the last walk's ``summary.json``; empty before the end.
-        failure: Why the process could not walk or write, or empty.
-        death: How the process of the walk died, or empty.
-    """
+    """What is known of the walks of a session; told by the thread that reads, asked by any."""
 
     def __init__(
         self,
@@ -59,14 +43,13 @@ class WalkNews:
     ) -> None:
         """Begin with no news; the arguments are those of :class:`~twin_gait.live.session.LiveSession`.
 
-        Args:
-            on_rows: Takes the rows of the log for a bus, block by block.
+        ``on_rows``: takes the rows of the log for a bus, block by block.
         """
-        self.ready = threading.Event()
+        self.ready = threading.Event()  # set when the process walks, or has said why it cannot
         self.frame, self.status = LatestFrame(0, ""), "starting"
-        self.walks, self.folders = list[Path](), list[Path]()
-        self.summary: dict[str, Any] = {}
-        self.failure = self.death = ""
+        self.walks, self.folders = list[Path](), list[Path]()  # run folders to come, and written
+        self.summary: dict[str, Any] = {}  # of the last walk; empty before the end
+        self.failure = self.death = ""  # why the process could not walk or write; how it died
         self._book, self._on_compile, self._on_step = book, on_compile, on_step
         self._on_rows = on_rows
         self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
@@ -92,27 +75,27 @@ class WalkNews:
 
     def hear(self, message: Mapping[str, Any]) -> None:
         """Take a message that is neither a frame nor an answer."""
-        kind = message["kind"]
-        if kind == "compiling":
-            self._on_compile()
-        elif kind == "ready":
-            self.ready.set()
-        elif kind == "failed":
-            self.failure = message["text"]
-            self.ready.set()
-        elif kind == "journal":
-            self.walks.append(Path(message["folder"]))
-            self.record_folders()
-        elif kind == "unkept":
-            self._book.emit(Response.NOTE, f"the walk is no longer kept: {message['text']}")
-        elif kind == "writing":
-            self._on_step(message["step"])
-        elif kind == "folder":
-            self._note_folder(message)
-        elif kind == "trace":
-            self._traces.append(Trace(message["first"], message["end"], message["columns"]))
-        elif kind == "rows":
-            self._on_rows(message)
+        match message["kind"]:
+            case "compiling":
+                self._on_compile()
+            case "ready":
+                self.ready.set()
+            case "failed":
+                self.failure = message["text"]
+                self.ready.set()
+            case "journal":
+                self.walks.append(Path(message["folder"]))
+                self.record_folders()
+            case "unkept":
+                self._book.emit(Response.NOTE, f"the walk is no longer kept: {message['text']}")
+            case "writing":
+                self._on_step(message["step"])
+            case "folder":
+                self._note_folder(message)
+            case "trace":
+                self._traces.append(Trace(message["first"], message["end"], message["columns"]))
+            case "rows":
+                self._on_rows(message)
 
     def _note_folder(self, message: Mapping[str, Any]) -> None:
         if message["failed"]:

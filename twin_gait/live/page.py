@@ -46,9 +46,8 @@ class LivePage:
     def __init__(self, session: LiveSession, experiment: Experiment, *, port: int, user: str = "") -> None:
         """Draw the scene and listen.
 
-        Raises:
-            ModelError: If the URDF cannot be read.
-            ViewerError: If a mesh cannot be read or no port is free.
+        Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read or no port
+        is free.
         """
         self._session, self._user = session, user
         self._belt_speed = belt_speed_of(experiment)
@@ -60,23 +59,16 @@ class LivePage:
         self._number = self._serial = self._told_at = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
-            experiment.build_world().model,
-            drives=experiment.joints,
+            experiment.build_world().model, drives=experiment.joints,
             title=f"twin_gait live · {experiment.name}",
-            subtitle=describe(experiment.patient, self._belt_speed),
-            phases=experiment.table.phase_names,
-            modes=self._modes,
-            **setting_of(experiment),
-        )
+            subtitle=describe(experiment.patient, self._belt_speed), phases=experiment.table.phase_names,
+            modes=self._modes, **setting_of(experiment),
+        )  # fmt: skip
         self.server = LiveServer(
-            panel_page(),
-            first_port=port,
-            on_message=self._hear,
-            on_stop=self._stop,
-            refusal=lambda reason: self._refusal(reason).to_dict(),
-            greeting=self._greeting,
+            panel_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
+            refusal=lambda reason: self._refusal(reason).to_dict(), greeting=self._greeting,
             scene=self.figure.window.everything,
-        )
+        )  # fmt: skip
 
     @property
     def url(self) -> str:

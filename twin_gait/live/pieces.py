@@ -22,55 +22,33 @@ from twin_gait.vocabulary import JointName, Side
 
 @dataclass(frozen=True)
 class AppliedChange:
-    """A change as the run folder lists it.
+    """A change as the run folder lists it."""
 
-    Attributes:
-        tick: First tick with the change.
-        note: Who, what, value before and after, by column; a fault in its notation under ``fault``.
-    """
-
-    tick: int
+    tick: int  # first tick with the change
+    # who, what, value before and after, by column; a fault in its notation under ``fault``
     note: Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """What a walk has added since the piece before.
+    """What a walk has added since the piece before."""
 
-    Attributes:
-        rows: Of the log, shape ``(n_ticks, n_columns)`` in the order of the layout.
-        switches: Of the phases.
-        changes: That were applied.
-        table: Mapping of the gait table as it is now, or None if it has never been changed.
-        status: How the walk stands.
-        reason: Why it has ended; empty before that.
-        trip: What the safety monitor tripped on, or None.
-        wall_s: Time since the start of the walk in [s], pauses included.
-        over: Whether it is the last one.
-    """
-
-    rows: np.ndarray
-    switches: tuple[PhaseSwitch, ...] = ()
-    changes: tuple[AppliedChange, ...] = ()
+    rows: np.ndarray  # of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
+    switches: tuple[PhaseSwitch, ...] = ()  # of the phases
+    changes: tuple[AppliedChange, ...] = ()  # that were applied
+    # mapping of the gait table as it is now, or None if it has never been changed
     table: Mapping[str, Any] | None = None
-    status: RunStatus = RunStatus.COMPLETED
-    reason: str = ""
-    trip: Trip | None = None
-    wall_s: float = 0.0
-    over: bool = False
+    status: RunStatus = RunStatus.COMPLETED  # how the walk stands
+    reason: str = ""  # why it has ended; empty before that
+    trip: Trip | None = None  # what the safety monitor tripped on, or None
+    wall_s: float = 0.0  # time since the start of the walk in [s], pauses included
+    over: bool = False  # whether it is the last one
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the rows, as JSON takes it."""
-        return {
-            "switches": self.switches,
-            "changes": [[item.tick, dict(item.note)] for item in self.changes],
-            "table": self.table,
-            "status": str(self.status),
-            "reason": self.reason,
-            "trip": self.trip,
-            "wall_s": self.wall_s,
-            "over": self.over,
-        }
+        changes = [[item.tick, dict(item.note)] for item in self.changes]
+        entries = {key: value for key, value in vars(self).items() if key != "rows"}
+        return {**entries, "changes": changes, "status": str(self.status)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], rows: np.ndarray) -> Piece:
@@ -85,36 +63,25 @@ class Piece:
 
 
 def _trip(tick: int, cause: str, side: str | None, joint: str | None) -> Trip:
-    return Trip(
-        tick=tick,
-        cause=TripCause(cause),
-        side=None if side is None else Side(side),
-        joint=None if joint is None else JointName(joint),
-    )
+    place = None if side is None else Side(side), None if joint is None else JointName(joint)
+    return Trip(tick, TripCause(cause), *place)
 
 
 @dataclass
 class Take:
-    """One walk from its start to its end, with what was changed in it.
+    """One walk from its start to its end, with what was changed in it."""
 
-    Attributes:
-        result: As an engine hands it back.
-        changes: In order.
-        table: Mapping of the gait table at the end, or None if it was not changed.
-        wall_s: Time that it took in [s], pauses included.
-    """
-
-    result: EngineResult
-    changes: list[AppliedChange] = field(default_factory=list)
+    result: EngineResult  # as an engine hands it back
+    changes: list[AppliedChange] = field(default_factory=list)  # in order
+    # mapping of the gait table at the end, or None if it was not changed
     table: Mapping[str, Any] | None = None
-    wall_s: float = 0.0
+    wall_s: float = 0.0  # time that it took in [s], pauses included
 
 
 def take_of(pieces: Iterable[Piece], n_columns: int, longest: int) -> Take:
     """Put the pieces of a walk together.
 
-    Returns:
-        The walk; one that nothing has ended before its time is marked as interrupted, with the reason.
+    Returns the walk; one that nothing has ended before its time is marked as interrupted, with the reason.
     """
     rows: list[np.ndarray] = [np.zeros((0, n_columns))]
     switches: list[PhaseSwitch] = []

@@ -17,9 +17,8 @@ REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real
 def undisturbed(*, alone: bool = False) -> Iterator[None]:
     """Keep garbage collection, other threads and other processes out of the way.
 
-    Args:
-        alone: Whether it is this thread only that has to be in time. The others then go on as they do, and
-            leave garbage that is collected; what there is at the start is left out of it.
+    ``alone``: whether it is this thread only that has to be in time. The others then go on as they do, and
+    leave garbage that is collected; what there is at the start is left out of it.
     """
     interval = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_INTERVAL)
@@ -38,11 +37,7 @@ def undisturbed(*, alone: bool = False) -> Iterator[None]:
 
 
 def _real_time(wanted: bool, *, alone: bool) -> None:
-    """Let this thread, or all of this process, go before those of others, where the system allows it.
-
-    All of them, because a loop waits for the one that holds the interpreter's lock. They sleep most of the
-    time; the system keeps a share for the rest in any case.
-    """
+    """Let this thread, or all of this process, go before those of others, where the system allows it."""
     if sys.platform != "linux":
         return
     policy, priority = (os.SCHED_RR, REAL_TIME_PRIORITY) if wanted else (os.SCHED_OTHER, 0)

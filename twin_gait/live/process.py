@@ -151,8 +151,7 @@ class Journals:
 def main() -> int:
     """Read the set-up, walk, write the run folder.
 
-    Returns:
-        Exit status: 0, or 2 if the set-up cannot be used.
+    Returns exit status: 0, or 2 if the set-up cannot be used.
     """
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(

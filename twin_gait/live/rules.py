@@ -24,28 +24,19 @@ GATE: tuple[Rule, ...] = (unstable, cannot_leave, torque_jump)
 GATE_OF_MONITOR: tuple[Rule, ...] = (unstable,)
 # What these find is told after a change has been applied.
 TOLD: tuple[Rule, ...] = (
-    equilibrium_beyond_limits,
-    unusual_gain,
-    unusual_stiffness,
-    unusual_damping_ratio,
-    effective_damping,
+    equilibrium_beyond_limits, unusual_gain, unusual_stiffness, unusual_damping_ratio, effective_damping,
     stiffness_not_served,
-)
+)  # fmt: skip
 TOLD_OF_MONITOR: tuple[Rule, ...] = (equilibrium_beyond_limits, unusual_gain, effective_damping)
 
 Place = tuple[str, str | None, str | None, str | None]
 
 
 class Checked(NamedTuple):
-    """What the check says of some settings.
+    """What the check says of some settings."""
 
-    Attributes:
-        case: What was checked.
-        errors: Findings that refuse them.
-    """
-
-    case: CheckCase
-    errors: tuple[Finding, ...]
+    case: CheckCase  # what was checked
+    errors: tuple[Finding, ...]  # findings that refuse them
 
     @property
     def places(self) -> frozenset[Place]:
@@ -56,11 +47,8 @@ class Checked(NamedTuple):
 def check_settings(settings: Settings, known: frozenset[Place] = frozenset()) -> Checked:
     """Hold settings to the rules whose errors make them unsafe.
 
-    Args:
-        known: Errors that are there already, and so are not the fault of a change.
-
-    Returns:
-        The checked; it stops at the first rule with an error that is not known.
+    ``known``: errors that are there already, and so are not the fault of a change. Returns the checked; it
+    stops at the first rule with an error that is not known.
     """
     case = build_case(settings.driving.table, settings.driving)
     errors: list[Finding] = []

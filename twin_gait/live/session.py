@@ -61,15 +61,12 @@ class LiveSession:
     ) -> None:
         """Prepare the session; :meth:`start` starts the process.
 
-        Args:
-            loaded: Experiment; its duration is the longest time of a walk.
-            force: Whether an existing run folder may be replaced.
-            pictures: Whether to draw figures and animation at the end.
-            records: Folder of the record of sessions, or None to keep no record.
-            can: Bus that the walk is put on, as :func:`~twin_gait.live.can_link.open_bus` takes it; empty for
-                none.
-            on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
-            on_step: Called at the end with the name of each file before it is written.
+        ``loaded``: experiment; its duration is the longest time of a walk; ``force``: whether an existing run
+        folder may be replaced; ``pictures``: whether to draw figures and animation at the end; ``records``:
+        folder of the record of sessions, or None to keep no record; ``can``: bus that the walk is put on, as
+        :func:`~twin_gait.live.can_link.open_bus` takes it; empty for none; ``on_compile``: called if the walk
+        has to be compiled first, which takes 10 to 20 s; ``on_step``: called at the end with the name of each
+        file before it is written.
         """
         self.folder = Path(folder).expanduser().absolute()
         self._loaded, self._user = loaded, user
@@ -114,10 +111,9 @@ class LiveSession:
     def start(self) -> None:
         """Start the process and wait until it walks.
 
-        Raises:
-            RunDirectoryError: If the run folder may not be used.
-            ParameterError: If the experiment cannot be walked live, or the bus cannot be opened.
-            MissingOptionalDependency: If a bus is asked for without python-can.
+        Raises RunDirectoryError if the run folder may not be used. Raises ParameterError if the experiment
+        cannot be walked live, or the bus cannot be opened. Raises MissingOptionalDependency if a bus is asked
+        for without python-can.
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
@@ -178,8 +174,7 @@ class LiveSession:
     def close(self) -> dict[str, Any]:
         """End the walk, wait until its run folder is written, and close the record.
 
-        Returns:
-            The summary of the last walk; empty if it could not be written, and ``news.failure`` says why.
+        Returns the summary of the last walk; empty if it could not be written, and ``news.failure`` says why.
         """
         with self._work:
             if self._closing:
@@ -216,8 +211,7 @@ class LiveSession:
     def events(self, after: int = 0) -> list[Event]:
         """Events since one of them.
 
-        Args:
-            after: Serial number of the last event that is known; 0 gives all that are kept.
+        ``after``: serial number of the last event that is known; 0 gives all that are kept.
         """
         return self._book.after(after)
 
@@ -225,15 +219,11 @@ class LiveSession:
         """The panel with its present values."""
         problem = self._tuning.problem
         return State(
-            serial=self._book.serial,
-            experiment=self._loaded.experiment.name,
-            phases=problem.table.phase_names,
-            joints=tuple(problem.table.joints),
-            sides=tuple(str(side) for side in problem.sides),
-            controls=self._tuning.controls,
-            actions=self._action_specs,
-            saved=tuple(self._saved),
-        )
+            serial=self._book.serial, experiment=self._loaded.experiment.name,
+            phases=problem.table.phase_names, joints=tuple(problem.table.joints),
+            sides=tuple(str(side) for side in problem.sides), controls=self._tuning.controls,
+            actions=self._action_specs, saved=tuple(self._saved),
+        )  # fmt: skip
 
     @property
     def table(self) -> GaitTable:

@@ -14,13 +14,14 @@ import itertools
 import json
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from twin_gait.exceptions import TwinGaitError
+from twin_gait.live.protocol import Event
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 WRITE_EVERY = 0.25  # [s]; a crash loses what came after the last write
@@ -30,14 +31,6 @@ _LOGGED = ("serial", "tick", "response", "user", "subject", "before", "value", "
 
 class SessionError(TwinGaitError):
     """The record of the sessions cannot be used, or has no such session."""
-
-
-class Change(Protocol):
-    """What is recorded of an event, with the attributes of :class:`twin_gait.live.protocol.Event`."""
-
-    @property
-    def serial(self) -> int:
-        """Number of the event in its session."""
 
 
 def default_records() -> Path:
@@ -58,20 +51,14 @@ def _unusable(path: Path, error: OSError) -> SessionError:
 
 
 class SessionRecorder:
-    """Records one session; every method but :meth:`close` returns at once.
-
-    Attributes:
-        session: Number of the session in the record.
-        failure: Why nothing is recorded any more, or empty.
-    """
+    """Records one session, number ``session``; every method but :meth:`close` returns at once."""
 
     def __init__(self, folder: Path, *, user: str, experiment: str, document: Mapping[str, Any]) -> None:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
-        Raises:
-            SessionError: If the record cannot be written.
+        Raises SessionError if the record cannot be written.
         """
-        self.failure = ""
+        self.failure = ""  # why nothing is recorded any more
         self._tables = 0
         self._last_table = ""
         self._waiting: list[str] = []
@@ -86,7 +73,7 @@ class SessionRecorder:
         self._thread = threading.Thread(target=self._write, name="session recorder", daemon=True)
         self._thread.start()
 
-    def event(self, event: Change) -> None:
+    def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
         row = {name: getattr(event, name) for name in _LOGGED}
         self._put({"event": {**row, "response": str(row["response"]), "at": _now()}})
@@ -114,9 +101,8 @@ class SessionRecorder:
         os.close(self._descriptor)
 
     def _put(self, entry: Mapping[str, Any]) -> None:
-        line = json.dumps(entry, ensure_ascii=False) + "\n"
         with self._lock:
-            self._waiting.append(line)
+            self._waiting.append(_line(entry))
 
     def _write(self) -> None:
         try:
@@ -171,41 +157,23 @@ def _numbers(folder: Path) -> list[int]:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionEntry:
-    """One session of the record.
+    """One session of the record."""
 
-    Attributes:
-        id: Number.
-        user: Who.
-        experiment: Name of the preset or file.
-        began: When, in UTC.
-        ended: When, in UTC, or None.
-        status: How the last walk ended, ``going on``, or ``killed`` if nobody is there to end it.
-        tick: Last tick known of the last walk.
-        folders: Run folders; of a session without an end also those to come.
-        changes: How many changes were applied.
-        refusals: How many were refused.
-        versions: Versions of the gait table.
-    """
-
-    id: int
-    user: str
-    experiment: str
-    began: str
-    ended: str | None
-    status: str
-    tick: int
-    folders: tuple[str, ...]
-    changes: int
-    refusals: int
-    versions: int
+    id: int  # number
+    user: str  # who
+    experiment: str  # name of the preset or file
+    began: str  # when, in UTC
+    ended: str | None  # when, in UTC, or None
+    status: str  # how the last walk ended, ``going on``, or ``killed`` if nobody is there to end it
+    tick: int  # last tick known of the last walk
+    folders: tuple[str, ...]  # run folders; of a session without an end also those to come
+    changes: int  # how many changes were applied
+    refusals: int  # how many were refused
+    versions: int  # versions of the gait table
 
 
 def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
-    """All sessions of the record, the newest first.
-
-    Raises:
-        SessionError: If the record cannot be read.
-    """
+    """All sessions of the record, the newest first. Raises SessionError if the record cannot be read."""
     entries = [_read(folder, number)[0] for number in reversed(_known(folder))]
     return [item for item in entries if user is None or item.user == user]
 
@@ -213,12 +181,8 @@ def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
 def read_session(folder: Path, session: int) -> dict[str, Any]:
     """Everything that is recorded of a session.
 
-    Returns:
-        The entry's fields, ``document`` of the experiment, ``summary``, ``tables`` and ``log``: every event
-        in order.
-
-    Raises:
-        SessionError: If there is no such session.
+    Returns the entry's fields, ``document`` of the experiment, ``summary``, ``tables`` and ``log``: every
+    event in order. Raises SessionError if there is no such session.
     """
     _require(folder, session)
     entry, rest = _read(folder, session)
@@ -230,27 +194,28 @@ def close_killed(
 ) -> None:
     """Record how a session ended whose own processes no longer could.
 
-    Args:
-        tick: Ticks that are kept of the last walk.
-        text: What happened, in one sentence; becomes the last entry of the session's log.
-
-    Raises:
-        SessionError: If the record cannot be written.
+    ``tick``: ticks that are kept of the last walk; ``text``: what happened, in one sentence; becomes the last
+    entry of the session's log. Raises SessionError if the record cannot be written.
     """
     serial = max((item["serial"] for item in _read(folder, session)[1]["log"]), default=0) + 1
     note = dict.fromkeys(_LOGGED, "") | {"before": None, "value": None, "at": _now()}
     event = {**note, "serial": serial, "tick": tick, "response": "note", "text": text}
-    lines = [{"event": event}, _end(KILLED, tick, summary, folders)]
     path = _file(folder, session)
-    _whole(path)  # a line that the kill has cut short goes
-    _with(path, os.O_WRONLY | os.O_APPEND, lambda descriptor: _append(descriptor, _lines(lines)))
+    try:
+        with path.open("r+b") as file:
+            file.truncate(file.read().rfind(b"\n") + 1)  # a line that the kill has cut short goes
+            file.seek(0, os.SEEK_END)
+            file.write((_line({"event": event}) + _line(_end(KILLED, tick, summary, folders))).encode())
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise _unusable(path, error) from error
 
 
 def delete_session(folder: Path, session: int) -> None:
     """Take a session out of the record; its run folders stay.
 
-    Raises:
-        SessionError: If there is no such session, or it is still going on.
+    Raises SessionError if there is no such session, or it is still going on.
     """
     _require(folder, session)
     if _read(folder, session)[0].status == GOING_ON:
@@ -272,24 +237,8 @@ def _require(folder: Path, session: int) -> None:
         raise SessionError(f"{folder}: no session {session}; {there}")
 
 
-def _lines(entries: Sequence[Mapping[str, Any]]) -> str:
-    return "".join(json.dumps(item, ensure_ascii=False) + "\n" for item in entries)
-
-
-def _with(path: Path, flags: int, use: Callable[[int], Any]) -> Any:
-    try:
-        descriptor = os.open(path, flags)
-        try:
-            return use(descriptor)
-        finally:
-            os.close(descriptor)
-    except OSError as error:
-        raise _unusable(path, error) from error
-
-
-def _whole(path: Path) -> None:
-    text = path.read_bytes()
-    os.truncate(path, text.rfind(b"\n") + 1)
+def _line(entry: Mapping[str, Any]) -> str:
+    return json.dumps(entry, ensure_ascii=False) + "\n"
 
 
 def _is_held(descriptor: int) -> bool:
@@ -300,18 +249,19 @@ def _is_held(descriptor: int) -> bool:
     return False
 
 
-def _nothing_yet() -> dict[str, Any]:
-    return {"user": "", "experiment": "", "document": {}, "began": _now()}
-
-
 def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
     """Entry of a session, and what else is recorded of it."""
     path = _file(folder, session)
-    held = _with(path, os.O_RDONLY, _is_held)
-    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        with path.open("rb") as file:
+            held = _is_held(file.fileno())
+            text = file.read().decode(errors="replace")
+    except OSError as error:
+        raise _unusable(path, error) from error
     try:
         entries = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
-        first: dict[str, Any] = entries[0] if entries else _nothing_yet()
+        empty = {"user": "", "experiment": "", "document": {}, "began": _now()}
+        first: dict[str, Any] = entries[0] if entries else empty
         log = [item["event"] for item in entries if "event" in item]
         tables = [item["table"] for item in entries if "table" in item]
         end: dict[str, Any] = next((item["end"] for item in entries if "end" in item), {})
@@ -319,9 +269,7 @@ def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
         responses = [item["response"] for item in log]
         entry = SessionEntry(
             id=session,
-            user=first["user"],
-            experiment=first["experiment"],
-            began=first["began"],
+            **{key: first[key] for key in ("user", "experiment", "began")},
             ended=end.get("ended"),
             status=end.get("status") or (GOING_ON if held else KILLED),
             tick=end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),

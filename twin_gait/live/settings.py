@@ -32,21 +32,13 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class MonitorJoint:
-    """What the monitor sets on one joint.
+    """What the monitor sets on one joint."""
 
-    Attributes:
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium_angle: θ0 in [rad].
-        friction_compensation_gain: G.
-        target_torque: In [N m].
-    """
-
-    stiffness: float
-    damping: float
-    equilibrium_angle: float
-    friction_compensation_gain: float
-    target_torque: float = 0.0
+    stiffness: float  # k in [N m] / [rad]
+    damping: float  # b in [N m s] / [rad]
+    equilibrium_angle: float  # θ0 in [rad]
+    friction_compensation_gain: float  # g
+    target_torque: float = 0.0  # in [N m]
 
     def impedance(self, mode: Mode) -> JointImpedance:
         """The impedance that a mode asks for; friction and torque control have no spring and no damper."""
@@ -64,19 +56,12 @@ MonitoredJoints = Mapping[tuple[Side, JointName], MonitorJoint]
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Everything that the controls of a live session set.
+    """Everything that the controls of a live session set."""
 
-    Attributes:
-        experiment: With the gait table, belt speed and support as they are now.
-        monitor: What the monitor sets, for every actuated joint.
-        mode: What drives the joints.
-        manual: Whether every step waits for a hand.
-    """
-
-    experiment: Experiment
-    monitor: MonitoredJoints
-    mode: Mode = Mode.WALK
-    manual: bool = False
+    experiment: Experiment  # with the gait table, belt speed and support as they are now
+    monitor: MonitoredJoints  # what the monitor sets, for every actuated joint
+    mode: Mode = Mode.WALK  # what drives the joints
+    manual: bool = False  # whether every step waits for a hand
 
     @property
     def table(self) -> GaitTable:
@@ -98,19 +83,12 @@ class Settings:
 def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
     """A table whose phases all have what the monitor sets."""
     sides = tuple(dict.fromkeys(side for side, _ in monitor))
-    of_side = {
-        side: PhaseParameters(
-            joints={name: monitor[side, JointName(name)].impedance(mode) for name in table.joints}
-        )
-        for side in sides
-    }
-    everywhere = {side: dict.fromkeys(table.phases, parameters) for side, parameters in of_side.items()}
-    return replace(
-        table,
-        phases=everywhere[sides[0]],
-        side_phases=everywhere if len(sides) > 1 else {},
-        scaling=Scaling(),
-    )
+    everywhere = {}
+    for side in sides:
+        joints = {name: monitor[side, JointName(name)].impedance(mode) for name in table.joints}
+        everywhere[side] = dict.fromkeys(table.phases, PhaseParameters(joints=joints))
+    own = everywhere if len(sides) > 1 else {}
+    return replace(table, phases=everywhere[sides[0]], side_phases=own, scaling=Scaling())
 
 
 def first_settings(experiment: Experiment) -> Settings:
@@ -123,40 +101,26 @@ def first_settings(experiment: Experiment) -> Settings:
     monitor = {}
     for number, joint in enumerate(problem.joints):
         leg, place = divmod(number, problem.joints_per_leg)
-        first = COLUMNS_PER_JOINT * place
-        k, b, zero, gain = problem.phase_rows[leg, 0, first : first + COLUMNS_PER_JOINT].tolist()
+        row = problem.phase_rows[leg, 0, COLUMNS_PER_JOINT * place :].tolist()
+        fields = ("stiffness", "damping", "equilibrium_angle", "friction_compensation_gain")
         target = experiment.control.target_torque.get(joint.joint, 0.0)
-        monitor[joint.side, joint.joint] = MonitorJoint(
-            stiffness=k,
-            damping=b,
-            equilibrium_angle=zero,
-            friction_compensation_gain=gain,
-            target_torque=target,
-        )
+        first = dict(zip(fields, row, strict=False))
+        monitor[joint.side, joint.joint] = MonitorJoint(**first, target_torque=target)
     return Settings(experiment=experiment, monitor=monitor)
 
 
 @dataclass(frozen=True)
 class LoopNumbers:
-    """Settings as the loop takes them: nothing but numbers.
+    """Settings as the loop takes them: nothing but numbers."""
 
-    Attributes:
-        phase_rows: k, b, θ0, G per joint and gravity share, by leg and phase.
-        comparisons: Of the guards, with their thresholds.
-        target_torque: In [N m], by joint.
-        belt_speed: In [m] / [s], or None without ground; the belt stands while the monitor drives the joints.
-        support_force: In [N], or None on the bench.
-        held_phase: Phase that waits for a hand, or None.
-        watching: Whether the monitor watches how long a leg stays in a phase.
-    """
-
-    phase_rows: list[Any]
-    comparisons: list[Comparison]
-    target_torque: list[float]
+    phase_rows: list[Any]  # k, b, θ0, G per joint and gravity share, by leg and phase
+    comparisons: list[Comparison]  # of the guards, with their thresholds
+    target_torque: list[float]  # in [N m], by joint
+    # in [m] / [s], or None without ground; the belt stands while the monitor drives the joints
     belt_speed: float | None
-    support_force: float | None
-    held_phase: int | None
-    watching: bool
+    support_force: float | None  # in [N], or None on the bench
+    held_phase: int | None  # phase that waits for a hand, or None
+    watching: bool  # whether the monitor watches how long a leg stays in a phase
 
     def to_dict(self) -> dict[str, Any]:
         """The numbers as JSON takes them."""
@@ -164,11 +128,7 @@ class LoopNumbers:
 
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
-    """Lay settings out as numbers.
-
-    Returns:
-        The numbers, table scaled and damping ratios resolved.
-    """
+    """Lay settings out as numbers. Returns the numbers, table scaled and damping ratios resolved."""
     walk = build_problem(settings.experiment)
     driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
     world, pelvis = walk.world, walk.world.model.pelvis_index
@@ -205,9 +165,8 @@ ROW_COLUMNS = JOINT_COLUMNS[-COLUMNS_PER_JOINT:]
 def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict[str, float]:
     """What a change does to the log.
 
-    Returns:
-        New values by column; those of a phase behind its name, such as
-        ``late_stance: left_hip_stiffness_Nm_per_rad``.
+    Returns new values by column; those of a phase behind its name, such as
+    ``late_stance: left_hip_stiffness_Nm_per_rad``.
     """
     found: dict[str, float] = {}
     old, new = np.array(before.phase_rows), np.array(after.phase_rows)
@@ -232,17 +191,11 @@ def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> fl
 
 @dataclass(frozen=True)
 class Place:
-    """Where in the table a control reaches.
+    """Where in the table a control reaches."""
 
-    Attributes:
-        phase: Of gait.
-        joint: Of the leg.
-        side: Of the phases that differ on this side; None for those that both sides share.
-    """
-
-    phase: str
-    joint: str
-    side: Side | None
+    phase: str  # of gait
+    joint: str  # of the leg
+    side: Side | None  # of the phases that differ on this side; None for those that both sides share
 
     @property
     def prefix(self) -> str:
@@ -271,11 +224,8 @@ class Place:
 def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:
     """All places of a table.
 
-    Args:
-        sides: Legs that there are; phases that differ on one of them are places of their own.
-
-    Yields:
-        The places in the order of phases and joints.
+    ``sides``: legs that there are; phases that differ on one of them are places of their own. Yields the
+    places in the order of phases and joints.
     """
     for phase in table.phases:
         own = [side for side in sides if phase in table.side_phases.get(side, {})]

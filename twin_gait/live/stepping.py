@@ -39,17 +39,11 @@ CHUNK_TICKS = 2000  # after which a phase that was let go is held again at the l
 
 
 class Asking(NamedTuple):
-    """A request that is made of the supervisor.
+    """A request that is made of the supervisor."""
 
-    Attributes:
-        tick: In which it is heard.
-        request: What is asked for.
-        entry_tick: Of the mode in which the device was when it was made.
-    """
-
-    tick: int
-    request: str
-    entry_tick: int
+    tick: int  # in which it is heard
+    request: str  # what is asked for
+    entry_tick: int  # of the mode in which the device was when it was made
 
 
 class SteppedRun:
@@ -65,9 +59,8 @@ class SteppedRun:
     def __init__(self, problem: Problem, *, on_compile: Callable[[], None] | None = None) -> None:
         """Lay the walk out; no tick is run.
 
-        Args:
-            problem: From :func:`twin_gait.simulation.problem.build_problem`.
-            on_compile: Called if the loop has to be compiled first, which takes 10 to 20 s.
+        ``problem`` from :func:`twin_gait.simulation.problem.build_problem`; ``on_compile``: called if the
+        loop has to be compiled first, which takes 10 to 20 s.
         """
         self.problem = problem
         self.layout = log_layout(problem)
@@ -137,8 +130,7 @@ class SteppedRun:
     def advance(self, ticks: int) -> np.ndarray:
         """Run some ticks, fewer if the wearer falls or the state diverges on the way.
 
-        Returns:
-            Rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
+        Returns rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
         """
         first, end = self.tick, self.tick + ticks
         rows = np.zeros((ticks, len(self.layout.names)))
@@ -158,9 +150,10 @@ class SteppedRun:
             name: fade for name, fade in self._fades.items() if fade.write(self.tick, self._values[name])
         }
         if "setpoints" in self._fades:
-            since = self.tick - self._episode["controller"]["legs"]["entry_tick"]
+            legs = self._episode["controller"]["legs"]
+            lengths = np.take_along_axis(legs["blend_ticks"], legs["phase"][:, None], axis=1)[:, 0]
             # A leg whose own fade is over no longer reads the parameters of its phase.
-            arrive(self._episode, since > self._episode["rates"]["blend_ticks"])
+            arrive(self._episode, self.tick - legs["entry_tick"] > lengths)
         self._fades = going
 
     def rows(self, first: int = 0) -> np.ndarray:
@@ -248,8 +241,7 @@ class SteppedRun:
     def inject(self, fault: Fault) -> None:
         """Inject a fault in the next tick, whatever time it has.
 
-        Raises:
-            ParameterError: If the fault does not fit the experiment, or too many have been injected.
+        Raises ParameterError if the fault does not fit the experiment, or too many have been injected.
         """
         faults = self._episode["faults"]
         spare = np.flatnonzero(faults["start_tick"] == NEVER)
@@ -264,8 +256,7 @@ class SteppedRun:
     def request(self, name: str) -> Asking:
         """Ask the supervisor for something in the next tick in which nothing else is asked for.
 
-        Raises:
-            ParameterError: If there are no modes, they know no such request, or too many wait.
+        Raises ParameterError if there are no modes, they know no such request, or too many wait.
         """
         modes = self.problem.experiment.modes
         if modes is None or name not in modes.requests:

@@ -26,12 +26,7 @@ class Tuning:
     """
 
     def __init__(self, loaded: LoadedExperiment, loop: LoopProcess, book: EventBook) -> None:
-        """Begin with the settings of an experiment.
-
-        Args:
-            loop: The process of the walk.
-            book: Hears what becomes of changes.
-        """
+        """Begin with the settings of an experiment."""
         self._document, self._loop, self._book = loaded.document, loop, book
         self._panel = Panel(loaded.experiment)
         self.settings = self._panel.preset
@@ -68,8 +63,7 @@ class Tuning:
     def set(self, message: SetControl) -> None:
         """Set a control, or foresee what setting it would do.
 
-        Raises:
-            MessageRefused: If there is no such control, or the value is out of range or against the rules.
+        Raises MessageRefused if there is no such control, or the value is out of range or against the rules.
         """
         before = self._value_of(message.control)
         settings = self._panel.set(self.settings, message.control, message.value)
@@ -81,8 +75,7 @@ class Tuning:
     def revert(self, message: DoAction, name: str) -> None:
         """Set a control, or everything, to what the session began with.
 
-        Raises:
-            MessageRefused: If there is no such control, or the rules forbid it.
+        Raises MessageRefused if there is no such control, or the rules forbid it.
         """
         before = None if name == EVERYTHING else self._value_of(name)
         self._change(self._panel.revert(self.settings, name), message, name, None, before)

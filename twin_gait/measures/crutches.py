@@ -14,37 +14,20 @@ TRUNK_PITCH = "trunk_pitch_rad"
 
 @dataclass(frozen=True)
 class CrutchUse:
-    """One arm and its crutch over a run.
+    """One arm and its crutch over a run."""
 
-    Attributes:
-        mean_share: Mean vertical load over the weight of wearer and device.
-        peak_share: Largest one.
-        impulse: Of the vertical load in [N s].
-        push_peak: Largest force along the strut in [N].
-        moment_peak: Largest moment of the shoulder, either way, in [N m].
-        work_done: By the arm in [J].
-        work_taken: That it takes up in [J], zero or negative.
-        plantings: How often the crutch was put down.
-    """
-
-    mean_share: float
-    peak_share: float
-    impulse: float
-    push_peak: float
-    moment_peak: float
-    work_done: float
-    work_taken: float
-    plantings: int
+    mean_share: float  # mean vertical load over the weight of wearer and device
+    peak_share: float  # largest one
+    impulse: float  # of the vertical load in [N s]
+    push_peak: float  # largest force along the strut in [N]
+    moment_peak: float  # largest moment of the shoulder, either way, in [N m]
+    work_done: float  # by the arm in [J]
+    work_taken: float  # that it takes up in [J], zero or negative
+    plantings: int  # how often the crutch was put down
 
 
 def crutch_use(log: pd.DataFrame, side: Side, tick: float, body_weight: float) -> CrutchUse | None:
-    """Measures of one crutch; None without one.
-
-    Args:
-        log: One row a tick.
-        tick: Sampling period in [s].
-        body_weight: Of wearer and device in [N].
-    """
+    """Measures of one crutch; None without one. ``body_weight`` of wearer and device in [N]."""
     if f"{side}_crutch_normal_force_N" not in log or len(log) == 0:
         return None
     load = log[f"{side}_crutch_normal_force_N"].to_numpy()

@@ -25,19 +25,12 @@ CURRENT_TOLERANCE = 1e-9  # [A]
 
 
 class SaturationShares(NamedTuple):
-    """Shares of the ticks in which a motor could not do what it was told, each in [0, 1].
+    """Shares of the ticks in which a motor could not do what it was told, each in [0, 1]."""
 
-    Attributes:
-        at_torque_limit: The command is beyond the torque limit.
-        at_current_limit: The target current sits at the current limit.
-        voltage_limited: The bus voltage drives less current than the target.
-        saturated: At least one of the three.
-    """
-
-    at_torque_limit: float
-    at_current_limit: float
-    voltage_limited: float
-    saturated: float
+    at_torque_limit: float  # the command is beyond the torque limit
+    at_current_limit: float  # the target current sits at the current limit
+    voltage_limited: float  # the bus voltage drives less current than the target
+    saturated: float  # at least one of the three
 
 
 def saturation_shares(
@@ -50,15 +43,9 @@ def saturation_shares(
 ) -> SaturationShares:
     """Count the ticks in which a limit cuts what the controller asks for.
 
-    Args:
-        command: Commanded torque before limits in [N m], shape ``(n,)``.
-        target_current: Current after torque and current limit in [A], shape ``(n,)``.
-        current: Current after the voltage limit in [A], shape ``(n,)``.
-        torque_limit: In [N m].
-        current_limit: In [A].
-
-    Returns:
-        The shares; NaN for an empty record.
+    ``command``: commanded torque before limits in [N m]; ``target_current``: current after torque and current
+    limit in [A]; ``current``: current after the voltage limit in [A]; ``torque_limit`` in [N m];
+    ``current_limit`` in [A]. Returns the shares; NaN for an empty record.
     """
     if len(command) == 0:
         return SaturationShares(math.nan, math.nan, math.nan, math.nan)
@@ -70,28 +57,18 @@ def saturation_shares(
 
 
 class Load(NamedTuple):
-    """Load of a motor over a run.
+    """Load of a motor over a run."""
 
-    Attributes:
-        peak: Largest magnitude.
-        rms: Root mean square, which heats the winding.
-        continuous_share: RMS over what the motor can hold for ever; above 1 it overheats in the end.
-    """
-
-    peak: float
-    rms: float
-    continuous_share: float
+    peak: float  # largest magnitude
+    rms: float  # root mean square, which heats the winding
+    continuous_share: float  # RMS over what the motor can hold for ever; above 1 it overheats in the end
 
 
 def load(values: np.ndarray, continuous: float) -> Load:
     """Peak and root mean square of a torque or a current.
 
-    Args:
-        values: Torque in [N m] or current in [A], shape ``(n,)``.
-        continuous: What can be held for ever, same unit.
-
-    Returns:
-        The load; NaN for an empty record.
+    ``values``: torque in [N m] or current in [A], shape ``(n,)``; ``continuous``: what can be held for ever,
+    same unit. Returns the load; NaN for an empty record.
     """
     if len(values) == 0:
         return Load(math.nan, math.nan, math.nan)
@@ -100,33 +77,20 @@ def load(values: np.ndarray, continuous: float) -> Load:
 
 
 class BatteryUse(NamedTuple):
-    """What a run takes from the battery.
+    """What a run takes from the battery."""
 
-    Attributes:
-        mean: Mean power in [W].
-        peak: Largest power in [W].
-        lowest: Least power in [W]; negative while braking motors feed the pack.
-        energy: Drawn less fed back in [J].
-        continuous_share: Mean power over what the pack can give for ever.
-    """
-
-    mean: float
-    peak: float
-    lowest: float
-    energy: float
-    continuous_share: float
+    mean: float  # mean power in [W]
+    peak: float  # largest power in [W]
+    lowest: float  # least power in [W]; negative while braking motors feed the pack
+    energy: float  # drawn less fed back in [J]
+    continuous_share: float  # mean power over what the pack can give for ever
 
 
 def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> BatteryUse:
     """Power and energy from the battery.
 
-    Args:
-        power: Drawn from it in [W], constant within a tick, shape ``(n,)``.
-        tick: Sampling period in [s].
-        continuous_power: Of the pack in [W].
-
-    Returns:
-        The use; NaN for an empty record.
+    ``power``: drawn from it in [W], constant within a tick, shape ``(n,)``; ``tick``: sampling period in [s];
+    ``continuous_power`` of the pack in [W]. Returns the use; NaN for an empty record.
     """
     if len(power) == 0:
         return BatteryUse(*(math.nan,) * 5)
@@ -139,12 +103,8 @@ def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> Batt
 def battery_life(energy: float, power: float) -> float:
     """How long a full battery lasts at a mean power.
 
-    Args:
-        energy: Of the full battery in [J].
-        power: Mean power drawn from it in [W].
-
-    Returns:
-        Time in [s]; infinite where nothing is drawn on balance, NaN without a power.
+    ``energy`` of the full battery in [J]; ``power``: mean power drawn from it in [W]. Returns time in [s];
+    infinite where nothing is drawn on balance, NaN without a power.
     """
     if math.isnan(power):
         return math.nan
@@ -152,27 +112,18 @@ def battery_life(energy: float, power: float) -> float:
 
 
 class SwitchChanges(NamedTuple):
-    """Change of a torque at each switch of phase, in [N m], shape ``(n_switches,)`` each.
+    """Change of a torque at each switch of phase, in [N m], shape ``(n_switches,)`` each."""
 
-    Attributes:
-        at_switch: From the tick before the switch to the tick of the switch.
-        over_blending: Largest from the tick before the switch to any tick up to the end of the blending.
-    """
-
-    at_switch: np.ndarray
+    at_switch: np.ndarray  # from the tick before the switch to the tick of the switch
+    # largest from the tick before the switch to any tick up to the end of the blending
     over_blending: np.ndarray
 
 
 def changes_at_switches(torque: np.ndarray, switches: np.ndarray, blending_ticks: int) -> SwitchChanges:
     """How much a torque changes when the phase does.
 
-    Args:
-        torque: In [N m], shape ``(n,)``.
-        switches: First ticks of new phases, each above 0 and below n, shape ``(m,)``.
-        blending_ticks: Length of the fade; 0 without.
-
-    Returns:
-        Magnitudes of the changes.
+    ``torque`` in [N m], shape ``(n,)``; ``switches``: first ticks of new phases, each above 0 and below n,
+    shape ``(m,)``; ``blending_ticks``: length of the fade; 0 without.
     """
     at_switch, over_blending = np.zeros(len(switches)), np.zeros(len(switches))
     for number, tick in enumerate(switches):
@@ -182,30 +133,20 @@ def changes_at_switches(torque: np.ndarray, switches: np.ndarray, blending_ticks
 
 
 class EnergyBalance(NamedTuple):
-    """Balance of a run.
+    """Balance of a run."""
 
-    Attributes:
-        residual: Change of energy less the work of all sources since the start in [J], shape ``(n,)``.
-        largest_residual: Largest magnitude of it in [J].
-        throughput: All work in and out: the sum over ticks and sources of its magnitude in [J].
-        relative_residual: Largest residual over throughput.
-    """
-
+    # change of energy less the work of all sources since the start in [J], shape ``(n,)``
     residual: np.ndarray
-    largest_residual: float
-    throughput: float
-    relative_residual: float
+    largest_residual: float  # largest magnitude of it in [J]
+    throughput: float  # all work in and out: the sum over ticks and sources of its magnitude in [J]
+    relative_residual: float  # largest residual over throughput
 
 
 def energy_balance(energy: np.ndarray, works: np.ndarray) -> EnergyBalance:
     """Compare the change of energy with the work of all sources.
 
-    Args:
-        energy: Kinetic and potential energy in [J], shape ``(n,)``.
-        works: Work done since some instant by every source in [J], shape ``(n_sources, n)``.
-
-    Returns:
-        The balance; NaN where the record is empty or nothing was done.
+    ``energy``: kinetic and potential energy in [J]; ``works``: work done since some instant by every source
+    in [J], shape ``(n_sources, n)``. Returns the balance; NaN where the record is empty or nothing was done.
     """
     if len(energy) == 0:
         return EnergyBalance(np.zeros(0), math.nan, math.nan, math.nan)
@@ -223,42 +164,23 @@ def interaction_torque(
 ) -> np.ndarray:
     r"""What the device does on the leg at one joint.
 
-    Args:
-        motor: Motor torque at the joint in [N m], one value a tick, shape ``(n,)``.
-        friction: Torque of the friction on the joint in [N m], shape ``(n,)``.
-        velocity: Of the joint in [rad] / [s], shape ``(n,)``, n at least 2.
-        rotor_inertia: Of motor and gear seen at the joint in [kg m²].
-        tick: Sampling period in [s].
-
-    Returns:
-        Torque in [N m], positive in increasing angle, shape ``(n,)``; the acceleration is a central
-        difference.
+    ``motor``: motor torque at the joint in [N m], one value a tick; ``friction``: torque of the friction on
+    the joint in [N m]; ``velocity`` of the joint in [rad] / [s], n at least 2; ``rotor_inertia`` of motor and
+    gear seen at the joint in [kg m²]. Returns torque in [N m], positive in increasing angle; the acceleration
+    is a central difference.
     """
     return np.asarray(motor + friction - rotor_inertia * np.gradient(velocity, tick))
 
 
 def root_mean_square(values: np.ndarray) -> float:
-    """Root mean square.
-
-    Args:
-        values: Shape ``(n,)``.
-
-    Returns:
-        In the unit of the values; NaN for an empty record.
-    """
+    """Root mean square. Returned in the unit of the values; NaN for an empty record."""
     return float(np.sqrt(np.mean(values * values))) if len(values) else math.nan
 
 
 def positive_work(torque: np.ndarray, velocity: np.ndarray, tick: float) -> float:
     r"""Work that a torque puts into the motion, :math:`\int \max(0, \tau\omega)\,dt`.
 
-    Args:
-        torque: In [N m], one value a tick, shape ``(n,)``.
-        velocity: In [rad] / [s], shape ``(n,)``.
-        tick: Sampling period in [s].
-
-    Returns:
-        Work in [J].
+    ``torque`` in [N m], one value a tick; ``velocity`` in [rad] / [s]. Returns work in [J].
     """
     return float(np.sum(np.maximum(torque * velocity, 0.0)) * tick)
 
@@ -266,12 +188,8 @@ def positive_work(torque: np.ndarray, velocity: np.ndarray, tick: float) -> floa
 def share_of_work(own: float, other: float) -> float:
     """Share of one of two in the positive work of both.
 
-    Args:
-        own: Positive work of one in [J].
-        other: Positive work of the other in [J].
-
-    Returns:
-        Share in [0, 1]; NaN if neither does any.
+    ``own``: positive work of one in [J]; ``other``: positive work of the other in [J]. Returns share in
+    [0, 1]; NaN if neither does any.
     """
     total = own + other
     return own / total if total > 0.0 else math.nan
@@ -284,12 +202,7 @@ def opposing_torque(device: np.ndarray, wearer: np.ndarray) -> np.ndarray:
 
         \min(|\tau_d|, |\tau_w|) \quad\text{where their signs differ, else 0}
 
-    Args:
-        device: In [N m], shape ``(n,)``.
-        wearer: In [N m], shape ``(n,)``.
-
-    Returns:
-        Magnitude in [N m], shape ``(n,)``.
+    ``device`` and ``wearer`` in [N m], shape ``(n,)``. Returns magnitude in [N m], shape ``(n,)``.
     """
     against = device * wearer < 0.0
     return np.where(against, np.minimum(np.abs(device), np.abs(wearer)), 0.0)

@@ -26,28 +26,20 @@ SHORTEST_STANCE = 0.15  # [s]
 
 
 class FootContacts(NamedTuple):
-    """Contacts of one foot.
+    """Contacts of one foot."""
 
-    Attributes:
-        heel_strikes: Ticks at which a stance begins, shape ``(n,)``; a stance that begins
-            within ``SHORTEST_SWING`` of the start of the record has no swing before it and no strike.
-        toe_offs: Ticks at which the foot leaves the ground for a swing, shape ``(m,)``.
-        further_contacts: Ticks of all other rises: bounces and scuffs.
-    """
-
+    # ticks at which a stance begins, shape ``(n,)``; a stance that begins within ``SHORTEST_SWING`` of the
+    # start of the record has no swing before it and no strike
     heel_strikes: np.ndarray
-    toe_offs: np.ndarray
-    further_contacts: np.ndarray
+    toe_offs: np.ndarray  # ticks at which the foot leaves the ground for a swing, shape ``(m,)``
+    further_contacts: np.ndarray  # ticks of all other rises: bounces and scuffs
 
 
 def is_loaded(normal_force: np.ndarray) -> np.ndarray:
     """Whether a foot carries, with hysteresis.
 
-    Args:
-        normal_force: Of one foot in [N], shape ``(n,)``.
-
-    Returns:
-        At each tick, shape ``(n,)``, booleans; between the two forces as before, at the start as not yet.
+    ``normal_force`` of one foot in [N], shape ``(n,)``. Returned at each tick, shape ``(n,)``, booleans;
+    between the two forces as before, at the start as not yet.
     """
     known = (normal_force > CONTACT_FORCE) | (normal_force < RELEASE_FORCE)
     last_known = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1)) if len(known) else known
@@ -59,14 +51,8 @@ def find_foot_contacts(
 ) -> FootContacts:
     """Find heel strikes, toe-offs and further contacts.
 
-    Args:
-        normal_force: Of one foot in [N], shape ``(n,)``.
-        tick: Sampling period in [s].
-        hip_angle: Of the same leg in [rad], flexion positive, shape ``(n,)``; without it the time off the
-            ground alone tells swings from bounces.
-
-    Returns:
-        The contacts, as sample indices.
+    ``normal_force`` of one foot in [N]; ``hip_angle`` of the same leg in [rad], flexion positive; without it
+    the time off the ground alone tells swings from bounces. Returns the contacts, as sample indices.
     """
     loaded = np.concatenate(([False], is_loaded(normal_force), [False]))
     edges = np.flatnonzero(loaded[1:] != loaded[:-1])
@@ -116,11 +102,7 @@ MIDDLE_OF_SWING = (0.25, 0.75)
 def swings(contacts: FootContacts) -> np.ndarray:
     """Swings that the record holds from toe-off to heel strike.
 
-    Args:
-        contacts: Of one foot.
-
-    Returns:
-        First tick of each swing and of the stance after it, shape ``(n, 2)``, integers.
+    Returns first tick of each swing and of the stance after it, shape ``(n, 2)``, integers.
     """
     strikes = contacts.heel_strikes
     pairs = [(off, strikes[strikes > off][0]) for off in contacts.toe_offs if (strikes > off).any()]
@@ -130,12 +112,8 @@ def swings(contacts: FootContacts) -> np.ndarray:
 def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarray:
     """Least clearance of the foot in the middle half of each swing.
 
-    Args:
-        clearance: Height of the lowest point of the sole in [m], shape ``(n_ticks,)``.
-        contacts: Of the same foot.
-
-    Returns:
-        Clearances in [m], shape ``(n_swings,)``.
+    ``clearance``: height of the lowest point of the sole in [m], shape ``(n_ticks,)``. Returns clearances in
+    [m], shape ``(n_swings,)``.
     """
     early, late = MIDDLE_OF_SWING
     least = []
@@ -147,14 +125,7 @@ def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarra
 
 
 def scuffs(contacts: FootContacts) -> np.ndarray:
-    """Further contacts in swing; those in stance are bounces.
-
-    Args:
-        contacts: Of one foot.
-
-    Returns:
-        Ticks, shape ``(n,)``, integers.
-    """
+    """Further contacts in swing; those in stance are bounces. Returns ticks, shape ``(n,)``, integers."""
     touches = [touch for touch in contacts.further_contacts if _is_in_swing(contacts, touch)]
     return np.array(touches, dtype=int)
 

@@ -19,14 +19,7 @@ from twin_gait.vocabulary import JointName, Side
 def wearer_column(columns: Container[str], side: Side, joint: JointName, quantity: str) -> str:
     """Column of the wearer's own motion, which is the gait: where they are one body with the device, its own.
 
-    Args:
-        columns: Of the log.
-        side: The leg.
-        joint: The joint.
-        quantity: ``angle_rad`` or ``velocity_rad_per_s``.
-
-    Returns:
-        Its name.
+    ``quantity``: ``angle_rad`` or ``velocity_rad_per_s``.
     """
     own = f"{side}_{joint}_wearer_{quantity}"
     return own if own in columns else f"{side}_{joint}_{quantity}"
@@ -39,24 +32,16 @@ def driven_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
 
 @dataclass(frozen=True, eq=False)
 class LegRecord:
-    """One leg over a run.
+    """One leg over a run."""
 
-    Attributes:
-        side: The leg.
-        tick: Sampling period in [s].
-        phases: Index of the phase, shape ``(n,)``.
-        angles: The wearer's at each actuated joint in [rad], shape ``(n,)`` each; the device's if asked for.
-        normal_force: Of the foot in [N], shape ``(n,)``, or None without ground.
-        clearance: Of the foot in [m], shape ``(n,)``, or None without ground.
-        steady: From when to when in [s] the leg walks evenly; strides outside of it do not count.
-    """
-
-    side: Side
-    tick: float
-    phases: np.ndarray
+    side: Side  # the leg
+    tick: float  # sampling period in [s]
+    phases: np.ndarray  # index of the phase, shape ``(n,)``
+    # the wearer's at each actuated joint in [rad], shape ``(n,)`` each; the device's if asked for
     angles: Mapping[JointName, np.ndarray]
-    normal_force: np.ndarray | None
-    clearance: np.ndarray | None
+    normal_force: np.ndarray | None  # of the foot in [N], shape ``(n,)``, or None without ground
+    clearance: np.ndarray | None  # of the foot in [m], shape ``(n,)``, or None without ground
+    # from when to when in [s] the leg walks evenly; strides outside of it do not count
     steady: tuple[float, float] = (0.0, math.inf)
 
     @cached_property
@@ -84,22 +69,16 @@ class LegRecord:
     def strides(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
         """Strides by heel strike, or without ground by entry into the first phase.
 
-        Args:
-            skip: So many strides at the start do not count.
-
-        Returns:
-            First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+        ``skip``: so many strides at the start do not count. Returns first tick of each stride and of the next
+        one, shape ``(n_strides, 2)``.
         """
         return self._steady_strides(self.stride_events)[skip:]
 
     def strides_by_phase(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
         """Strides by entry into the first phase, on ground too.
 
-        Args:
-            skip: So many strides at the start do not count.
-
-        Returns:
-            First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+        ``skip``: so many strides at the start do not count. Returns first tick of each stride and of the next
+        one, shape ``(n_strides, 2)``.
         """
         return self._steady_strides(self.entries)[skip:]
 
@@ -120,16 +99,8 @@ def leg_record(
 ) -> LegRecord:
     """Take one leg out of a log.
 
-    Args:
-        log: One row a tick, with the columns of a run.
-        side: The leg.
-        phase_names: Phases of the table in order.
-        tick: Sampling period in [s].
-        steady: From when to when in [s] the leg walks evenly.
-        device: Whether the angles are the device's where braces let the wearer move against it.
-
-    Returns:
-        The leg.
+    ``phase_names``: phases of the table in order; ``steady`` from when to when in [s] the leg walks evenly;
+    ``device``: whether the angles are the device's where braces let the wearer move against it.
     """
     columns = () if device else log.columns
     angles = {

@@ -35,25 +35,16 @@ HIGHEST_FLIGHT_SHARE = 0.25
 
 
 class Verdict(NamedTuple):
-    """Outcome of a run and the reason.
+    """Outcome of a run and the reason."""
 
-    Attributes:
-        outcome: In one word; None where no walk was asked for and nothing ended the run.
-        reason: In one line; nothing for a walk.
-    """
-
-    outcome: Outcome | None
-    reason: str = ""
+    outcome: Outcome | None  # in one word; None where no walk was asked for and nothing ended the run
+    reason: str = ""  # in one line; nothing for a walk
 
 
 def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
     """Whether legs that neither fell nor were held walked.
 
-    Args:
-        legs: All legs of the run; only the time in which they are to walk evenly counts.
-
-    Returns:
-        ``WALKED``, ``STALLED`` or ``HUNG``.
+    only the time in which they are to walk evenly counts. Returns ``WALKED``, ``STALLED`` or ``HUNG``.
     """
     flight = flight_share(legs)
     if flight > HIGHEST_FLIGHT_SHARE:
@@ -75,8 +66,7 @@ def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
 def flight_share(legs: Sequence[LegRecord]) -> float:
     """Share of the time in which no foot is on the ground.
 
-    Returns:
-        Share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
+    Returns share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
     """
     loaded = [leg.loaded[_steady(leg)] for leg in legs if leg.loaded is not None]
     if not loaded or len(loaded[0]) == 0:
@@ -110,19 +100,12 @@ class EventKind(StrEnum):
 
 
 class RunEvent(NamedTuple):
-    """One event.
+    """One event."""
 
-    Attributes:
-        kind: What happened.
-        time: When, in [s]; of a fall or a divergence the last moment of the log.
-        cause: Kind of the fault or cause of the trip in words; empty for the other two.
-        place: Where in words, such as ``left knee``; empty where there is none.
-    """
-
-    kind: EventKind
-    time: float
-    cause: str = ""
-    place: str = ""
+    kind: EventKind  # what happened
+    time: float  # when, in [s]; of a fall or a divergence the last moment of the log
+    cause: str = ""  # kind of the fault or cause of the trip in words; empty for the other two
+    place: str = ""  # where in words, such as ``left knee``; empty where there is none
 
     @property
     def text(self) -> str:
@@ -160,14 +143,8 @@ _ENDINGS = {"fell": EventKind.FALL, "diverged": EventKind.DIVERGENCE}
 def run_events(faults: Iterable[_Fault], trip: _Trip | None, status: str, end: float) -> tuple[RunEvent, ...]:
     """The events of a run in the order of time; of those at the same time the cause stands first.
 
-    Args:
-        faults: Of the experiment; those after the end did not occur.
-        trip: What the safety monitor tripped on, or None.
-        status: How the run ended.
-        end: Last moment of the log in [s].
-
-    Returns:
-        The events.
+    ``faults`` of the experiment; those after the end did not occur; ``trip``: what the safety monitor tripped
+    on, or None; ``status``: how the run ended; ``end``: last moment of the log in [s].
     """
     found = [
         RunEvent(EventKind.FAULT, item.time, _words(item.kind), _words(item.place))
@@ -184,11 +161,7 @@ def run_events(faults: Iterable[_Fault], trip: _Trip | None, status: str, end: f
 def held_from(events: Iterable[RunEvent]) -> float | None:
     """From when on the phases of a run no longer say what the legs do.
 
-    Args:
-        events: Of the run.
-
-    Returns:
-        Time of the trip in [s]; None without one.
+    Returns time of the trip in [s]; None without one.
     """
     return next((event.time for event in events if event.kind is EventKind.TRIP), None)
 

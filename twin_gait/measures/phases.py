@@ -14,27 +14,18 @@ from twin_gait.measures.strides import normalise_strides
 
 
 class PhaseSpell(NamedTuple):
-    """An uninterrupted stay in one phase.
+    """An uninterrupted stay in one phase."""
 
-    Attributes:
-        phase: Index of the phase.
-        start: First tick.
-        end: First tick after it.
-    """
-
-    phase: int
-    start: int
-    end: int
+    phase: int  # index of the phase
+    start: int  # first tick
+    end: int  # first tick after it
 
 
 def phase_spells(phases: np.ndarray) -> list[PhaseSpell]:
     """Split a run into stays.
 
-    Args:
-        phases: Phase of each tick, shape ``(n,)``.
-
-    Returns:
-        The stays in order; the first and the last are cut off by the record.
+    ``phases``: phase of each tick, shape ``(n,)``. Returns the stays in order; the first and the last are cut
+    off by the record.
     """
     if len(phases) == 0:
         return []
@@ -46,12 +37,7 @@ def phase_spells(phases: np.ndarray) -> list[PhaseSpell]:
 def phase_entries(phases: np.ndarray, phase: int) -> np.ndarray:
     """Ticks at which a phase begins; a leg that starts in the phase enters it at tick 0.
 
-    Args:
-        phases: Phase of each tick, shape ``(n,)``.
-        phase: Index of the phase.
-
-    Returns:
-        Ticks, shape ``(m,)``, integers.
+    ``phases``: phase of each tick, shape ``(n,)``. Returns ticks, shape ``(m,)``, integers.
     """
     return np.array([spell.start for spell in phase_spells(phases) if spell.phase == phase], dtype=int)
 
@@ -59,13 +45,8 @@ def phase_entries(phases: np.ndarray, phase: int) -> np.ndarray:
 def phase_durations(phases: np.ndarray, tick: float, *, since: int = 0) -> dict[int, np.ndarray]:
     """Durations of the stays that the record does not cut off.
 
-    Args:
-        phases: Phase of each tick, shape ``(n,)``.
-        tick: Sampling period in [s].
-        since: Stays that begin before this tick do not count.
-
-    Returns:
-        Durations in [s] per phase that occurs.
+    ``phases``: phase of each tick, shape ``(n,)``; ``tick``: sampling period in [s]; ``since``: stays that
+    begin before this tick do not count. Returns durations in [s] per phase that occurs.
     """
     durations: dict[int, list[float]] = {}
     for spell in phase_spells(phases)[1:-1]:
@@ -77,12 +58,7 @@ def phase_durations(phases: np.ndarray, tick: float, *, since: int = 0) -> dict[
 def phases_in_order(phases: np.ndarray, n_phases: int) -> bool:
     """Whether each phase was followed by the next one of the cycle, from start to end.
 
-    Args:
-        phases: Phase of each tick, shape ``(n,)``.
-        n_phases: Phases in the cycle.
-
-    Returns:
-        True also if the phase never changed.
+    ``phases``: phase of each tick, shape ``(n,)``. Returns true also if the phase never changed.
     """
     order = np.array([spell.phase for spell in phase_spells(phases)], dtype=int)
     return bool(np.all(order[1:] == (order[:-1] + 1) % n_phases))
@@ -91,16 +67,9 @@ def phases_in_order(phases: np.ndarray, n_phases: int) -> bool:
 def entry_lags(entries: np.ndarray, heel_strikes: np.ndarray, tick: float) -> np.ndarray:
     """Time from the entry into the first phase to the heel strike that belongs to it.
 
-    A strike and an entry belong together if each is the other's nearest.
-
-    Args:
-        entries: Ticks of the entries, shape ``(n,)``.
-        heel_strikes: Ticks of the strikes, shape ``(m,)``.
-        tick: Sampling period in [s].
-
-    Returns:
-        Lag of every strike in [s], positive if the phase began before the foot landed; NaN for a
-        strike without an entry. Shape ``(m,)``.
+    A strike and an entry belong together if each is the other's nearest. ``entries``: ticks of the entries;
+    ``heel_strikes``: ticks of the strikes, shape ``(m,)``. Returns lag of every strike in [s], positive if
+    the phase began before the foot landed; NaN for a strike without an entry. Shape ``(m,)``.
     """
     lags = np.full(len(heel_strikes), np.nan)
     if len(entries) == 0:
@@ -115,16 +84,8 @@ def entry_lags(entries: np.ndarray, heel_strikes: np.ndarray, tick: float) -> np
 def usual_phases(phases: np.ndarray, bounds: np.ndarray, n_phases: int) -> np.ndarray:
     """Phase in which a leg is in most strides, at every percent of the stride.
 
-    Where strides pass through the phases in the same order, the phases change at the median of
-    their boundaries.
-
-    Args:
-        phases: Phase of each tick, shape ``(n,)``.
-        bounds: Strides, at least one, shape ``(n_strides, 2)``.
-        n_phases: Phases in the table.
-
-    Returns:
-        Index of the phase at ``PERCENT``, shape ``(101,)``.
+    Where strides pass through the phases in the same order, the phases change at the median of their
+    boundaries. ``phases``: phase of each tick. Returns index of the phase at ``PERCENT``, shape ``(101,)``.
     """
     is_phase = [normalise_strides((phases == phase).astype(float), bounds) for phase in range(n_phases)]
     votes = np.array([(share > 0.5).sum(axis=0) for share in is_phase])  # (n_phases, 101)

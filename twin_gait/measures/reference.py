@@ -43,29 +43,18 @@ SLOWEST, FASTEST = 0.5 / KILOMETRES_PER_HOUR, 5.0 / KILOMETRES_PER_HOUR  # [m] /
 
 
 class KeyEvent(NamedTuple):
-    """One key event at a speed and body height.
+    """One key event at a speed and body height."""
 
-    Attributes:
-        percent: Instant in [%] of the cycle.
-        angle: In [rad].
-        velocity: In [rad] / [%].
-        acceleration: In [rad] / [%]².
-    """
-
-    percent: float
-    angle: float
-    velocity: float
-    acceleration: float
+    percent: float  # instant in [%] of the cycle
+    angle: float  # in [rad]
+    velocity: float  # in [rad] / [%]
+    acceleration: float  # in [rad] / [%]²
 
 
 def reference_covers(speed: float) -> bool:
     """Whether the regression was made for a walking speed.
 
-    Args:
-        speed: In [m] / [s].
-
-    Returns:
-        True from 0.5 to 5 km/h.
+    ``speed`` in [m] / [s]. Returns true from 0.5 to 5 km/h.
     """
     return SLOWEST <= speed <= FASTEST
 
@@ -73,13 +62,7 @@ def reference_covers(speed: float) -> bool:
 def key_events(joint: JointName, *, speed: float, height: float) -> tuple[KeyEvent, ...]:
     """Key events of a joint, in the order of the cycle.
 
-    Args:
-        joint: Hip, knee or ankle.
-        speed: Walking speed in [m] / [s].
-        height: Body height in [m].
-
-    Raises:
-        ParameterError: If the regression does not reach the speed, or the height is not positive.
+    Raises ParameterError if the regression does not reach the speed, or the height is not positive.
     """
     _require_covered(speed, height)
     degree = math.pi / 180.0
@@ -108,17 +91,9 @@ def _coefficients() -> dict[JointName, list[list[list[float]]]]:
 def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, height: float) -> np.ndarray:
     """Angle of a joint over the gait cycle in healthy walking.
 
-    Args:
-        joint: Hip, knee or ankle.
-        percent: Instants in [%] of the cycle from heel strike, any shape; the cycle repeats.
-        speed: Walking speed in [m] / [s].
-        height: Body height in [m].
-
-    Returns:
-        Angles in [rad], shape of ``percent``; flexion and dorsiflexion positive.
-
-    Raises:
-        ParameterError: If the regression does not reach the speed, or the height is not positive.
+    ``percent``: instants in [%] of the cycle from heel strike, any shape; the cycle repeats. Returns angles
+    in [rad], shape of ``percent``; flexion and dorsiflexion positive. Raises ParameterError if the regression
+    does not reach the speed, or the height is not positive.
     """
     events = key_events(joint, speed=speed, height=height)
     around = (*events, events[0]._replace(percent=CYCLE))
@@ -126,16 +101,7 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
 
 
 def _quintic(events: Sequence[KeyEvent], percent: np.ndarray) -> np.ndarray:
-    r"""Piecewise polynomials of degree five through angles, velocities and accelerations.
-
-    In Bernstein form, :math:`\sum_j \binom{5}{j} s^j (1 - s)^{5 - j} c_j` with :math:`s` from 0 to 1 between
-    two events, in the order of operations of ``scipy.interpolate.BPoly``: the same bits without its import,
-    which takes longer than a walk to simulate.
-
-    Args:
-        events: In ascending order.
-        percent: Instants, any shape.
-    """
+    r"""Piecewise polynomials of degree five through angles, velocities and accelerations."""
     starts = np.array([event.percent for event in events])
     pieces = np.array([_bernstein(*pair) for pair in pairwise(events)])
     place = np.clip(np.searchsorted(starts, percent, side="right") - 1, 0, len(pieces) - 1)
@@ -169,17 +135,8 @@ def _bernstein(start: KeyEvent, end: KeyEvent) -> list[float]:
 def reference_cycle_time(speed: float, height: float) -> float:
     r"""Duration of the gait cycle in healthy walking.
 
-    With the step ratio :math:`r` (step length over cadence), :math:`T = 2 \sqrt{r / v}`.
-
-    Args:
-        speed: Walking speed in [m] / [s].
-        height: Body height in [m].
-
-    Returns:
-        Duration in [s].
-
-    Raises:
-        ParameterError: If the regression does not reach the speed, or the height is too small for it.
+    With the step ratio :math:`r` (step length over cadence), :math:`T = 2 \sqrt{r / v}`. Returns duration in
+    [s]. Raises ParameterError if the regression does not reach the speed, or the height is too small for it.
     """
     _require_covered(speed, height)
     constant, with_speed, with_height = STEP_RATIO
@@ -213,13 +170,9 @@ def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:
     Gait Profile Score and Movement Analysis Profile, Gait & Posture 30 (2009) 265-269. The mean stride is
     compared, not each stride: what differs from stride to stride is no part of it.
 
-    Args:
-        cycles: One joint angle over the cycle, a row a stride, last sample that of the next stride, shape
-            ``(n_strides, n_samples)``.
-        reference: Curve at the same instants, shape ``(n_samples,)``, same unit.
-
-    Returns:
-        The score in the unit of the curves; NaN without strides.
+    ``cycles``: one joint angle over the cycle, a row a stride, last sample that of the next stride, shape
+    ``(n_strides, n_samples)``; ``reference``: curve at the same instants, shape ``(n_samples,)``, same unit.
+    Returns the score in the unit of the curves; NaN without strides.
     """
     if len(cycles) == 0:
         return math.nan
@@ -230,13 +183,8 @@ def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:
 def gait_profile_score(scores: Sequence[float]) -> float:
     """Root mean square of the Gait Variable Scores of several joints.
 
-    Theirs has nine variables; a device that moves hips and knees has two a side.
-
-    Args:
-        scores: Gait Variable Scores in one unit.
-
-    Returns:
-        The score in the same unit; NaN without any.
+    Theirs has nine variables; a device that moves hips and knees has two a side. ``scores``: gait Variable
+    Scores in one unit. Returns the score in the same unit; NaN without any.
     """
     if len(scores) == 0:
         return math.nan
@@ -260,13 +208,8 @@ def normative_angle(joint: str, percent: np.ndarray) -> np.ndarray:
     """Angle in healthy walking at natural cadence.
 
     The means at 0 and 100 % differ by up to 1.8 degrees; the last one is left out, so that the cycle closes.
-
-    Args:
-        joint: ``hip`` or ``knee``.
-        percent: Of the gait cycle from foot contact, in [%], any shape; the cycle repeats.
-
-    Returns:
-        Angle in [rad], flexion positive, the same shape.
+    ``joint``: ``hip`` or ``knee``; ``percent`` of the gait cycle from foot contact, in [%], any shape; the
+    cycle repeats. Returns angle in [rad], flexion positive, the same shape.
     """
     from scipy.interpolate import CubicSpline  # takes longer to import than a walk to simulate
 
@@ -280,13 +223,8 @@ def normative_moment(joint: str, percent: np.ndarray) -> np.ndarray:
     """Flexor moment of healthy slow walking per body mass.
 
     Winter counts extensor moments positive; here flexor moments are, as everywhere in this package.
-
-    Args:
-        joint: ``hip`` or ``knee``.
-        percent: Of the gait cycle from foot contact, in [%], any shape.
-
-    Returns:
-        Moment in [N m] / [kg], the same shape.
+    ``joint``: ``hip`` or ``knee``; ``percent`` of the gait cycle from foot contact, in [%], any shape.
+    Returns moment in [N m] / [kg], the same shape.
     """
     moments = -_table()[:, 3 + WINTER_JOINTS.index(JointName(joint))]
     return np.asarray(np.interp(np.mod(percent, CYCLE), _table()[:, 0], moments))
@@ -297,15 +235,10 @@ WINTER_GRAVITY = 9.81  # [m] / [s²]
 
 
 class GroundForce(NamedTuple):
-    """Force of the ground on a foot over body weight, shape of the instants asked for.
+    """Force of the ground on a foot over body weight, shape of the instants asked for."""
 
-    Attributes:
-        vertical: Upwards.
-        forward: Negative where it brakes.
-    """
-
-    vertical: np.ndarray
-    forward: np.ndarray
+    vertical: np.ndarray  # upwards
+    forward: np.ndarray  # negative where it brakes
 
 
 def normative_ground_force(percent: np.ndarray, *, speed: float) -> GroundForce:
@@ -314,14 +247,8 @@ def normative_ground_force(percent: np.ndarray, *, speed: float) -> GroundForce:
     Winter's at slow cadence, the slowest that he gives. The forward force is scaled in proportion to the
     speed: its largest values of 0.162, 0.223 and 0.262 body weights at 1.0, 1.325 and 1.7 m/s are 0.154 to
     0.168 of the speed in m/s. Below 1 m/s this is extrapolated; and there the vertical force, which is not
-    scaled, is flatter than at 1 m/s.
-
-    Args:
-        percent: Of the gait cycle from foot contact, in [%], any shape; the cycle repeats.
-        speed: Walking speed in [m] / [s].
-
-    Returns:
-        The force.
+    scaled, is flatter than at 1 m/s. ``percent`` of the gait cycle from foot contact, in [%], any shape; the
+    cycle repeats; ``speed``: walking speed in [m] / [s].
     """
     places, table = np.mod(percent, CYCLE), _table() / WINTER_GRAVITY
     vertical, forward = (np.interp(places, _table()[:, 0], table[:, column]) for column in (5, 6))

@@ -23,11 +23,8 @@ PERCENT.setflags(write=False)
 def stride_bounds(events: np.ndarray) -> np.ndarray:
     """Strides between events that begin one.
 
-    Args:
-        events: Ticks in ascending order, shape ``(n,)``.
-
-    Returns:
-        First tick of each stride and of the next one, shape ``(n_strides, 2)``, integers.
+    ``events``: ticks in ascending order, shape ``(n,)``. Returns first tick of each stride and of the next
+    one, shape ``(n_strides, 2)``, integers.
     """
     ticks = np.asarray(events, dtype=int)
     return np.column_stack((ticks[:-1], ticks[1:]))
@@ -36,12 +33,7 @@ def stride_bounds(events: np.ndarray) -> np.ndarray:
 def stride_count(counted: int, found: int) -> str:
     """How many strides a mean is taken over, in words that say why others are left out.
 
-    Args:
-        counted: Strides that count.
-        found: All strides.
-
-    Returns:
-        ``6 strides (the first 2 of 8 settle)``.
+    Returns ``6 strides (the first 2 of 8 settle)``.
     """
     text = f"{counted} stride" + ("" if counted == 1 else "s")
     return text if counted == found else f"{text} (the first {found - counted} of {found} settle)"
@@ -50,12 +42,8 @@ def stride_count(counted: int, found: int) -> str:
 def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Bring every stride to the same length by linear interpolation.
 
-    Args:
-        signal: One value a tick, any unit, shape ``(n_ticks,)``.
-        bounds: From :func:`stride_bounds`.
-
-    Returns:
-        The signal at ``PERCENT`` of every stride, shape ``(n_strides, 101)``.
+    ``signal``: one value a tick, any unit, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`.
+    Returns the signal at ``PERCENT`` of every stride, shape ``(n_strides, 101)``.
     """
     if len(bounds) == 0:
         return np.zeros((0, len(PERCENT)))
@@ -65,26 +53,14 @@ def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 
 def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
-    """Duration of every stride.
-
-    Args:
-        bounds: From :func:`stride_bounds`.
-        tick: Sampling period in [s].
-
-    Returns:
-        Durations in [s], shape ``(n_strides,)``.
-    """
+    """Duration of every stride. Returns durations in [s], shape ``(n_strides,)``."""
     return np.asarray((bounds[:, 1] - bounds[:, 0]) * tick)
 
 
 def coefficient_of_variation(values: np.ndarray) -> float:
     """Sample standard deviation over mean.
 
-    Args:
-        values: Positive numbers, shape ``(n,)``.
-
-    Returns:
-        The ratio; NaN for fewer than two values.
+    ``values``: positive numbers, shape ``(n,)``. Returns the ratio; NaN for fewer than two values.
     """
     if len(values) < 2:
         return math.nan
@@ -94,12 +70,8 @@ def coefficient_of_variation(values: np.ndarray) -> float:
 def swing_shares(bounds: np.ndarray, toe_offs: np.ndarray) -> np.ndarray:
     """Share of each stride in which the leg swings: from the last toe-off in it to its end.
 
-    Args:
-        bounds: Strides from heel strike to heel strike.
-        toe_offs: Ticks, shape ``(m,)``.
-
-    Returns:
-        Shares in [0, 1], shape ``(n_strides,)``; NaN for a stride without a toe-off.
+    ``bounds``: strides from heel strike to heel strike; ``toe_offs``: ticks, shape ``(m,)``. Returns shares
+    in [0, 1], shape ``(n_strides,)``; NaN for a stride without a toe-off.
     """
     shares = np.full(len(bounds), np.nan)
     for number, (start, end) in enumerate(bounds):
@@ -112,12 +84,8 @@ def swing_shares(bounds: np.ndarray, toe_offs: np.ndarray) -> np.ndarray:
 def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Lowest and highest value in every stride.
 
-    Args:
-        signal: One value a tick, shape ``(n_ticks,)``.
-        bounds: From :func:`stride_bounds`.
-
-    Returns:
-        Shape ``(n_strides, 2)``, in the unit of the signal.
+    ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`. Returns shape
+    ``(n_strides, 2)``, in the unit of the signal.
     """
     spans = [signal[start : end + 1] for start, end in bounds]
     return np.array([(span.min(), span.max()) for span in spans]).reshape(-1, 2)
@@ -126,12 +94,9 @@ def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
     """Root mean square difference from a reference curve, over all strides and samples.
 
-    Args:
-        cycles: From :func:`normalise_strides`, shape ``(n_strides, 101)``.
-        reference: Curve at ``PERCENT``, shape ``(101,)``, same unit.
-
-    Returns:
-        The error in the unit of the curves; NaN without strides.
+    ``cycles`` from :func:`normalise_strides`, shape ``(n_strides, 101)``; ``reference``: curve at
+    ``PERCENT``, shape ``(101,)``, same unit. Returns the error in the unit of the curves; NaN without
+    strides.
     """
     if len(cycles) == 0:
         return math.nan
@@ -146,20 +111,14 @@ class ErrorParts(NamedTuple):
     .. math::
 
         total^2 = offset^2 + timing^2 + shape^2
-
-    Attributes:
-        total: As :func:`root_mean_square_error` has it.
-        offset: Mean difference, positive above the reference.
-        timing: What the best shift of the strides around the cycle takes away.
-        shape: What is left then, with what differs from stride to stride.
-        shift: How much later than in the reference things happen in the strides, as a share of the cycle from
-            -0.5 to 0.5, in steps of 1 %.
     """
 
-    total: float
-    offset: float
-    timing: float
-    shape: float
+    total: float  # as root_mean_square_error has it
+    offset: float  # mean difference, positive above the reference
+    timing: float  # what the best shift of the strides around the cycle takes away
+    shape: float  # what is left then, with what differs from stride to stride
+    # how much later than in the reference things happen in the strides, as a share of the cycle from -0.5 to
+    # 0.5, in steps of 1 %
     shift: float
 
 
@@ -175,12 +134,8 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
         shape^2 = \min_s \langle (\tilde x(p + s) - \tilde r(p))^2\rangle, \qquad
         timing^2 = \langle (\tilde x - \tilde r)^2\rangle - shape^2 .
 
-    Args:
-        cycles: From :func:`normalise_strides`, shape ``(n_strides, 101)``.
-        reference: Curve at ``PERCENT``, shape ``(101,)``, same unit.
-
-    Returns:
-        In the unit of the curves; NaN without strides.
+    ``cycles`` from :func:`normalise_strides`, shape ``(n_strides, 101)``; ``reference``: curve at
+    ``PERCENT``, shape ``(101,)``, same unit. Returned in the unit of the curves; NaN without strides.
     """
     if len(cycles) == 0:
         return ErrorParts(*(math.nan,) * 5)
@@ -204,12 +159,7 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
 def symmetry_index(left: float, right: float) -> float:
     """Difference of the sides over their mean: 0 for a symmetric gait, positive if the left is larger.
 
-    Args:
-        left: Measure of the left leg.
-        right: The same of the right leg.
-
-    Returns:
-        The index; NaN if the mean is 0 or a side is NaN.
+    Returns the index; NaN if the mean is 0 or a side is NaN.
     """
     mean = 0.5 * (left + right)
     return (left - right) / mean if mean != 0.0 else math.nan
@@ -221,11 +171,7 @@ SECONDS_PER_MINUTE = 60.0
 def cadence(stride_times: np.ndarray) -> float:
     """Steps in a minute, two a stride.
 
-    Args:
-        stride_times: In [s], shape ``(n,)``.
-
-    Returns:
-        Cadence in steps a minute; NaN without strides.
+    ``stride_times`` in [s], shape ``(n,)``. Returns cadence in steps a minute; NaN without strides.
     """
     if len(stride_times) == 0:
         return float("nan")
@@ -235,12 +181,7 @@ def cadence(stride_times: np.ndarray) -> float:
 def stride_lengths(stride_times: np.ndarray, speed: float) -> np.ndarray:
     """Way that the belt goes in each stride, which is the stride's length at a steady place on it.
 
-    Args:
-        stride_times: In [s], shape ``(n,)``.
-        speed: Of the belt in [m] / [s].
-
-    Returns:
-        Lengths in [m], shape ``(n,)``.
+    ``stride_times`` in [s]; ``speed`` of the belt in [m] / [s]. Returns lengths in [m].
     """
     return np.asarray(speed * stride_times)
 
@@ -249,15 +190,9 @@ def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> n
     """Duration of the steps that end with a heel strike of one foot.
 
     A step begins with the other foot's last strike before it; if this foot struck since, the other foot has
-    made no step in between and there is none to count.
-
-    Args:
-        strikes: Heel strikes of the foot, ticks in ascending order, shape ``(n,)``.
-        other_strikes: Of the other foot, shape ``(m,)``.
-        tick: Sampling period in [s].
-
-    Returns:
-        Durations in [s], shape ``(k,)`` with k at most n.
+    made no step in between and there is none to count. ``strikes``: heel strikes of the foot, ticks in
+    ascending order, shape ``(n,)``; ``other_strikes`` of the other foot, shape ``(m,)``; ``tick``: sampling
+    period in [s]. Returns durations in [s], shape ``(k,)`` with k at most n.
     """
     durations = []
     for number, strike in enumerate(strikes):
@@ -271,13 +206,9 @@ def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> n
 def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, strides: np.ndarray) -> float:
     """Share of the time in which both feet carry.
 
-    Args:
-        loaded: Whether one foot carries, one value a tick, shape ``(n_ticks,)``.
-        other_loaded: Of the other foot, same shape.
-        strides: First tick of each stride and of the next one, shape ``(n, 2)``.
-
-    Returns:
-        Share in [0, 1]; NaN without strides.
+    ``loaded``: whether one foot carries, one value a tick, shape ``(n_ticks,)``; ``other_loaded`` of the
+    other foot, same shape; ``strides``: first tick of each stride and of the next one, shape ``(n, 2)``.
+    Returns share in [0, 1]; NaN without strides.
     """
     if len(strides) == 0:
         return float("nan")

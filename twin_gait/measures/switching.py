@@ -29,15 +29,10 @@ _KERNEL_REACH = 4.0
 def blend_windows(switches: np.ndarray, blending_ticks: int, length: int) -> np.ndarray:
     """Ticks in which the parameters of a leg change: from each switch to the end of its blend.
 
-    A switch during a blend ends it, because the next one begins from where the parameters are.
-
-    Args:
-        switches: First ticks of new phases of one leg, ascending, each below ``length``, shape ``(m,)``.
-        blending_ticks: Length of the blend; 0 without.
-        length: Ticks of the record.
-
-    Returns:
-        First tick of each window and first tick after it, integers, shape ``(m, 2)``.
+    A switch during a blend ends it, because the next one begins from where the parameters are. ``switches``:
+    first ticks of new phases of one leg, ascending, each below ``length``, shape ``(m,)``;
+    ``blending_ticks``: length of the blend; 0 without. Returns first tick of each window and first tick after
+    it, integers, shape ``(m, 2)``.
     """
     starts = np.asarray(switches, dtype=int)
     following = np.append(starts[1:], length)[: len(starts)]
@@ -47,12 +42,8 @@ def blend_windows(switches: np.ndarray, blending_ticks: int, length: int) -> np.
 def torque_jumps(torque: np.ndarray, windows: np.ndarray) -> np.ndarray:
     """Largest change of a torque from one tick to the next in each window.
 
-    Args:
-        torque: In [N m], shape ``(n,)``.
-        windows: From :func:`blend_windows`, none beginning at tick 0.
-
-    Returns:
-        Magnitudes in [N m], shape ``(m,)``.
+    ``torque`` in [N m], shape ``(n,)``; ``windows`` from :func:`blend_windows`, none beginning at tick 0.
+    Returns magnitudes in [N m], shape ``(m,)``.
     """
     steps = np.abs(np.diff(torque))
     return np.array([steps[start - 1 : end - 1].max() for start, end in windows])
@@ -64,13 +55,8 @@ def torque_jumps(torque: np.ndarray, windows: np.ndarray) -> np.ndarray:
 def spring_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle: np.ndarray) -> np.ndarray:
     r"""Energy in the virtual spring, :math:`\tfrac12 k (\theta - \theta_0)^2`.
 
-    Args:
-        angle: θ in [rad].
-        stiffness: k in [N m] / [rad].
-        equilibrium_angle: θ0 in [rad].
-
-    Returns:
-        Energy in [J], in the shape of the arguments.
+    ``angle``: θ in [rad]; ``stiffness``: k in [N m] / [rad]; ``equilibrium_angle``: θ0 in [rad]. Returns
+    energy in [J], in the shape of the arguments.
     """
     deflection = angle - equilibrium_angle
     return np.asarray(0.5 * stiffness * deflection * deflection)
@@ -89,13 +75,9 @@ def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle
     exact for a step of any size, where the midpoint rule would leave :math:`\Delta k\,\Delta\theta_0^2 / 8`.
     For parameters that change continuously it converges to the integral with the first power of the tick.
 
-    Args:
-        angle: Measured angle in [rad], one value a tick, shape ``(n,)``.
-        stiffness: k in force from each tick on in [N m] / [rad], shape ``(n,)``.
-        equilibrium_angle: θ0 in force from each tick on in [rad], shape ``(n,)``.
-
-    Returns:
-        Energy in [J], positive into the spring, 0 in the first tick; shape ``(n,)``.
+    ``angle``: measured angle in [rad], one value a tick, shape ``(n,)``; ``stiffness``: k in force from each
+    tick on in [N m] / [rad], shape ``(n,)``; ``equilibrium_angle``: θ0 in force from each tick on in [rad],
+    shape ``(n,)``. Returns energy in [J], positive into the spring, 0 in the first tick; shape ``(n,)``.
     """
     injected = np.zeros(len(angle))
     before = spring_energy(angle[1:], stiffness[:-1], equilibrium_angle[:-1])
@@ -106,12 +88,8 @@ def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle
 def sums_over(values: np.ndarray, spans: np.ndarray) -> np.ndarray:
     """Sum of a signal over each of several spans of ticks.
 
-    Args:
-        values: One value a tick, shape ``(n,)``.
-        spans: First tick of each span and first tick after it, shape ``(m, 2)``.
-
-    Returns:
-        The sums, shape ``(m,)``.
+    ``values``: one value a tick, shape ``(n,)``; ``spans``: first tick of each span and first tick after it,
+    shape ``(m, 2)``. Returns the sums, shape ``(m,)``.
     """
     return np.array([values[start:end].sum() for start, end in spans])
 
@@ -123,15 +101,8 @@ def low_pass(signal: np.ndarray, tick: float, cut_off: float) -> np.ndarray:
     r"""Smooth a signal with a Gaussian, without delay.
 
     A sine of frequency f passes with the gain :math:`2^{-(f/f_c)^2/2}`, which is -3 dB at the cut-off. The
-    ends of the record are continued by their first and last value.
-
-    Args:
-        signal: One value a tick, shape ``(n,)``, n at least 1.
-        tick: Sampling period in [s].
-        cut_off: :math:`f_c` in [Hz].
-
-    Returns:
-        The smooth signal, shape ``(n,)``.
+    ends of the record are continued by their first and last value. ``signal``: one value a tick, n at least
+    1; ``cut_off``: :math:`f_c` in [Hz]. Returns the smooth signal.
     """
     deviation = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cut_off * tick)  # [ticks]
     reach = math.ceil(_KERNEL_REACH * deviation)
@@ -143,14 +114,8 @@ def joint_jerk(velocity: np.ndarray, tick: float) -> np.ndarray:
     r"""Jerk of a joint, :math:`d^2\omega/dt^2`, by central differences of the low-passed velocity.
 
     A torque that steps gives a jerk that is not bounded: without a filter its root mean square would grow as
-    the tick shrinks. The cut-off lets the 25 ms of a short blend through.
-
-    Args:
-        velocity: In [rad] / [s], one value a tick, shape ``(n,)``.
-        tick: Sampling period in [s].
-
-    Returns:
-        Jerk in [rad] / [s³], 0 in the first and the last tick, shape ``(n,)``.
+    the tick shrinks. The cut-off lets the 25 ms of a short blend through. ``velocity`` in [rad] / [s], one
+    value a tick. Returns jerk in [rad] / [s³], 0 in the first and the last tick.
     """
     jerk = np.zeros(len(velocity))
     if len(velocity) > 2:
@@ -168,14 +133,8 @@ def dimensionless_jerk(velocity: np.ndarray, jerk: np.ndarray, spans: np.ndarray
     after Hogan and Sternad (2009, doi:10.3200/35-09-004-RC) and Balasubramanian et al. (2015,
     doi:10.1186/s12984-015-0090-9), who give it a minus sign. A sine has :math:`(2\pi)^4/2 = 779`.
 
-    Args:
-        velocity: In [rad] / [s], shape ``(n,)``.
-        jerk: From :func:`joint_jerk`, shape ``(n,)``.
-        spans: First tick of each stride and of the next one, shape ``(m, 2)``.
-        tick: Sampling period in [s].
-
-    Returns:
-        One number a stride; NaN for a joint at rest. Shape ``(m,)``.
+    ``velocity`` in [rad] / [s]; ``jerk`` from :func:`joint_jerk`; ``spans``: first tick of each stride and of
+    the next one, shape ``(m, 2)``. Returns one number a stride; NaN for a joint at rest. Shape ``(m,)``.
     """
     values = np.full(len(spans), np.nan)
     for number, (start, end) in enumerate(spans):

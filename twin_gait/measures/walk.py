@@ -49,19 +49,13 @@ LEAST_DRAG = 0.02
 
 @dataclass(frozen=True)
 class Walkway:
-    """What the measures of a walk need to know of belt and support.
+    """What the measures of a walk need to know of belt and support."""
 
-    Attributes:
-        carried_weight: Weight of wearer and device less what the support carries, in [N]; NaN if that is all.
-        belt_speed: Backwards positive, in [m] / [s].
-        friction_coefficient: Of soles on the belt.
-        transition_velocity: Of the regularised friction in [m] / [s].
-    """
-
+    # weight of wearer and device less what the support carries, in [N]; NaN if that is all
     carried_weight: float
-    belt_speed: float
-    friction_coefficient: float
-    transition_velocity: float
+    belt_speed: float  # backwards positive, in [m] / [s]
+    friction_coefficient: float  # of soles on the belt
+    transition_velocity: float  # of the regularised friction in [m] / [s]
 
 
 @dataclass(frozen=True)
@@ -69,70 +63,45 @@ class WalkMeasures:
     """One leg of a walk in numbers, means over its counted strides unless said otherwise.
 
     Without strides they are NaN.
-
-    Attributes:
-        strides: How many count.
-        stride_time: In [s].
-        cadence: Steps a minute.
-        step_length: Way over the ground from a heel strike of the other foot to the next of this one, in [m].
-        load_peak: Largest vertical force of a stride over carried weight.
-        loading_peak: Largest vertical force of the mean stride before the trough, over carried weight.
-        trough: Least vertical force of the mean stride from 18 to 45 % of it, over carried weight.
-        push_off_peak: Largest vertical force of the mean stride after the trough, over carried weight.
-        least_load: Least vertical force of the mean stride from 6 to 20 % of it, over carried weight.
-        braking_impulse: Of the backward force of the ground on the foot over a stride in [N s], zero
-            or negative.
-        propulsion_impulse: Of the forward force likewise, zero or positive.
-        fore_aft_force: Mean force of the ground on the foot over whole strides, forwards positive, in [N].
-        braking_peak: Largest backward force of the mean stride over carried weight, zero or negative.
-        propulsion_peak: Largest forward force of the mean stride over carried weight, zero or positive.
-        pressure_travel: Way of the centre of pressure from heel strike to toe-off as a share of the sole,
-            from its first point (the heel) to its last (the toe); see :func:`pressure_curve`.
-        pressure_crossing: Share of the stride at which the centre of pressure passes the middle of the sole
-            for good; NaN if it does not.
-        ankle_range: In [rad]; NaN without an ankle.
-        hip_lowest: Least angle in [rad].
-        knee_at_contact: Angle of the mean stride at heel strike in [rad].
-        knee_yield: Flexion after it, up to 30 % of the cycle, in [rad].
-        clearance: Least of its counted swings in their middle half, in [m]; see
-            :func:`twin_gait.measures.foot_contact.swing_clearances`.
-        slip: Way that the loaded sole slides on the belt in a stride, in [m].
-        swing_entry: Share of the stride at which swing flexion begins; NaN for a table without such a phase.
-        swing_load: Vertical force on the foot at that moment in [N].
-        further_contacts: Bounces and scuffs in the whole record.
-        belt_power: That the belt gives to the foot, in [W].
-        motor_power: Mechanical power of each controlled motor at its joint, net, in [W].
-        wearer_power: Of the wearer's own effort (and of pushes) at hip and knee, net, in [W].
     """
 
-    strides: int
-    stride_time: float
-    cadence: float
+    strides: int  # how many count
+    stride_time: float  # in [s]
+    cadence: float  # steps a minute
+    # way over the ground from a heel strike of the other foot to the next of this one, in [m]
     step_length: float
-    load_peak: float
-    loading_peak: float
-    trough: float
-    push_off_peak: float
-    least_load: float
+    load_peak: float  # largest vertical force of a stride over carried weight
+    loading_peak: float  # largest vertical force of the mean stride before the trough, over carried weight
+    trough: float  # least vertical force of the mean stride from 18 to 45 % of it, over carried weight
+    push_off_peak: float  # largest vertical force of the mean stride after the trough, over carried weight
+    least_load: float  # least vertical force of the mean stride from 6 to 20 % of it, over carried weight
+    # of the backward force of the ground on the foot over a stride in [N s], zero or negative
     braking_impulse: float
-    propulsion_impulse: float
+    propulsion_impulse: float  # of the forward force likewise, zero or positive
+    # mean force of the ground on the foot over whole strides, forwards positive, in [N]
     fore_aft_force: float
-    braking_peak: float
-    propulsion_peak: float
+    braking_peak: float  # largest backward force of the mean stride over carried weight, zero or negative
+    propulsion_peak: float  # largest forward force of the mean stride over carried weight, zero or positive
+    # way of the centre of pressure from heel strike to toe-off as a share of the sole, from its first point
+    # (the heel) to its last (the toe); see pressure_curve
     pressure_travel: float
+    # share of the stride at which the centre of pressure passes the middle of the sole for good; NaN if it
+    # does not
     pressure_crossing: float
-    ankle_range: float
-    hip_lowest: float
-    knee_at_contact: float
-    knee_yield: float
-    clearance: float
-    slip: float
+    ankle_range: float  # in [rad]; NaN without an ankle
+    hip_lowest: float  # least angle in [rad]
+    knee_at_contact: float  # angle of the mean stride at heel strike in [rad]
+    knee_yield: float  # flexion after it, up to 30 % of the cycle, in [rad]
+    clearance: float  # least of its counted swings in their middle half, in [m]; see swing_clearances
+    slip: float  # way that the loaded sole slides on the belt in a stride, in [m]
+    # share of the stride at which swing flexion begins; NaN for a table without such a phase
     swing_entry: float
-    swing_load: float
-    further_contacts: int
-    belt_power: float
+    swing_load: float  # vertical force on the foot at that moment in [N]
+    further_contacts: int  # bounces and scuffs in the whole record
+    belt_power: float  # that the belt gives to the foot, in [W]
+    # mechanical power of each controlled motor at its joint, net, in [W]
     motor_power: Mapping[JointName, float]
-    wearer_power: float
+    wearer_power: float  # of the wearer's own effort (and of pushes) at hip and knee, net, in [W]
 
 
 def walk_measures(
@@ -146,16 +115,8 @@ def walk_measures(
 ) -> WalkMeasures:
     """Measure one leg of a walk on a belt.
 
-    Args:
-        log: One row a tick, with the columns whose names end as in ``WALK_COLUMNS``.
-        leg: The leg, on ground.
-        other: The other leg.
-        walkway: Belt and support.
-        swing_phase: Index of swing flexion; None for a table without it.
-        skip: So many strides at the start do not count.
-
-    Returns:
-        The measures.
+    ``log``: one row a tick, with the columns whose names end as in ``WALK_COLUMNS``; ``swing_phase``: index
+    of swing flexion; None for a table without it; ``skip``: so many strides at the start do not count.
     """
     contacts, others = leg.contacts, other.contacts
     assert contacts is not None and others is not None  # there is ground
@@ -188,18 +149,10 @@ def walk_measures(
 
 # Ends of the names of the columns of a log that the measures of a walk read, beside time and phases.
 WALK_COLUMNS = (
-    "_angle_rad",
-    "_velocity_rad_per_s",
-    "_motor_torque_Nm",
-    "_patient_torque_Nm",
-    "_foot_normal_force_N",
-    "_foot_friction_force_N",
-    "_foot_pressure_place",
-    "_foot_clearance_m",
-    "guide_force_N",
-    "pelvis_forward_m",
-    "pelvis_forward_velocity_m_per_s",
-)
+    "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_patient_torque_Nm", "_foot_normal_force_N",
+    "_foot_friction_force_N", "_foot_pressure_place", "_foot_clearance_m", "guide_force_N",
+    "pelvis_forward_m", "pelvis_forward_velocity_m_per_s",
+)  # fmt: skip
 
 
 def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Walkway) -> float:
@@ -230,12 +183,8 @@ def _are_inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) ->
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Mean of a signal over strides.
 
-    Args:
-        signal: One value a tick, any unit, shape ``(n_ticks,)``.
-        bounds: Strides, shape ``(n_strides, 2)``.
-
-    Returns:
-        At every percent of the cycle, shape ``(101,)``; NaN without strides.
+    ``signal``: one value a tick, any unit, shape ``(n_ticks,)``; ``bounds``: strides, shape
+    ``(n_strides, 2)``. Returned at every percent of the cycle, shape ``(101,)``; NaN without strides.
     """
     if len(bounds) == 0:
         return np.full(101, np.nan)
@@ -245,12 +194,8 @@ def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
     """Mean of a signal over the time of all strides.
 
-    Args:
-        signal: One value a tick, shape ``(n_ticks,)``.
-        bounds: Strides that follow each other, shape ``(n_strides, 2)``.
-
-    Returns:
-        In the unit of the signal; NaN without strides.
+    ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds``: strides that follow each other, shape
+    ``(n_strides, 2)``. Returned in the unit of the signal; NaN without strides.
     """
     return _mean(signal[int(bounds[0, 0]) : int(bounds[-1, 1])]) if len(bounds) else math.nan
 
@@ -258,11 +203,8 @@ def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
 def load_shape(cycle: np.ndarray) -> dict[str, float]:
     """Peaks, trough and least load of a vertical force.
 
-    Args:
-        cycle: Force over carried weight at every percent of the cycle, shape ``(101,)``.
-
-    Returns:
-        Those attributes of :class:`WalkMeasures`.
+    ``cycle``: force over carried weight at every percent of the cycle, shape ``(101,)``. Returns those
+    attributes of :class:`WalkMeasures`.
     """
     middle = MIDSTANCE.start + int(np.argmin(cycle[MIDSTANCE]))
     return {
@@ -301,14 +243,9 @@ def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkw
 def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Centre of pressure over the mean stride, each stride weighted with its load.
 
-    Args:
-        place: Centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
-            ``(n,)``.
-        load: Vertical force in [N], shape ``(n,)``.
-        bounds: Strides.
-
-    Returns:
-        Place at every percent of the cycle, shape ``(101,)``; NaN where the mean foot carries nothing.
+    ``place``: centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
+    ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``. Returns place at every percent of the cycle,
+    shape ``(101,)``; NaN where the mean foot carries nothing.
     """
     carried = mean_stride(load, bounds)
     loaded = carried > CONTACT_FORCE
@@ -365,13 +302,8 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.n
 
     Where points of the sole move at different speeds it is about that of those which carry.
 
-    Args:
-        fore_aft: Force of the ground in [N], shape ``(n,)``.
-        load: Vertical force in [N], shape ``(n,)``.
-        walkway: Friction of soles on the belt.
-
-    Returns:
-        In [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
+    ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``.
+    Returned in [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
     """
     loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
@@ -400,39 +332,20 @@ def _wearer_power(log: pd.DataFrame, leg: LegRecord, joint: JointName, bounds: n
 
 
 class WalkPower(NamedTuple):
-    """Who drives a walk, means over the counted strides.
+    """Who drives a walk, means over the counted strides."""
 
-    Attributes:
-        belt: Power that the belt gives to both feet, in [W].
-        motors: Net mechanical power of all motors at their joints in [W].
-        wearer: Of the wearer's own effort in [W].
-        guide: Power of guide or harness into the pelvis in [W]; none for a guide that does not move.
-        guide_force: Mean forward force of the guide on the pelvis in [N].
-        carried_by_belt: Whether the belt carries the walk, see :func:`belt_carries`.
-    """
-
-    belt: float
-    motors: float
-    wearer: float
-    guide: float
-    guide_force: float
-    carried_by_belt: bool
+    belt: float  # power that the belt gives to both feet, in [W]
+    motors: float  # net mechanical power of all motors at their joints in [W]
+    wearer: float  # of the wearer's own effort in [W]
+    guide: float  # power of guide or harness into the pelvis in [W]; none for a guide that does not move
+    guide_force: float  # mean forward force of the guide on the pelvis in [N]
+    carried_by_belt: bool  # whether the belt carries the walk, see belt_carries
 
 
 def walk_power(
     log: pd.DataFrame, legs: Iterable[WalkMeasures], bounds: np.ndarray, walkway: Walkway
 ) -> WalkPower:
-    """Add up who drives a walk.
-
-    Args:
-        log: One row a tick.
-        legs: Measures of both legs.
-        bounds: Counted strides of one of them.
-        walkway: Belt and support.
-
-    Returns:
-        The powers.
-    """
+    """Add up who drives a walk."""
     legs = tuple(legs)
     belt, wearer = (
         sum(values) for values in zip(*((leg.belt_power, leg.wearer_power) for leg in legs), strict=True)
@@ -456,15 +369,8 @@ def belt_carries(holding: float, legs: float, walkway: Walkway) -> bool:
     """Whether the belt carries a walk: it drags the wearer along, and gives more than the legs do themselves.
 
     Told by what holds the pelvis against it: on level ground what the feet are dragged with, on a slope
-    without what the weight pulls.
-
-    Args:
-        holding: Mean forward force of guide or harness on the pelvis in [N].
-        legs: Net power of motors and wearer in [W].
-        walkway: Belt and support.
-
-    Returns:
-        False without strides.
+    without what the weight pulls. ``holding``: mean forward force of guide or harness on the pelvis in [N];
+    ``legs``: net power of motors and wearer in [W]. Returns false without strides.
     """
     counts = holding > LEAST_DRAG * walkway.carried_weight
     return bool(counts and holding * walkway.belt_speed > legs)

@@ -1,7 +1,5 @@
 """A chair, and what of the body meets it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -26,6 +24,8 @@ class ChairParameters(Parameters):
     Attributes:
         height: Of the seat in [m]; 0.43 in a chair of OpenSim, 0.48 to 0.53 as a rule in wheelchairs.
         front: Place of its front edge in [m]; the hips begin at 0.
+        behind: Way of its front edge behind the hips of a standing wearer, where somebody puts it when the
+            device announces that it will sit down, in [m] (an assumption).
         depth: Of the seat in [m].
         rounding: Way behind an edge over which it comes to bear, in [m] (an assumption).
         stiffness: Of the seated body in [N] / [m]: 5 Hz with 45 kg sprung, the mean of 60 people (Fairley
@@ -43,6 +43,7 @@ class ChairParameters(Parameters):
 
     height: Annotated[Length, Range(0.3, 0.7)] = 0.45
     front: Length = 0.25
+    behind: Length = 0.1
     depth: Annotated[Length, POSITIVE] = 0.4
     rounding: Annotated[Length, POSITIVE] = 0.03
     stiffness: Annotated[LinearStiffness, POSITIVE] = 44.0e3

@@ -1,7 +1,5 @@
 """Crutches, and how a person uses them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,7 +10,6 @@ from twin_gait.parameters.quantities import (
     POSITIVE,
     Angle,
     Force,
-    ForcePerAngle,
     Length,
     LinearDamping,
     LinearStiffness,
@@ -22,7 +19,6 @@ from twin_gait.parameters.quantities import (
     PerAngularVelocity,
     Range,
     Ratio,
-    RotaryStiffness,
     Speed,
     Time,
     Torque,
@@ -88,15 +84,14 @@ class ArmParameters(Parameters):
         planted: For so long at least a crutch stays, in [s].
         lowering: Speed at which it is put down in [m] / [s].
         touch: Load at which it is felt to stand in [N].
-        chair_tilt: Of arms and crutches from the vertical that the person keeps while they rise from a chair
-            or sit down, the tips behind the shoulders, in [rad].
-        chair_push: On each crutch meanwhile in [N], beyond what holds.
-        chair_push_per_tilt: Less of it by how much farther they tilt, in [N] / [rad].
+        chair_tilt: Of arms and crutches from the vertical to which they are swung for a chair, the tips
+            behind the shoulders, in [rad].
+        chair_push: On each crutch while the person rises or sits down, as a share of the weight.
         chair_turn: Moment of each shoulder in [N m] that draws the body forwards meanwhile.
-        chair_turn_per_tilt: Less of it likewise, in [N m] / [rad].
-        chair_fading: Length short of straight arms over which that push fades, in [m].
-        chair_hold: Push that keeps each crutch on the ground then, and afterwards, in [N].
-        chair_rest: For so long both stay behind afterwards, in [s].
+        risen_length: Of arm and crutch when the person has risen, over that of a straight arm.
+        seated_length: When the person has sat down; likewise.
+        chair_time: In which they come to that length, in [s].
+        straightening: Speed at which they grow afterwards, until the hands feel no load, in [m] / [s].
     """
 
     delay: Annotated[Time, DELAYS] = 0.15
@@ -119,11 +114,10 @@ class ArmParameters(Parameters):
     planted: Annotated[Time, NOT_NEGATIVE] = 0.2
     lowering: Annotated[Speed, POSITIVE] = 0.25
     touch: Annotated[Force, POSITIVE] = 15.0
-    chair_tilt: Annotated[Angle, LEANS] = 17.0 * DEGREE
-    chair_push: Annotated[Force, NOT_NEGATIVE] = 200.0
-    chair_push_per_tilt: Annotated[ForcePerAngle, NOT_NEGATIVE] = 800.0
+    chair_tilt: Annotated[Angle, LEANS] = 10.0 * DEGREE
+    chair_push: Annotated[Ratio, NOT_NEGATIVE] = 0.05
     chair_turn: Torque = 0.0
-    chair_turn_per_tilt: Annotated[RotaryStiffness, NOT_NEGATIVE] = 200.0
-    chair_fading: Annotated[Length, POSITIVE] = 0.15
-    chair_hold: Annotated[Force, NOT_NEGATIVE] = 40.0
-    chair_rest: Annotated[Time, NOT_NEGATIVE] = 3.0
+    risen_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.98
+    seated_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.65
+    chair_time: Annotated[Time, POSITIVE] = 2.0
+    straightening: Annotated[Speed, NOT_NEGATIVE] = 0.05

@@ -1,7 +1,5 @@
 """Motors and gears, their battery, the limits of what is asked of them, and encoders."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

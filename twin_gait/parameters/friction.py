@@ -74,8 +74,7 @@ class FrictionParameters(Parameters):
     def scaled(self, ratio: float) -> FrictionParameters:
         """Return the law multiplied by a ratio, for a plant with other friction than the model.
 
-        Args:
-            ratio: Plant friction over model friction, 0 or more.
+        ``ratio``: plant friction over model friction, 0 or more.
         """
         NOT_NEGATIVE.require("friction ratio", ratio)
         return replace(
@@ -88,8 +87,7 @@ class FrictionParameters(Parameters):
     def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
         """As the plant takes it.
 
-        Args:
-            gear_efficiency: Of the gear under load, beside the friction.
+        ``gear_efficiency``: of the gear under load, beside the friction.
         """
         law = self.normalised()
         given = (law.breakaway_torque, law.coulomb_friction, law.viscous_friction, gear_efficiency - 1.0)

@@ -1,7 +1,5 @@
 """The CAN bus between the central unit and the boards of the joints."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -106,8 +104,7 @@ def parse_outage(text: str) -> Outage:
     ``reboot:left_knee@4.2s=0.3s``, ``silence@5s=200ms`` of the whole bus, ``silence:ccu@5s`` for good,
     ``bus_off:right_hip@3s``.
 
-    Raises:
-        ParameterError: If it cannot be read.
+    Raises ParameterError if it cannot be read.
     """
     match = _SHAPE.fullmatch(text.strip())
     example = "for example reboot:left_knee@4.2s=0.3s"

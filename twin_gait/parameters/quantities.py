@@ -9,8 +9,6 @@ reference pages are made from that.
 ...     stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 75.0
 """
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import math
@@ -30,14 +28,9 @@ EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in se
 def require(condition: bool, name: str, expected: str, value: object) -> None:
     """Raise a :class:`ParameterError` unless a condition holds.
 
-    Args:
-        condition: What must be true.
-        name: Name of the parameter as the user knows it.
-        expected: What would have been right, in words.
-        value: What was given.
-
-    Raises:
-        ParameterError: If the condition is false.
+    ``condition``: what must be true. ``name``: name of the parameter as the user knows it. ``expected``: what
+    would have been right, in words. ``value``: what was given. Raises ParameterError if the condition is
+    false.
     """
     if not condition:
         raise ParameterError(f"{name}: expected {expected}, got {value!r}")

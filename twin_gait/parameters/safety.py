@@ -1,7 +1,5 @@
 """Bounds of the safety monitor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -14,19 +14,13 @@ from twin_gait.vocabulary import Side
 
 
 class Agreement(NamedTuple):
-    """Replayed against recorded phases of one leg.
+    """Replayed against recorded phases of one leg."""
 
-    Attributes:
-        recorded: Names of the rows: the phases of the table, then further names of the log.
-        replayed: Names of the columns: the phases of the table.
-        confusion: Ticks in each pair of phases, shape ``(n_recorded, n_replayed)``, integers.
-        lags: For each phase of the table, the time in [s] by which the replay enters it later than the
-            record, for every recorded entry; NaN for one that the replay has no partner for.
-    """
-
-    recorded: tuple[str, ...]
-    replayed: tuple[str, ...]
-    confusion: np.ndarray
+    recorded: tuple[str, ...]  # names of the rows: the phases of the table, then further names of the log
+    replayed: tuple[str, ...]  # names of the columns: the phases of the table
+    confusion: np.ndarray  # ticks in each pair of phases, shape ``(n_recorded, n_replayed)``, integers
+    # for each phase of the table, the time in [s] by which the replay enters it later than the record, for
+    # every recorded entry; NaN for one that the replay has no partner for
     lags: dict[str, np.ndarray]
 
     @property
@@ -37,11 +31,7 @@ class Agreement(NamedTuple):
     def phase_share(self, phase: str) -> float:
         """Share of the ticks recorded in a phase that the replay spends in it too.
 
-        Args:
-            phase: Name of the phase.
-
-        Returns:
-            In [0, 1]; NaN if it was not recorded.
+        Returned in [0, 1]; NaN if it was not recorded.
         """
         index = self.recorded.index(phase)
         total = self.confusion[index].sum()
@@ -51,11 +41,7 @@ class Agreement(NamedTuple):
 def agreement(result: Replay) -> dict[Side, Agreement]:
     """Compare replayed with recorded phases.
 
-    Args:
-        result: The replay.
-
-    Returns:
-        One comparison for each leg whose phases were recorded.
+    Returns one comparison for each leg whose phases were recorded.
     """
     names = result.table.phase_names
     return {
@@ -86,17 +72,11 @@ def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
 
 
 class StridePhases(NamedTuple):
-    """Phases of one stride, from an entry into the first phase of the table to the next.
+    """Phases of one stride, from an entry into the first phase of the table to the next."""
 
-    Attributes:
-        start: First tick.
-        end: First tick of the next stride.
-        phases: Indices of the phases in order.
-    """
-
-    start: int
-    end: int
-    phases: tuple[int, ...]
+    start: int  # first tick
+    end: int  # first tick of the next stride
+    phases: tuple[int, ...]  # indices of the phases in order
 
     @property
     def duration(self) -> float:
@@ -118,11 +98,7 @@ def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
 
 
 def stride_phases(phases: np.ndarray) -> list[StridePhases]:
-    """Split a leg's phases into strides.
-
-    Args:
-        phases: Index of the phase at each tick, shape ``(n,)``.
-    """
+    """Split a leg's phases into strides. ``phases``: index of the phase at each tick, shape ``(n,)``."""
     entries = phase_entries(phases, 0)
     entries = entries[entries > 0]
     spells = phase_spells(phases)

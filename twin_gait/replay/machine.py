@@ -7,7 +7,7 @@ that lacks a signal which a guard reads is refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,21 +38,14 @@ PROGRESS_TICKS = 500
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recorded walk with the phases that a table gives it.
+    """A recorded walk with the phases that a table gives it."""
 
-    Attributes:
-        table: The gait table.
-        recording: The walk.
-        velocities: Fast velocity estimate of each joint of the table in [rad] / [s], shape ``(n,)``.
-        phases: Index of the phase of each leg at each tick, shape ``(n,)``, integers.
-        switches: Every change of phase with its cause.
-    """
-
-    table: GaitTable
-    recording: Recording
+    table: GaitTable  # the gait table
+    recording: Recording  # the walk
+    # fast velocity estimate of each joint of the table in [rad] / [s], shape ``(n,)``
     velocities: Mapping[Side, Mapping[str, np.ndarray]]
-    phases: Mapping[Side, np.ndarray]
-    switches: tuple[PhaseSwitch, ...]
+    phases: Mapping[Side, np.ndarray]  # index of the phase of each leg at each tick, shape ``(n,)``, integers
+    switches: tuple[PhaseSwitch, ...]  # every change of phase with its cause
 
 
 def replay(
@@ -66,102 +59,65 @@ def replay(
 ) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
-    Args:
-        recording: The walk.
-        table: The gait table, already scaled.
-        body_weight: Of wearer and device in [N]; only for guards on the load of the foot.
-        start_phases: Phase of each leg at tick 0; where there is none the recorded one, or without that
-            the first of the table.
-        fast_time_constant: Of the fast velocity estimate in [s]; the firmware's if None.
-        progress: Called with ticks done and ticks in all, now and then.
-
-    Returns:
-        Phases, velocities and switches.
-
-    Raises:
-        GaitTableError: If the guards need a signal that was not recorded, or there is no such start phase.
+    ``body_weight`` of wearer and device in [N], only for guards on the load of the foot; ``start_phases``:
+    phase of each leg at tick 0, by default the recorded one, or else the first of the table;
+    ``fast_time_constant`` of the fast velocity estimate in [s], by default the firmware's; ``progress``:
+    called with ticks done and ticks in all, now and then. Raises GaitTableError if the guards need a signal
+    that was not recorded, or there is no such start phase.
     """
     _check_signals(recording, table, body_weight)
-    loop = _Loop(recording, table, body_weight, start_phases or {}, fast_time_constant)
-    total = recording.n_ticks
+    sensors, program, total = SensorParameters(), compile_guards(table), recording.n_ticks
+    fast_gain = first_order_gain(
+        TICK, sensors.fast_time_constant if fast_time_constant is None else fast_time_constant
+    )
+    angles, loads, device = (
+        _angle_rows(recording, table),
+        _load_rows(recording, body_weight),
+        _device_rows(recording),
+    )
+    encoders = [new_encoder(0.0, 0.0, sensors.window) for _ in range(angles.shape[1])]
+    starts = [_start(recording, table, side, start_phases or {}) for side in recording.sides]
+    machines = [
+        GaitStateMachine(table, side, initial_phase=start, program=program)
+        for side, start in zip(recording.sides, starts, strict=True)
+    ]
+    velocity, phase = np.zeros_like(angles), np.zeros((total, len(machines)), dtype=int)
+    switches: list[PhaseSwitch] = []
+    width = len(table.joints)
     for tick in range(total):
         if progress is not None and tick % PROGRESS_TICKS == 0:
             progress(tick, total)
-        loop.step(tick)
-    if progress is not None:
-        progress(total, total)
-    return loop.result()
-
-
-class _Loop:
-    """What is carried from tick to tick."""
-
-    def __init__(
-        self,
-        recording: Recording,
-        table: GaitTable,
-        body_weight: float | None,
-        start_phases: Mapping[Side, str],
-        fast_time_constant: float | None,
-    ) -> None:
-        """Lay the walk out as the estimator and the guards read it."""
-        sensors = SensorParameters()
-        self._table = table
-        self._recording = recording
-        self._angles = _angle_rows(recording, table)
-        self._loads = _load_rows(recording, body_weight)
-        time_constant = sensors.fast_time_constant if fast_time_constant is None else fast_time_constant
-        self._fast_gain = first_order_gain(TICK, time_constant)
-        self._decimation = sensors.decimation
-        self._encoders = [new_encoder(0.0, 0.0, sensors.window) for _ in range(self._angles.shape[1])]
-        self._device = _device_rows(recording)
-        program = compile_guards(table)
-        self._machines = [
-            GaitStateMachine(
-                table, side, initial_phase=_start(recording, table, side, start_phases), program=program
+        for encoder, angle in zip(encoders, angles[tick].tolist(), strict=True):
+            measure_joint(encoder, tick, angle, TICK, fast_gain, sensors.decimation)
+        times = [machine.time_in_phase(tick) for machine in machines]
+        before = [machine.phase_index for machine in machines]
+        of_device = {name: float(values[tick]) for name, values in device.items()}
+        legs = [
+            LegSignals(
+                tuple(encoder.angle for encoder in encoders[leg * width : (leg + 1) * width]),
+                tuple(encoder.velocity_fast for encoder in encoders[leg * width : (leg + 1) * width]),
+                float(loads[tick, leg]),
+                **of_device,
             )
-            for side in recording.sides
+            for leg in range(len(machines))
         ]
-        self._velocity = np.zeros_like(self._angles)
-        self._phase = np.zeros((len(self._angles), len(self._machines)), dtype=int)
-        self._switches: list[PhaseSwitch] = []
-
-    def step(self, tick: int) -> None:
-        """Measure, decide, record."""
-        for encoder, angle in zip(self._encoders, self._angles[tick].tolist(), strict=True):
-            measure_joint(encoder, tick, angle, TICK, self._fast_gain, self._decimation)
-        times = [machine.time_in_phase(tick) for machine in self._machines]
-        before = [machine.phase_index for machine in self._machines]
-        legs = [self._leg(leg, tick) for leg in range(len(self._machines))]
-        for leg, machine in enumerate(self._machines):
+        for leg, machine in enumerate(machines):
             others = len(legs) - 1 - leg
-            own, other = legs[leg], legs[1 - leg] if len(legs) == 2 else None
-            signals = signal_list(self._table, times[leg], own, other, times[others])
+            other = legs[others] if len(legs) == 2 else None
+            signals = signal_list(table, times[leg], legs[leg], other, times[others])
             switch = machine.advance(tick, signals, -1 if other is None else before[others])
             if switch is not None:
-                self._switches.append(switch)
-        self._phase[tick] = [machine.phase_index for machine in self._machines]
-        self._velocity[tick] = [encoder.velocity_fast for encoder in self._encoders]
-
-    def _leg(self, leg: int, tick: int) -> LegSignals:
-        joints = len(self._table.joints)
-        encoders = self._encoders[leg * joints : (leg + 1) * joints]
-        return LegSignals(
-            tuple(encoder.angle for encoder in encoders),
-            tuple(encoder.velocity_fast for encoder in encoders),
-            float(self._loads[tick, leg]),
-            **{name: float(values[tick]) for name, values in self._device.items()},
-        )
-
-    def result(self) -> Replay:
-        """Phases, velocities and switches."""
-        sides, joints = self._recording.sides, self._table.joints
-        velocities = {
-            side: {joint: self._velocity[:, leg * len(joints) + i] for i, joint in enumerate(joints)}
-            for leg, side in enumerate(sides)
-        }
-        phases = {side: self._phase[:, leg] for leg, side in enumerate(sides)}
-        return Replay(self._table, self._recording, velocities, phases, tuple(self._switches))
+                switches.append(switch)
+        phase[tick] = [machine.phase_index for machine in machines]
+        velocity[tick] = [encoder.velocity_fast for encoder in encoders]
+    if progress is not None:
+        progress(total, total)
+    velocities = {
+        side: {joint: velocity[:, leg * width + i] for i, joint in enumerate(table.joints)}
+        for leg, side in enumerate(recording.sides)
+    }
+    phases = {side: phase[:, leg] for leg, side in enumerate(recording.sides)}
+    return Replay(table, recording, velocities, phases, tuple(switches))
 
 
 def _angle_rows(recording: Recording, table: GaitTable) -> np.ndarray:
@@ -189,45 +145,33 @@ def _device_rows(recording: Recording) -> dict[str, np.ndarray]:
 
 def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Mapping[Side, str]) -> str:
     asked = start_phases.get(side)
-    if asked is not None:
-        if asked not in table.phases:
-            raise GaitTableError(
-                f"start phase of the {side} leg: the table {table.name} has no {asked!r}; there are "
-                f"{', '.join(table.phases)}"
-            )
-        return asked
+    if asked is not None and asked not in table.phases:
+        known = ", ".join(table.phases)
+        raise GaitTableError(
+            f"start phase of the {side} leg: the table {table.name} has no {asked!r}; there are {known}"
+        )
     recorded = str(recording.phases[side][0]) if side in recording.phases else ""
-    return recorded if recorded in table.phases else table.phase_names[0]
+    return asked or (recorded if recorded in table.phases else table.phase_names[0])
 
 
 OTHER_PHASE = f"{OTHER}phase"
 
 
 def needed_signals(table: GaitTable) -> dict[str, list[str]]:
-    """Signals that the guards of a table read, and which transitions read them."""
-    needed: dict[str, list[str]] = {}
-    for index, item in enumerate(table.transitions):
-        for signal in _signals_of(table, index):
-            readers = needed.setdefault(signal, [])
-            label = f"{item.source} → {item.target} ({item.cause})"
-            if label not in readers:
-                readers.append(label)
-    return needed
-
-
-def _signals_of(table: GaitTable, index: int) -> Iterator[str]:
-    """Signals that one transition compares, read off the compiled guards."""
-    program = compile_guards(table)
-    names = all_signal_names(table.joints)
-    rule = program.transitions[index]
-    for node in program.nodes[rule.first_node : rule.end_node]:
-        if node.operation == OP_PHASE:
-            yield OTHER_PHASE
-        elif node.operation == OP_COMPARE:
-            comparison = program.comparisons[node.operand]
-            yield names[comparison.signal_a]
-            if comparison.factor_b != 0.0:
-                yield names[comparison.signal_b]
+    """Signals that the guards of a table read, and which transitions read them; off the compiled guards."""
+    program, names = compile_guards(table), all_signal_names(table.joints)
+    needed: dict[str, dict[str, None]] = {}
+    for item, rule in zip(table.transitions, program.transitions, strict=True):
+        label = f"{item.source} → {item.target} ({item.cause})"
+        for node in program.nodes[rule.first_node : rule.end_node]:
+            found = [OTHER_PHASE] if node.operation == OP_PHASE else []
+            if node.operation == OP_COMPARE:
+                comparison = program.comparisons[node.operand]
+                found = [names[comparison.signal_a]]
+                found += [names[comparison.signal_b]] if comparison.factor_b != 0.0 else []
+            for signal in found:
+                needed.setdefault(signal, {})[label] = None
+    return {signal: list(readers) for signal, readers in needed.items()}
 
 
 def _check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:
@@ -235,10 +179,8 @@ def _check_signals(recording: Recording, table: GaitTable, body_weight: float | 
     for signal, readers in needed_signals(table).items():
         problem = _lacking(recording, signal, body_weight)
         if problem:
-            raise GaitTableError(
-                f"{recording.source}: the table {table.name} reads {signal} in {'; '.join(readers)}, but "
-                f"{problem}"
-            )
+            reads = f"the table {table.name} reads {signal} in {'; '.join(readers)}"
+            raise GaitTableError(f"{recording.source}: {reads}, but {problem}")
 
 
 def _lacking(recording: Recording, signal: str, body_weight: float | None) -> str:

@@ -30,17 +30,11 @@ Curve = Callable[[JointName, np.ndarray], np.ndarray]
 
 
 class NormativeWalk(NamedTuple):
-    """A walk made of curves from the literature.
+    """A walk made of curves from the literature."""
 
-    Attributes:
-        recording: The walk; the left leg begins at heel contact, the right one half a stride later.
-        speed: Of walking in [m] / [s].
-        cycle_time: Stride time in [s].
-    """
-
-    recording: Recording
-    speed: float
-    cycle_time: float
+    recording: Recording  # the walk; the left leg begins at heel contact, the right one half a stride later
+    speed: float  # of walking in [m] / [s]
+    cycle_time: float  # stride time in [s]
 
 
 def is_normative(name: str) -> bool:
@@ -51,16 +45,9 @@ def is_normative(name: str) -> bool:
 def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
     """Make a walk of curves from the literature.
 
-    Args:
-        name: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
-            ``winter`` for the means of Winter (1991) at natural cadence.
-        strides: How many.
-
-    Returns:
-        The walk.
-
-    Raises:
-        ParameterError: If there is no such walk, or the regression does not reach the speed.
+    ``name``: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
+    ``winter`` for the means of Winter (1991) at natural cadence; ``strides``: how many. Raises ParameterError
+    if there is no such walk, or the regression does not reach the speed.
     """
     curve, joints, speed, cycle_time = _winter() if name == WINTER else _koopman(name)
     time = np.arange(round(strides * cycle_time / TICK)) * TICK

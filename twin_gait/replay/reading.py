@@ -37,30 +37,23 @@ def _phase_key(side: Side) -> str:
 _OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
 
 QUANTITIES = (
-    TIME,
-    *(_angle_key(side, joint) for side in Side for joint in JointName),
-    *(_load_key(side) for side in Side),
-    *(_phase_key(side) for side in Side),
-    *_OF_DEVICE,
-)
+    TIME, *(_angle_key(side, joint) for side in Side for joint in JointName),
+    *(_load_key(side) for side in Side), *(_phase_key(side) for side in Side), *_OF_DEVICE,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogFormat:
-    """How to read a log.
+    """How to read a log."""
 
-    Attributes:
-        convention: Names and signs of the angles; None takes this package's own, and asks for one for
-            files of OpenSim, whose models differ.
-        columns: Column of a quantity, where it has a name of its own: ``{"left_hip_angle": "hip_l"}``.
-        units: ``rad`` or ``deg``, for columns that do not say.
-        offsets: Added to the angles of a joint in [rad], after its sign was put right: posture of the
-            pelvis, or another zero.
-    """
-
+    # names and signs of the angles; None takes this package's own, and asks for one for files of OpenSim,
+    # whose models differ
     convention: Convention | None = None
+    # column of a quantity, where it has a name of its own: ``{"left_hip_angle": "hip_l"}``
     columns: Mapping[str, str] = field(default_factory=dict)
-    units: str | None = None
+    units: str | None = None  # ``rad`` or ``deg``, for columns that do not say
+    # added to the angles of a joint in [rad], after its sign was put right: posture of the pelvis, or another
+    # zero
     offsets: Mapping[JointName, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -78,16 +71,10 @@ class LogFormat:
 def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording:
     """Read a recorded walk.
 
-    Args:
-        path: A .parquet or .csv file with columns such as ``left_hip_angle_rad``, or any with the names
-            given; or a .mot or .sto file of OpenSim.
-        log_format: How to read it.
-
-    Returns:
-        The walk at the ticks of the controller, in the signs of this package.
-
-    Raises:
-        ParameterFileError: If the file has a mistake; the message names file, column and the way out.
+    ``path``: a .parquet or .csv file with columns such as ``left_hip_angle_rad``, or any with the names
+    given; or a .mot or .sto file of OpenSim; ``log_format``: how to read it. Returns the walk at the ticks of
+    the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
+    message names file, column and the way out.
     """
     table = read_table(path)
     log_format = log_format or LogFormat()
@@ -113,11 +100,7 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
 
 
 def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recording:
-    """Add a constant angle to joints.
-
-    Args:
-        offsets: Per joint in [rad].
-    """
+    """Add a constant angle to joints. ``offsets``: per joint in [rad]."""
     if not offsets:
         return recording
     return replace(

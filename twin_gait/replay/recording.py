@@ -25,22 +25,15 @@ LATEST = 1e12  # [s]; seconds since 1970 are fine, nanoseconds are not
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A walk, one value a tick.
+    """A walk, one value a tick."""
 
-    Attributes:
-        source: Where it comes from, for messages and titles.
-        start: Time of the first tick in [s].
-        angles: Of each joint of each leg in [rad], flexion and dorsiflexion positive, shape ``(n,)``.
-        loads: Normal force of the foot in [N], where it was recorded, shape ``(n,)``.
-        phases: Recorded phase by name, where there is one, shape ``(n,)``.
-        device: Signals of the device by name in SI, where they were recorded, shape ``(n,)``.
-    """
-
-    source: str
-    start: float
+    source: str  # where it comes from, for messages and titles
+    start: float  # time of the first tick in [s]
+    # of each joint of each leg in [rad], flexion and dorsiflexion positive, shape ``(n,)``
     angles: Mapping[Side, Mapping[str, np.ndarray]]
-    loads: Mapping[Side, np.ndarray]
-    phases: Mapping[Side, np.ndarray]
+    loads: Mapping[Side, np.ndarray]  # normal force of the foot in [N], where it was recorded, shape ``(n,)``
+    phases: Mapping[Side, np.ndarray]  # recorded phase by name, where there is one, shape ``(n,)``
+    # signals of the device by name in SI, where they were recorded, shape ``(n,)``
     device: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -69,24 +62,14 @@ def at_ticks(
 ) -> Recording:
     """Bring samples of any rate to ticks of 1 ms.
 
-    Samples that lie on the ticks are kept bit for bit. Others are interpolated by PCHIP, a cubic that
-    neither overshoots nor leaves corners, so that the velocity estimate sees no steps; a phase holds until
-    the next sample.
-
-    Args:
-        source: Where they come from, for messages.
-        time: Of the samples in [s], finite and ascending, shape ``(n,)``.
-        angles: Of each joint of each leg in [rad], finite, shape ``(n,)`` each.
-        loads: Normal force of the feet in [N], finite, shape ``(n,)`` each.
-        phases: Phases by name, shape ``(n,)`` each.
-        device: Signals of the device by name in SI, finite, shape ``(n,)`` each.
-
-    Returns:
-        The recording.
-
-    Raises:
-        ParameterFileError: If there are too few samples, times that do not ascend or a length beyond an
-            hour, or if an angle or a load cannot be one in that unit and sign.
+    Samples that lie on the ticks are kept bit for bit. Others are interpolated by PCHIP, a cubic that neither
+    overshoots nor leaves corners, so that the velocity estimate sees no steps; a phase holds until the next
+    sample. ``source``: where they come from, for messages; ``time`` of the samples in [s], finite and
+    ascending, shape ``(n,)``; ``angles`` of each joint of each leg in [rad], finite, shape ``(n,)`` each;
+    ``loads``: normal force of the feet in [N], finite, shape ``(n,)`` each; ``phases``: phases by name, shape
+    ``(n,)`` each; ``device``: signals of the device by name in SI, finite, shape ``(n,)`` each. Raises
+    ParameterFileError if there are too few samples, times that do not ascend or a length beyond an hour, or
+    if an angle or a load cannot be one in that unit and sign.
     """
     _check_time(source, time)
     _check_angles(source, angles)
@@ -163,17 +146,8 @@ NEARLY_BEST = 0.95
 def mirrored(recording: Recording, period: float | None = None) -> Recording:
     """Make the leg that was not recorded: the recorded one half a stride earlier.
 
-    The first half stride has no such partner and is cut off.
-
-    Args:
-        recording: A walk with one leg.
-        period: Stride time in [s]; None finds it in the angles.
-
-    Returns:
-        The walk with both legs.
-
-    Raises:
-        ParameterFileError: If both legs are there, or the period does not fit the record.
+    The first half stride has no such partner and is cut off. ``period``: stride time in [s]; None finds it in
+    the angles. Raises ParameterFileError if both legs are there, or the period does not fit the record.
     """
     if len(recording.sides) != 1:
         raise ParameterFileError(recording.source, "mirror", "both legs are in the log; leave --mirror out")
@@ -204,14 +178,8 @@ def mirrored(recording: Recording, period: float | None = None) -> Recording:
 def stride_period(recording: Recording) -> float:
     """Find the stride time: the shift at which the angles of a leg are most like themselves.
 
-    Args:
-        recording: A walk; its first leg is looked at.
-
-    Returns:
-        In [s].
-
-    Raises:
-        ParameterFileError: If the angles do not repeat between 0.6 and 6 s.
+    ``recording``: a walk; its first leg is looked at. Returned in [s]. Raises ParameterFileError if the
+    angles do not repeat between 0.6 and 6 s.
     """
     joints = next(iter(recording.angles.values()))
     signals = [values - values.mean() for values in joints.values()]

@@ -67,15 +67,8 @@ class _Walk:
 def replay_log(request: ReplayRequest, *, progress: Callable[[int, int], None] | None = None) -> Replay:
     """Replay a walk.
 
-    Args:
-        request: What to replay, and how.
-        progress: Called with ticks done and ticks in all, now and then.
-
-    Returns:
-        Phases and switches.
-
-    Raises:
-        TwinGaitError: If log, table or request have a mistake, or do not fit each other.
+    ``request``: what to replay, and how; ``progress``: called with ticks done and ticks in all, now and then.
+    Raises TwinGaitError if log, table or request have a mistake, or do not fit each other.
     """
     walk = _open(request)
     table = _table(request, walk)

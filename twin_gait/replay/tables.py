@@ -28,21 +28,13 @@ _LISTED = 12  # columns that a message names
 
 @dataclass(frozen=True, eq=False)
 class LogTable:
-    """Columns of a log file.
+    """Columns of a log file."""
 
-    Attributes:
-        source: The file, for messages.
-        names: Of the columns, in order; a name may occur twice.
-        frame: The columns, in the same order.
-        unit: Of angles, if the file states it: ``rad`` or ``deg``.
-        opensim: Whether it is a motion file of OpenSim.
-    """
-
-    source: str
-    names: tuple[str, ...]
-    frame: pd.DataFrame
-    unit: str | None = None
-    opensim: bool = False
+    source: str  # the file, for messages
+    names: tuple[str, ...]  # of the columns, in order; a name may occur twice
+    frame: pd.DataFrame  # the columns, in the same order
+    unit: str | None = None  # of angles, if the file states it: ``rad`` or ``deg``
+    opensim: bool = False  # whether it is a motion file of OpenSim
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a column of that name."""
@@ -117,15 +109,9 @@ def _read_csv(path: Path) -> LogTable:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
             frame = pd.read_csv(
-                io.StringIO(text),
-                sep=separator,
-                header=None,
-                index_col=False,
-                comment="#",
-                skipinitialspace=True,
-                dtype=str,
-                keep_default_na=False,
-            )
+                io.StringIO(text), sep=separator, header=None, index_col=False, comment="#",
+                skipinitialspace=True, dtype=str, keep_default_na=False,
+            )  # fmt: skip
     except (ValueError, TypeError, OverflowError, pd.errors.ParserError, pd.errors.ParserWarning) as error:
         raise ParameterFileError(path, "", f"is not a CSV table ({_short(error)})") from error
     if frame.empty:
@@ -159,17 +145,11 @@ _UNITS = {"yes": DEGREES, "no": RADIANS}
 
 
 class Storage(NamedTuple):
-    """Content of a motion file.
+    """Content of a motion file."""
 
-    Attributes:
-        names: Of the columns, in order.
-        values: Shape ``(n_rows, n_columns)``.
-        unit: Of the angles, ``deg`` or ``rad``; None if the header does not say.
-    """
-
-    names: tuple[str, ...]
-    values: np.ndarray
-    unit: str | None
+    names: tuple[str, ...]  # of the columns, in order
+    values: np.ndarray  # shape ``(n_rows, n_columns)``
+    unit: str | None  # of the angles, ``deg`` or ``rad``; None if the header does not say
 
 
 def parse_storage(text: str, source: str) -> Storage:

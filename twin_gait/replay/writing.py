@@ -29,12 +29,8 @@ FIGURE = "figures/replay.png"
 def summarise_replay(result: Replay) -> dict[str, Any]:
     """Results of a replay as plain numbers.
 
-    Args:
-        result: The replay.
-
-    Returns:
-        By leg: strides and how many pass through a whole cycle of the table, switches by cause, and the
-        agreement with recorded phases where there are some.
+    Returned by leg: strides and how many pass through a whole cycle of the table, switches by cause, and the
+    agreement with recorded phases where there are some.
     """
     compared, names = agreement(result), result.table.phase_names
     return {
@@ -91,14 +87,8 @@ def _agreement(compared: Agreement) -> dict[str, Any]:
 def write_replay(result: Replay, target: Path, *, force: bool = False, pictures: bool = True) -> None:
     """Write phases, switches, summary and figure into a folder that appears when all is written.
 
-    Args:
-        result: The replay.
-        target: The folder to make.
-        force: Whether the folder of an earlier replay may be replaced.
-        pictures: Whether to draw the figure.
-
-    Raises:
-        RunDirectoryError: If it exists, or cannot be written.
+    ``force``: whether the folder of an earlier replay may be replaced; ``pictures``: whether to draw the
+    figure. Raises RunDirectoryError if it exists, or cannot be written.
     """
     with staged_directory(target, REPLAY, force=force) as staging:
         write_atomically(staging / PHASES_FILE, _phases_csv(result))

@@ -43,10 +43,8 @@ STRIP = 0.975  # the top of a panel above this share of its height shows the pha
 def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WIDTH) -> Figure:
     """Begin a picture; its label says what it shows and of which run.
 
-    One for print has no title inside.
-
-    Args:
-        run: For the second line of the title, and a third where faults acted or the monitor tripped.
+    One for print has no title inside. ``run`` for the second line of the title, and a third where faults
+    acted or the monitor tripped.
     """
     on_screen = width >= SCREEN_WIDTH
     figure = Figure(figsize=(width, height), layout=None if on_screen else "constrained")
@@ -72,13 +70,7 @@ def describe(run: Run) -> str:
 
 
 def style_panel(axes: Axes, title: str, unit: str) -> None:
-    """Give a panel its title, the unit of its values and a quiet grid.
-
-    Args:
-        axes: The panel.
-        title: What it shows.
-        unit: Label of the vertical axis.
-    """
+    """Give a panel its title, the unit of its values and a quiet grid. ``title``: what it shows."""
     put_title(axes, title)
     axes.set_ylabel(unit)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
@@ -98,9 +90,8 @@ def put_title(axes: Axes, title: str) -> None:
 def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequence[str]) -> None:
     """Colour the background of a panel by phase.
 
-    Args:
-        places: Horizontal coordinate of each sample, ascending, shape ``(n,)``.
-        phases: Index of the phase at each sample, or ``HELD``, shape ``(n,)``.
+    ``places``: horizontal coordinate of each sample, ascending, shape ``(n,)``; ``phases``: index of the
+    phase at each sample, or ``HELD``, shape ``(n,)``.
     """
     changes = np.flatnonzero(phases[1:] != phases[:-1]) + 1
     edges = np.array([0, *changes.tolist(), len(phases)])
@@ -122,11 +113,7 @@ def colour_of(phase: int, names: Sequence[str]) -> str:
 
 
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
-    """Legend entries of the phases that occur.
-
-    Args:
-        occurring: Indices of phases, any shape.
-    """
+    """Legend entries of the phases that occur. ``occurring``: indices of phases, any shape."""
     return [
         Patch(
             color=colour_of(int(index), names),
@@ -159,11 +146,9 @@ def put_legend(
 ) -> None:
     """Put one legend under all panels, where it covers nothing: rows of lines, rows of phases.
 
-    Args:
-        figure: The figure; without a layout engine, its panels are put between title and legend.
-        lines: Entries of lines and areas; of equal labels one is kept.
-        phases: Entries of phases.
-        gaps: Between such panels, across and down, in lines of text.
+    ``figure``: the figure; without a layout engine, its panels are put between title and legend; ``lines``:
+    entries of lines and areas; of equal labels one is kept; ``gaps``: between such panels, across and down,
+    in lines of text.
     """
     most = int(figure.get_figwidth() / LEGEND_COLUMN)
     entries = [list({str(item.get_label()): item for item in row}.values()) for row in (lines, phases) if row]
@@ -184,10 +169,7 @@ def _line() -> float:
 
 
 def _fix_margins(figure: Figure, legend_rows: int, across: float, down: float) -> None:
-    """Put one grid of panels between title and legend, with the labels of the axes at fixed distances.
-
-    matplotlib's constrained layout draws a figure twice and solves for what is much the same in all of ours.
-    """
+    """Put one grid of panels between title and legend, with the labels of the axes at fixed distances."""
     line, (width, height) = _line(), figure.get_size_inches()
     grid = figure.axes[0].get_gridspec()
     assert grid is not None  # of subplots
@@ -220,8 +202,7 @@ def _even_rows(items: list[Artist], most: int) -> list[list[Artist]]:
 def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
     """A figure as PNG.
 
-    Args:
-        ground: Its colour; that of the figure by default, ``none`` for a transparent one.
+    ``ground``: its colour; that of the figure by default, ``none`` for a transparent one.
     """
     room = io.BytesIO()
     figure.savefig(room, format="png", dpi=RESOLUTION, facecolor=ground)
@@ -232,19 +213,8 @@ def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLU
     """Write a figure.
 
     Letters stay letters in PDF (TrueType) and become outlines in SVG, so that they look the same everywhere.
-    The same figure gives the same file.
-
-    Args:
-        figure: The figure.
-        path: The file.
-        form: ``png``, ``pdf`` or ``svg``; what the name of the file says by default.
-        resolution: Of a PNG in dots per inch.
-
-    Returns:
-        The file.
-
-    Raises:
-        RunDirectoryError: If it cannot be written.
+    The same figure gives the same file. ``form``: ``png``, ``pdf`` or ``svg``; what the name of the file says
+    by default; ``resolution`` of a PNG in dots per inch. Raises RunDirectoryError if it cannot be written.
     """
     form = form or path.suffix[1:]
     undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}

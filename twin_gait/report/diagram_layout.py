@@ -42,53 +42,31 @@ class Rectangle(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """A quadratic curve from box to box.
+    """A quadratic curve from box to box."""
 
-    Attributes:
-        start: Where it leaves the box.
-        control: Control point.
-        end: Where its tip is.
-        middle: Half-way along it.
-        normal: Unit vector at the middle, to the side where the label lies.
-    """
-
-    start: Point
-    control: Point
-    end: Point
-    middle: Point
-    normal: Point
+    start: Point  # where it leaves the box
+    control: Point  # control point
+    end: Point  # where its tip is
+    middle: Point  # half-way along it
+    normal: Point  # unit vector at the middle, to the side where the label lies
 
 
 class Layout(NamedTuple):
-    """Where everything of a diagram lies.
+    """Where everything of a diagram lies."""
 
-    Attributes:
-        boxes: The phases.
-        arrows: Of each group.
-        labels: Of each arrow.
-        covered: Samples of arrows that labels cover; a label on a label or a box counts ``_COLLISION``.
-    """
-
-    boxes: list[Rectangle]
-    arrows: list[Arrow]
-    labels: list[Rectangle]
-    covered: int
+    boxes: list[Rectangle]  # the phases
+    arrows: list[Arrow]  # of each group
+    labels: list[Rectangle]  # of each arrow
+    covered: int  # samples of arrows that labels cover; a label on a label or a box counts ``_COLLISION``
 
 
 class ArrowGroup(NamedTuple):
-    """Transitions that share an arrow: same source and target, all time-outs or all guarded.
+    """Transitions that share an arrow: same source and target, all time-outs or all guarded."""
 
-    Attributes:
-        source: Position of the phase that is left.
-        target: Position of the phase that is entered.
-        time_out: Whether they are time-outs.
-        transitions: In order of priority.
-    """
-
-    source: int
-    target: int
-    time_out: bool
-    transitions: tuple[Transition, ...]
+    source: int  # position of the phase that is left
+    target: int  # position of the phase that is entered
+    time_out: bool  # whether they are time-outs
+    transitions: tuple[Transition, ...]  # in order of priority
 
 
 def arrow_groups(table: StateTable) -> list[ArrowGroup]:
@@ -193,8 +171,7 @@ def lay_out(
 ) -> Layout:
     """Lay a whole diagram: boxes on a ring, enlarged until no label lies on a box, a label or an arrow.
 
-    Returns:
-        The first layout in which nothing lies on anything; else the one with the least of it.
+    Returns the first layout in which nothing lies on anything; else the one with the least of it.
     """
     rings = (ring(count, *box, spread=1.0 + _GROWTH * number) for number in range(_ROUNDS))
     layouts = (_with_labels(arrows(groups, boxes), boxes, labels) for boxes in rings)

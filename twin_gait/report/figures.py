@@ -37,16 +37,10 @@ class _Drawing(Protocol):
 
 
 FIGURES: dict[str, _Drawing] = {
-    "gait_cycle": draw_cycle,
-    "ground_forces": draw_ground_forces,
-    "joint_angles": draw_angles,
-    "torques": draw_torques,
-    "currents": draw_currents,
-    "feet": draw_feet,
-    "crutches": draw_crutches,
-    "phase_portrait": draw_portrait,
-    "energy": draw_energy,
-}
+    "gait_cycle": draw_cycle, "ground_forces": draw_ground_forces, "joint_angles": draw_angles,
+    "torques": draw_torques, "currents": draw_currents, "feet": draw_feet, "crutches": draw_crutches,
+    "phase_portrait": draw_portrait, "energy": draw_energy,
+}  # fmt: skip
 
 WIDTHS = (85, 174)  # [mm], one column and two
 NARROWEST, WIDEST = 60.0, 270.0  # [mm]
@@ -77,8 +71,7 @@ _LACKS = {
 def available_figures(run: Run) -> list[str]:
     """Names of the pictures that apply to a run.
 
-    Returns:
-        Of ``FIGURES``, in order; none of a log of less than two rows.
+    Returned of ``FIGURES``, in order; none of a log of less than two rows.
     """
     if len(run.log) < 2:
         return []
@@ -88,13 +81,9 @@ def available_figures(run: Run) -> list[str]:
 def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw one picture.
 
-    Args:
-        run: The run, with at least two rows in its log.
-        name: One of ``FIGURES``.
-        width: In inches; one narrower than a screen is for print.
-
-    Raises:
-        ParameterError: If there is no such picture, or none of this run.
+    ``run``: the run, with at least two rows in its log; ``name``: one of ``FIGURES``; ``width`` in inches;
+    one narrower than a screen is for print. Raises ParameterError if there is no such picture, or none of
+    this run.
     """
     if name not in FIGURES:
         raise ParameterError(f"figure: no {name!r}; there are {', '.join(FIGURES)}")
@@ -107,16 +96,9 @@ def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
 def draw_for_paper(run: Run, name: str, width: float) -> tuple[Figure, str]:
     """Draw one picture in the size of print: no title inside, a letter on each panel.
 
-    Args:
-        run: The run, with at least two rows in its log.
-        name: One of ``FIGURES``.
-        width: In [mm]; usual are ``WIDTHS``.
-
-    Returns:
-        The figure, and for its caption what it shows, as a whole and panel by panel.
-
-    Raises:
-        ParameterError: If there is no such picture, none of this run, or the width is out of range.
+    ``run``: the run, with at least two rows in its log; ``name``: one of ``FIGURES``; ``width`` in [mm];
+    usual are ``WIDTHS``. Returns the figure, and for its caption what it shows, as a whole and panel by
+    panel. Raises ParameterError if there is no such picture, none of this run, or the width is out of range.
     """
     if not NARROWEST <= width <= WIDEST:
         raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width:g}")
@@ -165,9 +147,7 @@ def write_figures(run: Run, directory: Path, share: slice = slice(None)) -> list
     """Draw a run.
 
     A run without strides has no picture of the gait cycle, and one without ground none of the feet.
-
-    Args:
-        share: Which of ``FIGURES``, by their places.
+    ``share``: which of ``FIGURES``, by their places.
     """
     drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in list(FIGURES.items())[share])
     return [save(figure, directory / f"{name}.png") for name, figure in drawn if figure is not None]

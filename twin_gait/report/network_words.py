@@ -31,11 +31,7 @@ def summary_of_traffic(traffic: BusTraffic) -> dict[str, Any]:
 def table_of_network(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """How old what the gait controller and the boards went by was, and what the bus took for it.
 
-    Args:
-        summary: Of a run.
-
-    Returns:
-        A head and a row for each frame; nothing without a bus.
+    Returns a head and a row for each frame; nothing without a bus.
     """
     network = summary.get("network")
     if not network:

@@ -31,22 +31,17 @@ LUMINANCE, DARKEST, MIXED = (0.2126, 0.7152, 0.0722), 0.25, 0.3
 
 
 class Picture(NamedTuple):
-    """A figure as PNG, for a file and a page.
+    """A figure as PNG, for a file and a page."""
 
-    Attributes:
-        light: For a light page.
-        dark: For a dark page.
-    """
-
-    light: bytes
-    dark: bytes
+    light: bytes  # for a light page
+    dark: bytes  # for a dark page
 
 
 @cache
 def _environment() -> Environment:
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
-        autoescape=lambda name: name is None or name.endswith(".html"),
+        autoescape=lambda name: name is None or name.endswith((".html", ".svg")),
         undefined=StrictUndefined,  # a number that a template asks for in vain is an error, not a gap
         trim_blocks=True,
         lstrip_blocks=True,
@@ -58,9 +53,8 @@ def _environment() -> Environment:
 def render(template: str, content: Mapping[str, Any]) -> str:
     """Fill a template.
 
-    Args:
-        template: Name of a file in ``TEMPLATES``; of an HTML one all that is filled in is escaped.
-        content: What is filled in, by name, functions among it; ``version`` is this package's.
+    ``template``: name of a file in ``TEMPLATES``; of HTML and SVG all that is filled in is escaped;
+    ``content``: what is filled in, by name, functions among it; ``version`` is this package's.
     """
     return _environment().get_template(template).render(version=__version__, **content)
 

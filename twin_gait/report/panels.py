@@ -41,15 +41,10 @@ _EVENT_STYLES = {EventKind.FAULT: "--", EventKind.TRIP: "-", EventKind.FALL: ":"
 
 
 class Window(NamedTuple):
-    """Rows of a log.
+    """Rows of a log."""
 
-    Attributes:
-        rows: The rows.
-        time: Of each row in [s], shape ``(n,)``.
-    """
-
-    rows: slice
-    time: np.ndarray
+    rows: slice  # the rows
+    time: np.ndarray  # of each row in [s], shape ``(n,)``
 
 
 def window_of(run: Run, rows: slice) -> Window:
@@ -83,8 +78,7 @@ def whole_run(run: Run) -> Window:
 def shown_strides(record: LegRecord) -> np.ndarray:
     """Strides that a cycle picture shows: the settled ones, or the last if none has settled.
 
-    Returns:
-        First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+    Returns first tick of each stride and of the next one, shape ``(n_strides, 2)``.
     """
     settled = record.strides(skip=SKIPPED_STRIDES)
     return settled if len(settled) else record.strides(skip=0)[-1:]
@@ -93,8 +87,7 @@ def shown_strides(record: LegRecord) -> np.ndarray:
 def shown_phases(run: Run, record: LegRecord, window: Window) -> np.ndarray:
     """Phases of a leg in a window; from a trip on the legs are held, whatever the machine says.
 
-    Returns:
-        Index of the phase, or ``HELD``, shape ``(n,)``.
+    Returns index of the phase, or ``HELD``, shape ``(n,)``.
     """
     phases, held = record.phases[window.rows], held_from(run.events)
     return phases if held is None else np.where(window.time >= held, HELD, phases)
@@ -137,10 +130,8 @@ def leg_panels(
 ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
     """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
 
-    Args:
-        figure: An empty figure.
-        unit: Label of the vertical axes, by the name of the joint.
-        share: ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
+    ``figure``: an empty figure; ``unit``: label of the vertical axes, by the name of the joint; ``share``:
+    ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
     """
     joints = list(records[0].angles)
     panels = figure.subplots(len(joints) + below, len(records), squeeze=False, **share)
@@ -189,9 +180,7 @@ def draw_over_time(
 def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artist]:
     """Draw angles over the gait cycle, with an axis that says so.
 
-    Args:
-        angles: In [deg] at ``PERCENT``, shape ``(101,)``.
-        style: As matplotlib's ``plot`` takes it.
+    ``angles`` in [deg] at ``PERCENT``, shape ``(101,)``; ``style``: as matplotlib's ``plot`` takes it.
     """
     axes.set_xlim(PERCENT[0], PERCENT[-1])
     axes.set_xlabel("share of the gait cycle [%]")
@@ -203,9 +192,8 @@ def draw_phase_bars(
 ) -> None:
     """Draw phases as bars over time, one row below the other.
 
-    Args:
-        time: Of each sample in [s], shape ``(n,)``.
-        rows: Label and index of the phase at each sample, shape ``(n,)``.
+    ``time`` of each sample in [s], shape ``(n,)``; ``rows``: label and index of the phase at each sample,
+    shape ``(n,)``.
     """
     for place, (_, phases) in enumerate(rows):
         edges = [0, *(np.flatnonzero(np.diff(phases)) + 1).tolist(), len(phases)]

@@ -30,8 +30,7 @@ def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
 def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | None:
     """Reference angles for an experiment.
 
-    Returns:
-        Angles in [rad] at ``PERCENT``, shape ``(101,)``; None without a reference walk.
+    Returns angles in [rad] at ``PERCENT``, shape ``(101,)``; None without a reference walk.
     """
     walk = _reference_walk(experiment)
     return None if walk is None else _cycle(joint, *walk)
@@ -46,11 +45,7 @@ def _cycle(joint: JointName, speed: float, height: float) -> np.ndarray:
 
 
 def reference_stride_time(experiment: Experiment) -> float | None:
-    """Duration of a stride of the reference walk.
-
-    Returns:
-        Duration in [s]; None without a reference walk.
-    """
+    """Duration of a stride of the reference walk. Returns duration in [s]; None without a reference walk."""
     walk = _reference_walk(experiment)
     return None if walk is None else reference_cycle_time(*walk)
 
@@ -58,8 +53,7 @@ def reference_stride_time(experiment: Experiment) -> float | None:
 def reference_ground_force(experiment: Experiment) -> GroundForce | None:
     """Force of the ground on a foot of the reference walk over the weight that it carries, at ``PERCENT``.
 
-    Returns:
-        Shape ``(101,)`` each; None without a reference walk.
+    Returns shape ``(101,)`` each; None without a reference walk.
     """
     walk = _reference_walk(experiment)
     return None if walk is None else normative_ground_force(PERCENT, speed=walk[0])
@@ -69,10 +63,8 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
     """Measures of the reference walk, by the names of :class:`twin_gait.measures.walk.WalkMeasures`.
 
     Angles and time are of Koopman et al. (2014), forces of Winter (1991); feet that neither brake nor propel
-    on the mean, and a belt that gives nothing, are what even walking is.
-
-    Returns:
-        Those that are known; none without a reference walk.
+    on the mean, and a belt that gives nothing, are what even walking is. Returns those that are known; none
+    without a reference walk.
     """
     walk, force = _reference_walk(experiment), reference_ground_force(experiment)
     if walk is None or force is None:
@@ -80,15 +72,8 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
     time = reference_cycle_time(*walk)
     hip, knee, ankle = (_cycle(joint, *walk) for joint in JointName)
     return {
-        "stride_time": time,
-        "cadence": cadence(np.array([time])),
-        "step_length": 0.5 * walk[0] * time,
-        "load_peak": float(force.vertical.max()),
-        **load_shape(force.vertical),
-        **fore_aft_peaks(force.forward),
-        "fore_aft_force": 0.0,
-        "belt_power": 0.0,
-        "hip_lowest": float(hip.min()),
-        **knee_shape(knee),
-        "ankle_range": float(np.ptp(ankle)),
-    }
+        "stride_time": time, "cadence": cadence(np.array([time])), "step_length": 0.5 * walk[0] * time,
+        "load_peak": float(force.vertical.max()), **load_shape(force.vertical),
+        **fore_aft_peaks(force.forward), "fore_aft_force": 0.0, "belt_power": 0.0,
+        "hip_lowest": float(hip.min()), **knee_shape(knee), "ankle_range": float(np.ptp(ankle)),
+    }  # fmt: skip

@@ -100,10 +100,7 @@ def _draw_mean_cycle(axes: Axes, run: Run, record: LegRecord, joint: JointName) 
     reference = reference_cycle(run.experiment, joint)
     if reference is not None:
         lines += draw_cycle_curve(
-            axes,
-            np.degrees(reference),
-            **REFERENCE_STYLE,
-            label="healthy, Koopman (2014)",
+            axes, np.degrees(reference), **REFERENCE_STYLE, label="healthy, Koopman (2014)"
         )
         title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
     put_title(axes, title)

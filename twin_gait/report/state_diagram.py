@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections.abc import Iterator
-from xml.sax.saxutils import escape
+from typing import NamedTuple
 
 from twin_gait.gait.documents import mode_words, number
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.table import GaitTable, JointImpedance, State, StateTable
 from twin_gait.palette import phase_colour
-from twin_gait.report.diagram_layout import (
-    Arrow,
-    ArrowGroup,
-    Rectangle,
-    arrow_groups,
-    bounds,
-    lay_out,
-)
+from twin_gait.report.diagram_layout import Arrow, ArrowGroup, Rectangle, arrow_groups, bounds, lay_out
 from twin_gait.report.diagram_words import condition_lines, damping_words, duration, readable
+from twin_gait.report.pages import render
 
 LINE, SMALL_LINE = 17.0, 16.0  # [px] from line to line of labels and in boxes
 _LABEL_CHARACTERS = 32
@@ -37,39 +30,24 @@ _LEGEND = (
     "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation",
 )
 _MODE_LEGEND = (_LEGEND[0], "A trip of the safety monitor leads from every mode to {}.")
-_SHAPES = """
-  text { font: 13px system-ui, "Segoe UI", "DejaVu Sans", Arial, sans-serif;
-         paint-order: stroke; stroke-width: 3px; stroke-linejoin: round }
-  .title { font-size: 17px; font-weight: 600 }
-  .name { font-size: 15px; font-weight: 600 }
-  .cause { font-weight: 600 }
-  .faint { font-size: 12px }
-  .box { stroke-width: 2.5px }
-  .dot { stroke-width: 1px }
-  .arrow { fill: none; stroke-width: 1.8px }
-  .time-out { stroke-dasharray: 6 5 }"""
+# Characters that XML 1.0 does not allow even as references.
+_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def _theme(ink: str, faint: str, ground: str) -> str:
-    """Colours of text and lines on a ground, without the variables of CSS, which not every program knows."""
-    return f"""
-  text {{ fill: {ink}; stroke: {ground} }}
-  .faint {{ fill: {faint} }}
-  .ground, .box {{ fill: {ground} }}
-  .dot, .arrow {{ stroke: {faint} }}
-  .tip {{ fill: {faint} }}"""
+class _Text(NamedTuple):
+    """A line of text."""
 
-
-# Text and ground change together, so that one is legible on the other whatever the page around is.
-_LIGHT, _DARK = _theme("#1a1a1a", "#595959", "#ffffff"), _theme("#f0f0f0", "#b0b0b0", "#16181c")
-_STYLE = f"{_SHAPES}{_LIGHT}\n  @media (prefers-color-scheme: dark) {{{_DARK}\n  }}\n"
+    x: float
+    y: float
+    words: str
+    style: str = ""
+    anchor: str = "start"
 
 
 def phase_colours(table: StateTable) -> dict[str, str]:
     """Colour of each phase; a phase with a name of its own takes one that the others leave.
 
-    Returns:
-        Colours as ``#RRGGBB`` by phase; they repeat in tables of more phases than there are colours.
+    Returns colours as ``#RRGGBB`` by phase; they repeat in tables of more phases than there are colours.
     """
     usual = {name: phase_colour(name, 0) for name in table.phase_names}
     own = [name for name in table.phase_names if phase_colour(name, 0) != phase_colour(name, 1)]
@@ -84,52 +62,32 @@ def phase_colours(table: StateTable) -> dict[str, str]:
 def state_diagram_svg(table: StateTable) -> str:
     """Draw the phases on a ring in the order of the cycle, with an arrow for each way out.
 
-    Returns:
-        SVG, ending with a line break; it needs no other file and follows a dark page.
+    Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
-    lines = max(len(_box_lines(table, phase)) for phase in table.phases)
+    rows = max(len(_box_lines(table, phase)) for phase in table.phases)
     groups = arrow_groups(table)
-    size = _box_width(table), 36.0 + SMALL_LINE * lines
-    label_sizes = [_label_size(item) for item in groups]
-    boxes, curves, labels, _ = lay_out(groups, len(table.phases), size, label_sizes)
-    frame = _frame(table, [*boxes, *labels])
-    parts = [
-        *_head(table, frame),
-        *(_arrow_path(curve, group) for curve, group in zip(curves, groups, strict=True)),
-        *itertools.chain.from_iterable(_box(table, k, box) for k, box in enumerate(boxes)),
-        *itertools.chain.from_iterable(
-            _label(place, curve, group) for place, curve, group in zip(labels, curves, groups, strict=True)
-        ),
-        "</svg>",
-    ]
-    return "\n".join(parts) + "\n"
-
-
-def _frame(table: StateTable, content: list[Rectangle]) -> tuple[float, float, float, float]:
-    """Left, top, width and height of the whole drawing, title and legend included."""
-    left, top, width, height = bounds(content, _MARGIN)
-    least = max(_LEAST_WIDTH, 2.0 * _MARGIN + _TITLE_CHARACTER * len(table.name))
-    return left, top - _HEAD, max(width, least), height + _HEAD + _FOOT
-
-
-def _head(table: StateTable, frame: tuple[float, float, float, float]) -> Iterator[str]:
-    """What stands before the arrows: style, ground, title and legend."""
-    left, top, width, height = frame
-    size = f'width="{width:.0f}" height="{height:.0f}"'
-    yield (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.0f} {top:.0f} {width:.0f} {height:.0f}" '
-        f'{size} role="img">'
-    )
-    yield f"<title>{_xml(f'State diagram of {table.name}')}</title>"
-    yield f"<style>{_STYLE}</style>"
-    yield (
-        '<defs><marker id="tip" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" markerHeight="7" '
-        'orient="auto"><path class="tip" d="M0 0 10 5 0 10z"/></marker></defs>'
-    )
-    yield f'<rect class="ground" x="{left:.0f}" y="{top:.0f}" {size} rx="10"/>'
-    yield _line(left + _MARGIN, top + _HEAD - 6.0, table.name, "title")
-    for row, text in enumerate(_legend(table)):
-        yield _line(left + _MARGIN, top + height - _FOOT + 12.0 + LINE * row, text, "faint")
+    sizes = [_label_size(item) for item in groups]
+    layout = lay_out(groups, len(table.phases), (_box_width(table), 36.0 + SMALL_LINE * rows), sizes)
+    left, top, width, height = bounds([*layout.boxes, *layout.labels], _MARGIN)
+    top, height = top - _HEAD, height + _HEAD + _FOOT
+    x, foot = left + _MARGIN, top + height - _FOOT + 12.0
+    texts = [_Text(x, top + _HEAD - 6.0, table.name, "title")]
+    texts += [_Text(x, foot + LINE * row, text, "faint") for row, text in enumerate(_legend(table))]
+    for position, box in enumerate(layout.boxes):
+        texts += _box_texts(table, position, box)
+    for place, curve, group in zip(layout.labels, layout.arrows, groups, strict=True):
+        texts += _label_texts(place, curve, group)
+    content = {
+        "name": _FORBIDDEN.sub("\ufffd", table.name),
+        "left": left,
+        "top": top,
+        "width": max(width, _LEAST_WIDTH, 2.0 * _MARGIN + _TITLE_CHARACTER * len(table.name)),
+        "height": height,
+        "arrows": list(zip(layout.arrows, groups, strict=True)),
+        "boxes": list(zip(layout.boxes, phase_colours(table).values(), strict=True)),
+        "texts": [text._replace(words=_FORBIDDEN.sub("\ufffd", text.words)) for text in texts],
+    }
+    return render("state_diagram.svg", content) + "\n"
 
 
 def _legend(table: StateTable) -> tuple[str, ...]:
@@ -138,21 +96,14 @@ def _legend(table: StateTable) -> tuple[str, ...]:
     return _LEGEND
 
 
-def _box(table: StateTable, position: int, box: Rectangle) -> Iterator[str]:
-    """A phase: colour, name, and what it sets."""
-    phase = table.phase_names[position]
-    colour = phase_colours(table)[phase]
-    x, y = box.x - box.width / 2.0, box.y - box.height / 2.0
-    yield (
-        f'<rect class="box" x="{x:.1f}" y="{y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}" '
-        f'rx="10" stroke="{colour}"/>'
-    )
-    yield f'<circle class="dot" cx="{x + 21:.1f}" cy="{y + 18:.1f}" r="7" fill="{colour}"/>'
-    yield _line(x + 36.0, y + 23.0, f"{position + 1} {readable(phase)}", "name")
+def _box_texts(table: StateTable, position: int, box: Rectangle) -> Iterator[_Text]:
+    """Name of a phase, and what it sets."""
+    phase, x, y = table.phase_names[position], box.x - box.width / 2.0, box.y - box.height / 2.0
+    yield _Text(x + 36.0, y + 23.0, f"{position + 1} {readable(phase)}", "name")
     for row, cells in enumerate(_box_lines(table, phase)):
         style = "faint" if row == 0 or len(cells) == 1 else ""
         for column, cell in zip(_columns(table), cells, strict=False):
-            yield _line(x + column, y + 43.0 + SMALL_LINE * row, cell, style)
+            yield _Text(x + column, y + 43.0 + SMALL_LINE * row, cell, style)
 
 
 def _columns(table: StateTable) -> list[float]:
@@ -199,13 +150,6 @@ def _stay(phase: State) -> list[str]:
     return [f"at least {duration(phase.minimum_ticks)}"] if phase.minimum_ticks > 0 else []
 
 
-def _arrow_path(curve: Arrow, group: ArrowGroup) -> str:
-    kind = "arrow time-out" if group.time_out else "arrow"
-    (x0, y0), (x1, y1), (x2, y2) = curve.start, curve.control, curve.end
-    path = f"M{x0:.1f} {y0:.1f}Q{x1:.1f} {y1:.1f} {x2:.1f} {y2:.1f}"
-    return f'<path class="{kind}" d="{path}" marker-end="url(#tip)"/>'
-
-
 def _label_lines(group: ArrowGroup) -> list[tuple[str, str]]:
     """Lines of a label with their style: the cause in bold, its conditions below."""
     lines: list[tuple[str, str]] = []
@@ -221,27 +165,11 @@ def _label_size(group: ArrowGroup) -> tuple[float, float]:
     return _CHARACTER * max(len(text) for text, _ in lines), LINE * len(lines)
 
 
-def _label(place: Rectangle, curve: Arrow, group: ArrowGroup) -> Iterator[str]:
+def _label_texts(place: Rectangle, curve: Arrow, group: ArrowGroup) -> Iterator[_Text]:
     """A label, set flush on the side of its arrow."""
     anchor, x = "middle", place.x
     if abs(curve.normal.x) > 0.35:
         side = 1.0 if curve.normal.x > 0.0 else -1.0
         anchor, x = ("start" if side > 0.0 else "end"), place.x - side * place.width / 2.0
     for row, (text, style) in enumerate(_label_lines(group)):
-        y = place.y - place.height / 2.0 + LINE * (row + 0.75)
-        yield _line(x, y, text, style, anchor)
-
-
-def _line(x: float, y: float, text: str, style: str, anchor: str = "start") -> str:
-    kind = f' class="{style}"' if style else ""
-    side = "" if anchor == "start" else f' text-anchor="{anchor}"'
-    return f'<text{kind} x="{x:.1f}" y="{y:.1f}"{side}>{_xml(text)}</text>'
-
-
-# Characters that XML 1.0 does not allow even as references.
-_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
-
-def _xml(text: str) -> str:
-    """Text of a user's file as XML."""
-    return escape(_FORBIDDEN.sub("\ufffd", text))
+        yield _Text(x, place.y - place.height / 2.0 + LINE * (row + 0.75), text, style, anchor)

@@ -36,22 +36,11 @@ MOST_BINS = 8
 
 # Suffixes of settings that no log column has.
 _UNITS = {
-    "_kg": "kg",
-    "_deg": "deg",
-    "_Nm_per_deg": "N m/deg",
-    "_Nms_per_deg": "N m s/deg",
-    "_km_per_h": "km/h",
-    "_ms": "ms",
-    "_Hz": "Hz",
-    "_Ohm": "Ohm",
-    "_kgm2": "kg m²",
-    "_N_per_m1p5": "N/m^1.5",
-    "_Ns_per_m": "N s/m",
-    "_s_per_m": "s/m",
-    "_s_per_rad": "s/rad",
-    "_m_per_s2": "m/s²",
+    "_kg": "kg", "_deg": "deg", "_Nm_per_deg": "N m/deg", "_Nms_per_deg": "N m s/deg", "_km_per_h": "km/h",
+    "_ms": "ms", "_Hz": "Hz", "_Ohm": "Ohm", "_kgm2": "kg m²", "_N_per_m1p5": "N/m^1.5",
+    "_Ns_per_m": "N s/m", "_s_per_m": "s/m", "_s_per_rad": "s/rad", "_m_per_s2": "m/s²",
     "_Nm_per_A": "N m/A",
-}
+}  # fmt: skip
 # Rooms of an experiment that say nothing in a label.
 _ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "control", "sensors"})
 
@@ -59,11 +48,8 @@ _ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "c
 def unit_of_column(column: str) -> str:
     """Unit of a column of a sweep's table, from the suffix of its name.
 
-    Args:
-        column: A key of an experiment or a name of a summary.
-
-    Returns:
-        The unit, for example ``kg``; ``1`` for counts, shares and texts.
+    ``column``: a key of an experiment or a name of a summary. Returns the unit, for example ``kg``; ``1`` for
+    counts, shares and texts.
     """
     suffix = max((item for item in _UNITS if column.endswith(item)), key=len, default="")
     shared = unit_of(column)
@@ -83,11 +69,8 @@ def _cut(text: str, unit: str, unit_of_text: Callable[[str], str]) -> int:
 def label_of(column: str, *, unit: bool = True) -> str:
     """A column in words.
 
-    Args:
-        column: For example ``table.phases.early_stance.knee.stiffness_Nm_per_deg``.
-
-    Returns:
-        For example ``early stance knee stiffness [N m/deg]``.
+    ``column`` for example ``table.phases.early_stance.knee.stiffness_Nm_per_deg``. Returned for example
+    ``early stance knee stiffness [N m/deg]``.
     """
     named = unit_of_column(column)
     words = [word for word in column.split(".") if word not in _ROOMS] or [column]
@@ -100,20 +83,13 @@ def label_of(column: str, *, unit: bool = True) -> str:
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter with its levels, or with bins where it has too many.
+    """A parameter with its levels, or with bins where it has too many."""
 
-    Attributes:
-        column: Its name in the table.
-        places: Level or bin of each episode, -1 where it has none, shape ``(n,)``.
-        centres: Where each level or bin is drawn, shape ``(k,)``.
-        names: What stands beside each.
-        numbers: Value of each episode where the parameter is a number, shape ``(n,)``; None for names.
-    """
-
-    column: str
-    places: np.ndarray
-    centres: np.ndarray
-    names: tuple[str, ...]
+    column: str  # its name in the table
+    places: np.ndarray  # level or bin of each episode, -1 where it has none, shape ``(n,)``
+    centres: np.ndarray  # where each level or bin is drawn, shape ``(k,)``
+    names: tuple[str, ...]  # what stands beside each
+    # value of each episode where the parameter is a number, shape ``(n,)``; None for names
     numbers: np.ndarray | None
 
     @property
@@ -123,11 +99,7 @@ class Axis:
 
 
 def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
-    """Lay a parameter out.
-
-    Returns:
-        The axis; None if it has but one value.
-    """
+    """Lay a parameter out. Returns the axis; None if it has but one value."""
     values = table[column]
     if values.nunique() < 2:
         return None
@@ -167,14 +139,8 @@ def sweep_figures(
 ) -> dict[str, Figure]:
     """Draw a sweep: the share that walked, or a measure over the episodes that did.
 
-    Args:
-        table: One row per episode.
-        parameters: Columns of what was varied.
-        measures: ``walked`` and columns.
-        title: Of the sweep.
-
-    Returns:
-        ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
+    ``parameters``: columns of what was varied; ``measures``: ``walked`` and columns. Returns
+    ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
     axes = [axis for axis in (axis_of(table, name) for name in parameters) if axis is not None]
     axes = axes[:MOST_PARAMETERS]
@@ -192,11 +158,8 @@ def sweep_figures(
 def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
     """A measure of every episode.
 
-    Args:
-        measure: A column, or ``walked``.
-
-    Returns:
-        Numbers, NaN where the wearer did not walk or there is none, shape ``(n,)``; 1 or 0 for ``walked``.
+    ``measure``: a column, or ``walked``. Returns numbers, NaN where the wearer did not walk or there is none,
+    shape ``(n,)``; 1 or 0 for ``walked``.
     """
     # An episode without a verdict is one that was not asked to walk, such as a held posture on the bench.
     walked = (table["outcome"].isna() | (table["outcome"] == Outcome.WALKED)).to_numpy()
@@ -211,11 +174,8 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
 def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
     """Mean over the episodes of each combination of two parameters' levels.
 
-    Args:
-        values: One per episode, shape ``(n,)``.
-
-    Returns:
-        Means, NaN where there is no episode, shape ``(k_first, k_second)``.
+    ``values``: one per episode, shape ``(n,)``. Returns means, NaN where there is no episode, shape
+    ``(k_first, k_second)``.
     """
     cells = pd.DataFrame({"value": values, "row": first.places, "column": second.places})
     cells = cells[np.isfinite(values) & (first.places >= 0) & (second.places >= 0)]

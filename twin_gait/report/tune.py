@@ -21,14 +21,11 @@ from twin_gait.vocabulary import JointName, Side
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
 _WORDS = {
-    ".stiffness_Nm_per_deg": ", stiffness",
-    ".equilibrium_deg": ", equilibrium angle",
-    ".damping_ratio": ", damping ratio",
-    ".damping_Nms_per_rad": ", damping",
+    ".stiffness_Nm_per_deg": ", stiffness", ".equilibrium_deg": ", equilibrium angle",
+    ".damping_ratio": ", damping ratio", ".damping_Nms_per_rad": ", damping",
     ".friction_compensation_gain": ", friction compensation",
-    "blending.duration_ms": "duration of the blend",
-    ANGLE.of(""): " angle",
-}
+    "blending.duration_ms": "duration of the blend", ANGLE.of(""): " angle",
+}  # fmt: skip
 
 _TRIED: dict[str, Any] = {"marker": "o", "markersize": 3.5, "markeredgewidth": 0, "color": GREY}
 _BEST: dict[str, Any] = {"marker": "o", "markersize": 6.5, "markeredgewidth": 0, "color": AFTER_COLOUR}
@@ -41,9 +38,7 @@ Outcome = Mapping[str, Any]
 def page(outcome: Outcome, figures: Mapping[str, Figure]) -> str:
     """The report as one page that needs no other file.
 
-    Args:
-        outcome: Content of ``tune.json``.
-        figures: From :func:`draw_figures`; they are dark afterwards.
+    ``outcome``: content of ``tune.json``; ``figures`` from :func:`draw_figures`; they are dark afterwards.
     """
     content = {
         **_content(outcome),
@@ -76,9 +71,7 @@ def name_of(name: str) -> str:
 def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     """Draw all figures.
 
-    Args:
-        outcome: Content of ``tune.json``.
-        curves: Mean cycles in [deg] by joint; see :func:`draw_gait`.
+    ``outcome``: content of ``tune.json``; ``curves``: mean cycles in [deg] by joint; see :func:`draw_gait`.
     """
     return {
         "gait": draw_gait(curves),
@@ -97,8 +90,7 @@ def _figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, lis
 def draw_gait(curves: Curves) -> Figure:
     """Draw mean cycles before and after.
 
-    Args:
-        curves: By joint: ``reference`` and such as ``before left``, in [deg] at ``PERCENT``.
+    ``curves`` by joint: ``reference`` and such as ``before left``, in [deg] at ``PERCENT``.
     """
     figure, panels = _figure(4.2, columns=len(curves))
     styles: dict[str, dict[str, Any]] = {"reference": {"color": REFERENCE_COLOUR, "linewidth": 2.2}}
@@ -137,11 +129,7 @@ def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
 def non_dominated(points: np.ndarray) -> np.ndarray:
     """Which points no other one betters in one coordinate without being worse in another (V. Pareto).
 
-    Args:
-        points: A row each, less being better, shape ``(n, m)``.
-
-    Returns:
-        Mask of shape ``(n,)``.
+    ``points``: a row each, less being better, shape ``(n, m)``. Returns mask of shape ``(n,)``.
     """
     no_worse = (points[:, None] <= points).all(axis=2)
     better = (points[:, None] < points).any(axis=2)
@@ -151,9 +139,8 @@ def non_dominated(points: np.ndarray) -> np.ndarray:
 def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Figure:
     """Draw error over effort and over sensitivity, the best compromises marked and the front of each panel.
 
-    Args:
-        trade_offs: ``candidates``, ``before`` and ``after``, see
-            :func:`twin_gait.studies.tune.walks.standing`.
+    ``trade_offs``: ``candidates``, ``before`` and ``after``, see
+    :func:`twin_gait.studies.tune.walks.standing`.
     """
     figure, panels = _figure(5.0, columns=2)
     tried, before, after = (
@@ -198,8 +185,7 @@ def _around(values: np.ndarray) -> tuple[float, float] | None:
 def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -> Figure:
     """Draw where the search stands after each generation and the median of what it tried; the start is 0.
 
-    Args:
-        worst: Cost of the worst walk; a median above it, of falls, is drawn there.
+    ``worst``: cost of the worst walk; a median above it, of falls, is drawn there.
     """
     figure, (axes,) = _figure(3.4)
     best, median = convergence["best"], np.minimum(convergence["median"], worst)

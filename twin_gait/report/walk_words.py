@@ -16,42 +16,23 @@ HEAD = "peaks over carried weight"  # of the table
 _DEGREE = math.degrees(1.0)
 # Units of the measures in a summary, at the end of their names; all others are shares.
 _UNITS = {
-    "stride_time": "s",
-    "cadence": "per_min",
-    "step_length": "m",
-    "braking_impulse": "Ns",
-    "propulsion_impulse": "Ns",
-    "fore_aft_force": "N",
-    "ankle_range": "deg",
-    "hip_lowest": "deg",
-    "knee_at_contact": "deg",
-    "knee_yield": "deg",
-    "clearance": "m",
-    "slip": "m",
-    "swing_load": "N",
-    "belt_power": "W",
-    "wearer_power": "W",
-}
+    "stride_time": "s", "cadence": "per_min", "step_length": "m", "braking_impulse": "Ns",
+    "propulsion_impulse": "Ns", "fore_aft_force": "N", "ankle_range": "deg", "hip_lowest": "deg",
+    "knee_at_contact": "deg", "knee_yield": "deg", "clearance": "m", "slip": "m", "swing_load": "N",
+    "belt_power": "W", "wearer_power": "W",
+}  # fmt: skip
 # What a summary has under names of its own.
 _ELSEWHERE = {"strides", "stride_time", "further_contacts"}
 
 
 class Row(NamedTuple):
-    """A row of the table that people read.
+    """A row of the table that people read."""
 
-    Attributes:
-        label: What it is.
-        unit: For people; empty for a force over carried weight.
-        key: Of the leg in a summary, of its ``walk``, or both of its ``errors``.
-        places: Behind the point.
-        factor: From the unit of the summary to that for people.
-    """
-
-    label: str
-    unit: str
-    key: str
-    places: int = 2
-    factor: float = 1.0
+    label: str  # what it is
+    unit: str  # for people; empty for a force over carried weight
+    key: str  # of the leg in a summary, of its ``walk``, or both of its ``errors``
+    places: int = 2  # behind the point
+    factor: float = 1.0  # from the unit of the summary to that for people
 
 
 ROWS = (
@@ -84,11 +65,7 @@ def summary_of_leg(measures: WalkMeasures) -> dict[str, float]:
 
 
 def with_units(measures: Mapping[str, float]) -> dict[str, float]:
-    """Names that end in units, and angles in degrees.
-
-    Args:
-        measures: By the names of :class:`WalkMeasures`.
-    """
+    """Names that end in units, and angles in degrees. ``measures`` by the names of :class:`WalkMeasures`."""
     found = {}
     for name, value in measures.items():
         unit = _UNITS.get(name, "")
@@ -105,12 +82,8 @@ def summary_of_errors(parts: ErrorParts) -> dict[str, float]:
 def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Measures of the legs beside those of healthy walking.
 
-    Args:
-        summary: Of a run; one of an earlier version has no such measures.
-
-    Returns:
-        A head and a row for each measure: label with unit, legs, healthy walking; nothing without strides on
-        a belt.
+    ``summary`` of a run; one of an earlier version has no such measures. Returns a head and a row for each
+    measure: label with unit, legs, healthy walking; nothing without strides on a belt.
     """
     legs = {side: leg for side, leg in summary["sides"].items() if leg.get("walk") and leg["strides_counted"]}
     if not legs:
@@ -160,11 +133,7 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
 
 
 def off_the_reference(leg: Mapping[str, Any], places: int) -> str:
-    """RMS errors of the joints of a leg of a summary, as ``3.1° (hip) and 4.2° (knee)``; empty without.
-
-    Args:
-        places: Behind the point.
-    """
+    """RMS errors of the joints of a leg of a summary, as ``3.1° (hip) and 4.2° (knee)``; empty without."""
     errors = {joint: leg.get(f"rmse_{joint}_by_contact_deg") for joint in JointName}
     told = [f"{error:.{places}f}° ({joint})" for joint, error in errors.items() if error is not None]
     return " and ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))

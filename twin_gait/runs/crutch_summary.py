@@ -1,7 +1,5 @@
 """What crutches do in a run, in numbers, and what becomes of it without them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Folders that appear when all in them is written, and replace only their own kind."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os
@@ -26,15 +24,10 @@ def journal_of(folder: Path) -> Path:
 
 
 class FolderKind(NamedTuple):
-    """What a command leaves behind.
+    """What a command leaves behind."""
 
-    Attributes:
-        name: With its article, for messages.
-        mark: File by which such a folder is known.
-    """
-
-    name: str
-    mark: str
+    name: str  # with its article, for messages
+    mark: str  # file by which such a folder is known
 
     def owns(self, folder: Path) -> bool:
         """Whether a folder is of this kind, or empty."""

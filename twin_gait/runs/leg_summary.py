@@ -1,7 +1,5 @@
 """One leg of a run in numbers, for the summary."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -10,6 +8,7 @@ import numpy as np
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.machine import POSTURE
 from twin_gait.gait.table import TICK, Blending, BlendingLaw
+from twin_gait.measures import switching
 from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
@@ -24,14 +23,6 @@ from twin_gait.measures.strides import (
     stride_times,
     swing_shares,
 )
-from twin_gait.measures.switching import (
-    blend_windows,
-    dimensionless_jerk,
-    joint_jerk,
-    sums_over,
-    switching_energy,
-    torque_jumps,
-)
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import summary_of_errors, summary_of_leg
@@ -42,20 +33,9 @@ SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start'
 
 
 def summarise_side(
-    run: Run,
-    side: Side,
-    skip: int,
-    record: LegRecord | None = None,
-    measures: WalkMeasures | None = None,
+    run: Run, side: Side, skip: int, record: LegRecord | None = None, measures: WalkMeasures | None = None
 ) -> dict[str, Any]:
-    """Gait and effort of one leg.
-
-    Args:
-        measures: Of the walk on a belt.
-
-    Returns:
-        Numbers by name; NaN or None where a number is not defined.
-    """
+    """Gait and effort of one leg, with ``measures`` of the walk on a belt; None or NaN if not defined."""
     if record is None:
         record = run.leg_record(side)
     return {
@@ -215,14 +195,7 @@ def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
 
 
 def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
-    """Root mean square distance of a joint's strides from healthy walking.
-
-    Args:
-        bounds: First tick of each stride and of the next one, shape ``(n_strides, 2)``.
-
-    Returns:
-        Distance in [deg]; NaN without strides or without a reference.
-    """
+    """RMS distance of a joint's strides from healthy walking in [deg]; NaN without strides or reference."""
     reference = reference_cycle(run.experiment, joint)
     if reference is None:
         return math.nan
@@ -257,8 +230,8 @@ def _work(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str,
     mass = math.nan if run.experiment.patient is None else run.experiment.patient.mass
     return {
         "power_peak_W": _mean(stride_extremes(power, strides)[:, 1]),
-        "positive_work_J_per_kg": TICK * _mean(sums_over(np.maximum(power, 0.0), strides)) / mass,
-        "negative_work_J_per_kg": TICK * _mean(sums_over(np.minimum(power, 0.0), strides)) / mass,
+        "positive_work_J_per_kg": TICK * _mean(switching.sums_over(np.maximum(power, 0.0), strides)) / mass,
+        "negative_work_J_per_kg": TICK * _mean(switching.sums_over(np.minimum(power, 0.0), strides)) / mass,
     }
 
 
@@ -302,7 +275,7 @@ def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int)
     command = run.log[f"{record.side}_{joint}_motor_command_torque_Nm"].to_numpy()
     return {
         "switch_torque_jump_Nm": _largest(
-            torque_jumps(command, blend_windows(counted, length, len(command)))
+            switching.torque_jumps(command, switching.blend_windows(counted, length, len(command)))
         ),
         "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, length).over_blending),
     }
@@ -316,24 +289,24 @@ def _energy_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int
     controller keeps the motor from acting like it.
     """
     name, log, strides = f"{record.side}_{joint}", run.log, record.strides(skip=skip)
-    energy = switching_energy(
+    energy = switching.switching_energy(
         log[f"{name}_measured_angle_rad"].to_numpy(),
         log[f"{name}_stiffness_Nm_per_rad"].to_numpy(),
         log[f"{name}_equilibrium_rad"].to_numpy(),
     )
     return {
-        "switch_energy_J": _mean(sums_over(energy, strides)),
-        "switch_energy_put_in_J": _mean(sums_over(np.maximum(energy, 0.0), strides)),
+        "switch_energy_J": _mean(switching.sums_over(energy, strides)),
+        "switch_energy_put_in_J": _mean(switching.sums_over(np.maximum(energy, 0.0), strides)),
     }
 
 
 def _jerk(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
     """Jerk of a joint over the counted strides, filtered as :mod:`twin_gait.measures.switching` says."""
     velocity = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
-    strides, jerk = record.strides(skip=skip), joint_jerk(velocity, TICK)
+    strides, jerk = record.strides(skip=skip), switching.joint_jerk(velocity, TICK)
     ticks = (strides[:, 1] - strides[:, 0]).sum()
-    squared = sums_over(jerk * jerk, strides).sum()
+    squared = switching.sums_over(jerk * jerk, strides).sum()
     return {
         "jerk_rms_rad_per_s3": math.sqrt(squared / ticks) if ticks else math.nan,
-        "jerk_dimensionless": _mean(dimensionless_jerk(velocity, jerk, strides, TICK)),
+        "jerk_dimensionless": _mean(switching.dimensionless_jerk(velocity, jerk, strides, TICK)),
     }

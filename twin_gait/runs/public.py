@@ -1,7 +1,5 @@
 """What a user does with one run in Python: keep it, read it again, draw it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -17,17 +15,9 @@ from twin_gait.simulation.run import Run
 def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:
     """Write a run directory, as ``twin-gait simulate`` does.
 
-    Args:
-        run: The run.
-        folder: The directory to make; it appears when all in it is written.
-        pictures: Whether to draw figures and animation.
-        force: Whether an existing run directory may be replaced.
-
-    Returns:
-        The directory.
-
-    Raises:
-        RunDirectoryError: If it exists, or cannot be written.
+    ``run``: the run. ``folder``: the directory to make; it appears when all in it is written. ``pictures``:
+    whether to draw figures and animation. ``force``: whether an existing run directory may be replaced.
+    Returns the directory. Raises RunDirectoryError if it exists, or cannot be written.
     """
     target = Path(folder).expanduser()
     with staged_directory(target, record.RUN_DIRECTORY, force=force) as staging:
@@ -38,15 +28,9 @@ def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool
 def load_run(folder: str | Path) -> Run:
     """Read a run directory back.
 
-    Args:
-        folder: The directory.
-
-    Returns:
-        The run, with log, switches, trip and experiment as they were.
-
-    Raises:
-        ParameterFileError: If its experiment file has a mistake, or URDF or table have changed since.
-        RunDirectoryError: If it is not a complete run directory.
+    ``folder``: the directory. Returns the run, with log, switches, trip and experiment as they were. Raises
+    ParameterFileError if its experiment file has a mistake, or URDF or table have changed since. Raises
+    RunDirectoryError if it is not a complete run directory.
     """
     return record.load_run(Path(folder)).run
 

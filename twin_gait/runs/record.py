@@ -1,7 +1,5 @@
 """The run directory: what a run leaves behind, written atomically, and how it is read again."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -43,19 +41,12 @@ RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A run read back from its directory.
+    """A run read back from its directory."""
 
-    Attributes:
-        directory: Where it is.
-        experiment: What was run.
-        log: One row per tick.
-        summary: Content of ``summary.json``.
-    """
-
-    directory: Path
-    experiment: Experiment
-    log: pd.DataFrame
-    summary: dict[str, Any]
+    directory: Path  # where it is
+    experiment: Experiment  # what was run
+    log: pd.DataFrame  # one row per tick
+    summary: dict[str, Any]  # content of ``summary.json``
 
     @property
     def trip(self) -> Trip | None:
@@ -112,8 +103,7 @@ def write_run(
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
-    Args:
-        drawing_processes: Who draws the figures while all else is written; by default they are drawn here.
+    ``drawing_processes``: who draws the figures while all else is written; by default they are drawn here.
     """
     tell = on_step or (lambda name: None)
     drawing = drawing_processes or DrawingProcesses()
@@ -184,11 +174,7 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
 
 
 def load_run(directory: Path) -> StoredRun:
-    """Read a run back.
-
-    Raises:
-        RunDirectoryError: If it is not a complete run directory.
-    """
+    """Read a run back; raises RunDirectoryError if it is not a complete run directory."""
     directory = Path(directory).expanduser()
     if journal_of(directory.absolute()).is_file():
         raise RunDirectoryError(

@@ -1,7 +1,5 @@
 """Runs as a page shows them: one alone, or two beside each other."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,28 +29,17 @@ MOST_RUNS = 2
 
 @dataclass(frozen=True, eq=False)
 class ShownRun:
-    """A run to be looked at.
+    """A run to be looked at."""
 
-    Attributes:
-        name: What its heading says.
-        experiment: What was run.
-        log: One row per tick.
-        notes: What a reader has to know.
-        events: Faults, trip, fall and divergence.
-        outcome: How it ended, in a word.
-        walk: Its measures beside those of healthy walking, rows of texts; see
-            :func:`twin_gait.report.walk_words.table_of_walk`.
-        network: What the bus carried, likewise; see :func:`twin_gait.report.network_words.table_of_network`.
-    """
-
-    name: str
-    experiment: Experiment
-    log: pd.DataFrame
-    notes: tuple[str, ...] = ()
-    events: tuple[RunEvent, ...] = ()
-    outcome: str = ""
+    name: str  # what its heading says
+    experiment: Experiment  # what was run
+    log: pd.DataFrame  # one row per tick
+    notes: tuple[str, ...] = ()  # what a reader has to know
+    events: tuple[RunEvent, ...] = ()  # faults, trip, fall and divergence
+    outcome: str = ""  # how it ended, in a word
+    # its measures beside those of healthy walking, rows of texts; see table_of_walk
     walk: Sequence[Sequence[str]] = ()
-    network: Sequence[Sequence[str]] = ()
+    network: Sequence[Sequence[str]] = ()  # what the bus carried, likewise; see table_of_network
 
     @property
     def duration(self) -> float:
@@ -74,14 +61,7 @@ def with_walk(shown: ShownRun, summary: Mapping[str, Any]) -> ShownRun:
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
-    """The page of one run, or of two beside each other under one clock.
-
-    Two runs get their frames at the same moments, so that the page can subtract one from the other.
-
-    Args:
-        runs: One or two.
-        moments: Moments to have a frame of, in [s].
-    """
+    """The page of one run, or of two beside each other, their frames at the same ``moments`` in [s]."""
     if not 1 <= len(runs) <= MOST_RUNS:
         raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")
     wanted = np.unique(
@@ -161,11 +141,6 @@ def trip_time_of(log: pd.DataFrame) -> float:
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:
-    """One line on wearer and belt speed.
-
-    Args:
-        patient: The wearer, or None.
-        belt_speed: In [m] / [s]; 0 on the bench.
-    """
+    """One line on wearer, or None, and belt speed in [m] / [s], 0 on the bench."""
     who = wearer_words(patient)
     return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"

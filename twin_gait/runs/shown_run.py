@@ -1,7 +1,5 @@
 """Read runs of any age to look at them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping

@@ -1,7 +1,5 @@
 """A run in numbers: what goes into ``summary.json``."""
 
-from __future__ import annotations
-
 import math
 import platform
 from collections.abc import Mapping
@@ -15,13 +13,7 @@ import pandas as pd
 import twin_gait
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.measures.effort import (
-    battery_life,
-    battery_use,
-    changes_at_switches,
-    energy_balance,
-    root_mean_square,
-)
+from twin_gait.measures import effort
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.parameters import STATED_AUTONOMY
@@ -54,17 +46,9 @@ def versions() -> dict[str, str]:
 
 
 def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
-    """Sum a run up, ready for JSON.
+    """Sum a run up, ready for JSON: plain values, angles in degrees as the keys say, None where not defined.
 
-    A number that is not defined for the run (a stride time without strides, a reference without a
-    belt) is None. Angles are in degrees, as the keys say.
-
-    Args:
-        run: The run.
-        skip_strides: Strides at the start that do not count.
-
-    Returns:
-        Plain numbers, texts, mappings and None.
+    ``skip_strides``: strides at the start that do not count.
     """
     walk = run.walk_measures(skip=skip_strides)
     sides = {
@@ -118,11 +102,7 @@ READ_IN_BRIEF = (
 
 
 def summarise_in_brief(run: Run) -> dict[str, Any]:
-    """The part of :func:`summarise` that a table of many runs holds, and the seed; in a third of the time.
-
-    Args:
-        run: The run; its log needs no columns but those of ``READ_IN_BRIEF``.
-    """
+    """What a table of many runs holds of :func:`summarise`; needs no columns but ``READ_IN_BRIEF``."""
     plain: dict[str, Any] = _plain(
         {
             "seed": run.experiment.seed,
@@ -179,7 +159,7 @@ def _walk(run: Run, skip: int) -> dict[str, Any]:
 
 def _battery(run: Run) -> dict[str, float]:
     battery = run.experiment.plant.battery
-    use = battery_use(run.log["battery_power_W"].to_numpy(), TICK, battery.continuous_power)
+    use = effort.battery_use(run.log["battery_power_W"].to_numpy(), TICK, battery.continuous_power)
     return {
         "battery_power_mean_W": use.mean,
         "battery_power_peak_W": use.peak,
@@ -187,7 +167,7 @@ def _battery(run: Run) -> dict[str, float]:
         "battery_energy_J": use.energy,
         "battery_continuous_share": use.continuous_share,
         "battery_capacity_Wh": battery.energy / 3600.0,
-        "battery_life_h": battery_life(battery.energy, use.mean) / 3600.0,
+        "battery_life_h": effort.battery_life(battery.energy, use.mean) / 3600.0,
         "battery_life_stated_h": STATED_AUTONOMY / 3600.0,
     }
 
@@ -210,7 +190,7 @@ def _largest_torque_jump(run: Run) -> dict[str, Any] | None:
         windows = blend_windows(starts, ticks, len(run.log))
         for joint in run.table.joints:
             command = run.log[f"{side}_{joint}_motor_command_torque_Nm"].to_numpy()
-            change = changes_at_switches(command, starts, ticks)
+            change = effort.changes_at_switches(command, starts, ticks)
             over_blending = max(over_blending, float(change.over_blending.max()))
             in_one_tick = max(in_one_tick, float(torque_jumps(command, windows).max()))
             place = int(np.argmax(change.at_switch))
@@ -245,7 +225,7 @@ def _guide(run: Run) -> dict[str, float]:
 def _energy(run: Run) -> dict[str, float]:
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
-    balance = energy_balance(energy, works)
+    balance = effort.energy_balance(energy, works)
     return {
         "energy_residual_J": balance.largest_residual,
         "energy_throughput_J": balance.throughput,
@@ -287,7 +267,7 @@ def _brace(log: pd.DataFrame, name: str) -> dict[str, float]:
     torque = log[f"{name}_{BRACE_COLUMNS[-1]}"].to_numpy()
     apart = (log[f"{name}_angle_rad"] - log[f"{name}_{BRACE_COLUMNS[0]}"]).to_numpy()
     return {
-        "torque_rms_Nm": root_mean_square(torque),
+        "torque_rms_Nm": effort.root_mean_square(torque),
         "torque_peak_Nm": float(np.abs(torque).max()),
         "motion_peak_deg": math.degrees(float(np.abs(apart).max())),
     }
@@ -300,7 +280,7 @@ def _pelvis_brace(log: pd.DataFrame) -> dict[str, dict[str, float]]:
     force = log[brace].to_numpy()
     apart = (log["pelvis_height_m"] - log[height]).to_numpy()
     numbers = {
-        "force_rms_N": root_mean_square(force),
+        "force_rms_N": effort.root_mean_square(force),
         "force_peak_N": float(np.abs(force).max()),
         "motion_peak_mm": 1e3 * float(np.abs(apart).max()),
     }

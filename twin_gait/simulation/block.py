@@ -18,7 +18,7 @@ WIDTH = 32
 SHARED = frozenset(
     {
         *("episode.step", "episode.substeps", "episode.watching"),
-        *("rates.period", "rates.decimation", "rates.blend_law", "rates.blend_ticks"),
+        *("rates.period", "rates.decimation", "rates.blend_law"),
         *("recording.on", "recording.log", "recording.first_row", "efforts.n_ring"),
         *("joints.place", "joints.control_place", "limbs.place", "episode.ankles", "episode.passive"),
         *("encoder.window", "friction.law"),

@@ -1,7 +1,8 @@
 """Compile a bound loop with numba.
 
-Two internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
-when one of them changes: a pipeline of passes of one's own, and the template that types a call.
+Three internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
+when one of them changes: a pipeline of passes of one's own, the template that types a call, and what is made
+of a function once it is lowered.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
+from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import DeadBranchPrune, ReconstructSSA
 from numba.extending import intrinsic
 
@@ -31,14 +35,49 @@ _BITS = ir.IntType(64)
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
 
 
-class Pruning(CompilerBase):  # type: ignore[misc]  # numba has no types
-    """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
+class _Inlined(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+    """Code of a function that becomes a part of its callers', and is never run by itself."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class Lowering(NativeLowering):  # type: ignore[misc]
+    """numba's, but machine code is made of the loop alone; with that of its parts it takes a fifth longer."""
+
+    _name = "lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower a function."""
+        if not state.flags.forceinline:
+            return bool(super().run_pass(state))
+        state.library = _Inlined(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        key = list[None]().append  # callers find it by any built-in function that is equal to no other
+        state.targetctx.insert_user_function(key, state["cr"].fndesc, [state.library])
+        state["cr"] = state["cr"]._replace(cfunc=key)
+        return True
+
+
+class Pruning(CompilerBase):  # type: ignore[misc]
+    """numba's passes without its rewrites of array expressions, but with dead branches taken out.
+
+    Attributes:
+        lowering: The pass that makes LLVM's code.
+    """
+
+    lowering: type[NativeLowering] = Lowering
 
     def define_pipelines(self) -> list[Any]:
         """Passes of the one pipeline."""
         self.state.flags.no_rewrites = True  # would leave out the pruning as well
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state, "pruning")
         manager.add_pass_after(DeadBranchPrune, ReconstructSSA)
+        manager.passes = [
+            (self.lowering if item is NativeLowering else item, why) for item, why in manager.passes
+        ]
         manager.finalize()
         return [manager]
 

@@ -18,7 +18,7 @@ from twin_gait.control.gait_controller import (
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
-from twin_gait.core.arm_policy import RISES, SITS
+from twin_gait.core.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
@@ -60,12 +60,19 @@ from twin_gait.simulation.watching import (
     watch_bounds,
 )
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
-from twin_gait.vocabulary import LEAN, LOWER, RISE, SIT, JointName, Side
+from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName, Side
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
-FELT = {SIT: SITS, LEAN: SITS, RISE: RISES, LOWER: RISES}  # of a chair, by phase
+FELT = {
+    SIT: SITS,
+    LEAN: LEANS,
+    RISE: RISES,
+    STRAIGHTEN: RISES,
+    REACH_BACK: REACHES,
+    LOWER: LOWERS,
+}  # of a chair, by phase
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]
@@ -175,7 +182,9 @@ def new_episode(
         swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
         if world.arms
         else [],
-        chair_phases=[FELT.get(name, 0.0) for name in problem.table.phases] if world.arms else [],
+        chair_phases=[FELT.get(name, 0.0) for name in problem.table.phases]
+        if world.arms or world.seat is not None
+        else [],
         seat=ABSENT if world.seat is None else copied(world.seat),
         recording=Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
@@ -352,6 +361,7 @@ def _leg(problem: Problem, number: int) -> ControlledLeg:
         gravity_shares=shares,
         gravity_start=shares[phase],
         gravity=shares[phase],
+        blend_ticks=[problem.table.blend_ticks(phase) for phase in problem.table.phases_of(side).values()],
         frozen_speed=problem.experiment.control.safety.frozen_speed,
     )
 
@@ -374,13 +384,11 @@ def _pad(entries: list[Record], blank: Record) -> None:
 
 
 def _rates(problem: Problem) -> Rates:
-    blending = problem.table.blending
     return Rates(
         period=TICK,
         fast_gain=problem.fast_gain,
         decimation=problem.experiment.sensors.decimation,
-        blend_law=blending.law.code,
-        blend_ticks=blending.duration_ticks,
+        blend_law=problem.table.blending.law.code,
     )
 
 

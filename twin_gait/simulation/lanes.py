@@ -27,11 +27,10 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
-from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.compiling import Manner, Pruning, distinct, jit, numbers_at
+from twin_gait.simulation.compiling import Lowering, Manner, Pruning, distinct, jit, numbers_at
 from twin_gait.simulation.rows import noise_width
 from twin_gait.simulation.views import INTEGER, LanesView, RecordView, make_view
 
@@ -87,7 +86,7 @@ class _Marking(lowering.Lower):
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _MarkingPass(NativeLowering):
+class _MarkingPass(Lowering):
     _name = "marking"
     lowering_class = _Marking
 
@@ -95,15 +94,7 @@ class _MarkingPass(NativeLowering):
 class InLanes(Pruning):
     """The passes of a single episode's loop, with loops over lanes marked."""
 
-    def define_pipelines(self) -> list[Any]:
-        """Passes of the one pipeline."""
-        (manager,) = super().define_pipelines()
-        manager.passes = [
-            (_MarkingPass if item is NativeLowering else item, why) for item, why in manager.passes
-        ]
-        manager._finalized = False
-        manager.finalize()
-        return [manager]
+    lowering = _MarkingPass
 
 
 def block_at(dtype: np.dtype[Any]) -> Any:

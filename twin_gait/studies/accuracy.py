@@ -1,7 +1,5 @@
 """How far a run is from the same run at a tenth of its integration step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -106,10 +106,9 @@ def simulate_batch(
     the order in which they finish. With several workers a script must guard its own code, see
     :func:`twin_gait.studies.run_jobs`, which also says what the other arguments are.
 
-    Raises:
-        WorkersLost: If worker processes die again and again with the same episode.
-        ParameterFileError: If a change is wrong, naming episode and key, or if an episode cannot be run.
-        ParameterError: If the workers make no sense.
+    Raises WorkersLost if worker processes die again and again with the same episode. Raises
+    ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
+    ParameterError if the workers make no sense.
     """
     base = Base.of(experiment)
     episodes = list(enumerate(overrides))
@@ -158,11 +157,10 @@ class Base(NamedTuple):
 def overridden(experiment: Experiment, override: Override, source: str = "override") -> Experiment:
     """The experiment with some values changed, as ``--set`` changes them.
 
-    Args:
-        override: Values by keys of its document, joined by dots, list positions in brackets; a quantity may
-            be given in any unit that its file may. A mapping is laid over what is there. A ``patient`` may be
-            exchanged by name; the gait table is changed below ``table.``, not exchanged by name.
-        source: What messages begin with.
+    ``override``: values by keys of its document, joined by dots, list positions in brackets; a quantity may
+    be given in any unit that its file may. A mapping is laid over what is there. A ``patient`` may be
+    exchanged by name; the gait table is changed below ``table.``, not exchanged by name. ``source``: what
+    messages begin with.
     """
     return Base.of(experiment).changed(override, source)
 

@@ -1,7 +1,5 @@
 """The testing campaign of the thesis (section 2.2.3) on the simulated joint bench, and the one it lacked."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -15,20 +13,7 @@ import numpy as np
 from twin_gait import __version__
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import finite_or_none, write_atomically
-from twin_gait.parameters.quantities import (
-    COUNT,
-    NOT_NEGATIVE,
-    POSITIVE,
-    WHOLE,
-    AngularVelocity,
-    Current,
-    Parameters,
-    Range,
-    Ratio,
-    RotaryStiffness,
-    Time,
-    require,
-)
+from twin_gait.parameters import quantities
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.simulation.bench_joint import LOG_COLUMNS, BenchRun, BenchVariation, simulate_bench
 from twin_gait.simulation.run import RunStatus
@@ -65,7 +50,7 @@ class Protocol(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwoWayProtocol(Parameters):
+class TwoWayProtocol(quantities.Parameters):
     """Motor-driven tests in both directions.
 
     The path starts level at 90°, so that logs of both protocols are read alike, goes up by at most 92° and
@@ -80,21 +65,21 @@ class TwoWayProtocol(Parameters):
         damping_ratio: Of the controller on the bare armature.
     """
 
-    lowest_speed: Annotated[AngularVelocity, POSITIVE] = 0.15
-    highest_speed: AngularVelocity = 2.5
-    period: Annotated[Time, POSITIVE] = 2.0
-    cycles: Annotated[int, COUNT] = 4
-    stiffness: Annotated[RotaryStiffness, POSITIVE] = 600.0
-    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
+    lowest_speed: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = 0.15
+    highest_speed: quantities.AngularVelocity = 2.5
+    period: Annotated[quantities.Time, quantities.POSITIVE] = 2.0
+    cycles: Annotated[int, quantities.COUNT] = 4
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE] = 600.0
+    damping_ratio: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.7
 
     def __post_init__(self) -> None:
         super().__post_init__()
         ordered = self.highest_speed >= self.lowest_speed
-        require(ordered, "highest_speed", "at least the lowest", self.highest_speed)
+        quantities.require(ordered, "highest_speed", "at least the lowest", self.highest_speed)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread(Parameters):
+class Spread(quantities.Parameters):
     """What differs between tests though nothing was changed; all assumptions.
 
     Attributes:
@@ -102,12 +87,12 @@ class Spread(Parameters):
         current_offset: Standard deviation of the offset of the current measurement in [A].
     """
 
-    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.02
-    current_offset: Annotated[Current, NOT_NEGATIVE] = 0.005
+    friction: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.02
+    current_offset: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
-class Campaign(Parameters):
+class Campaign(quantities.Parameters):
     """A campaign on one joint.
 
     Attributes:
@@ -122,15 +107,15 @@ class Campaign(Parameters):
 
     joint: JointName
     protocol: Protocol = Protocol.DROP
-    seed: Annotated[int, WHOLE] = 0
+    seed: Annotated[int, quantities.WHOLE] = 0
     bench: BenchJoint | None = None
     spread: Spread = field(default_factory=Spread)
     two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
-    longest: Annotated[Time, Range(1.0, 600.0, words="1 to 600 s")] = 20.0
+    longest: Annotated[quantities.Time, quantities.Range(1.0, 600.0, words="1 to 600 s")] = 20.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self.joint in BENCH_FRICTION, "joint", "knee or hip", str(self.joint))
+        quantities.require(self.joint in BENCH_FRICTION, "joint", "knee or hip", str(self.joint))
 
     def plain_bench(self) -> BenchJoint:
         """The bench to start from, with a friction ripple of 0.3 N m (assumed: some teeth have more)."""
@@ -238,8 +223,7 @@ def run_campaign(
 ) -> CampaignResult:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
-    Raises:
-        RunDirectoryError: If the folder exists or cannot be written.
+    Raises RunDirectoryError if the folder exists or cannot be written.
     """
     if directory.exists():
         raise RunDirectoryError(f"{directory}: exists; choose another --out")

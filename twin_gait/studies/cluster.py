@@ -4,8 +4,6 @@ A Dask scheduler and its workers run whatever anybody sends them who can reach t
 loopback or on a private network. From this package they get plain numbers and texts, and give such back.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 from collections.abc import Callable, Generator, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Episodes as jobs: what is alike runs together, on processes of this machine or on a cluster."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Fault campaigns: many seeded faults on one experiment, one row and one outcome each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -60,14 +60,10 @@ class Workers:
     A context manager; processes start with the first job and end with the context. Workers do not outlive a
     parent that is killed. One process is the calling one.
 
-    Args:
-        workers: Processes of this machine.
-        cluster: Address of a Dask scheduler such as ``tcp://127.0.0.1:8786``, in place of processes.
-
-    Raises:
-        ParameterError: If the workers are below 1, or on entry if there is no scheduler at the address.
-        MissingOptionalDependency: On entry, if dask.distributed is not installed.
-        WorkersLost: On entry, if the cluster has no workers.
+    ``workers``: processes of this machine. ``cluster``: address of a Dask scheduler such as
+    ``tcp://127.0.0.1:8786``, in place of processes. Raises ParameterError if the workers are below 1, or on
+    entry if there is no scheduler at the address. Raises MissingOptionalDependency: on entry, if
+    dask.distributed is not installed. Raises WorkersLost: on entry, if the cluster has no workers.
     """
 
     def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
@@ -192,8 +188,7 @@ def portions(
     Items are taken when there is room, up to ``block`` at a time. A portion with a problem is not the last
     unless the caller leaves.
 
-    Raises:
-        WorkersLost: As in :func:`run_jobs`, or if a worker has other sources.
+    Raises WorkersLost: as in :func:`run_jobs`, or if a worker has other sources.
     """
     chunks = _chunks(items, total, even_size(total, block, workers.slots()), should_stop)
     return workers.as_they_come(partial(_do, function, sources_hash()), chunks)

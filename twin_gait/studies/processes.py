@@ -1,7 +1,5 @@
 """Jobs on processes of this machine: results as they come, lost processes replaced."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

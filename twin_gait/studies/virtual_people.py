@@ -3,8 +3,6 @@
 Person number i of a seed is the same in a cohort of any size.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -67,14 +65,9 @@ def cohort(
     (M. P. Silverman, T. C. Lipscombe, Open Journal of Statistics 12, 2022), drawn again until both lie
     between the 5th and the 95th percentile of the sex and the mass is one that the device carries.
 
-    Args:
-        count: Number of people, 1 or more.
-        seed: 0 or more.
-        like: Whose efforts and conditions all of them share; the default wearer is mass alone.
-        sizes: Of the population.
-
-    Raises:
-        ParameterError: If count, seed or sizes make no sense.
+    ``count``: number of people, 1 or more. ``seed``: 0 or more. ``like``: whose efforts and conditions all of
+    them share; the default wearer is mass alone. ``sizes``: of the population. Raises ParameterError if
+    count, seed or sizes make no sense.
     """
     COUNT.require("count", count, whole=True)
     WHOLE.require("seed", seed, whole=True)

@@ -4,8 +4,6 @@ The tests follow the table, so they cannot notice that the table itself was edit
 approved by a person, can.
 """
 
-from __future__ import annotations
-
 import difflib
 import itertools
 from collections.abc import Callable, Iterator
@@ -27,22 +25,15 @@ Check = Callable[[MachineFactory], None]
 
 @dataclass(frozen=True)
 class TransitionTest:
-    """One test of a machine against one entry of a gait table.
+    """One test of a machine against one entry of a gait table."""
 
-    Attributes:
-        name: Transition and what is shown, for example
-            ``late_stance→swing_flexion (trailing_limb)::holds just below hip.angle_deg < -2.8``.
-        phase: Phase in which it starts.
-        machine: Builds the machine under test.
-        check: Drives a machine and raises AssertionError; None if no measurements can show it.
-        ticks: About how many ticks it drives a machine through.
-    """
-
+    # transition and what is shown, for example ``late_stance→swing_flexion (trailing_limb)::holds just below
+    # hip.angle_deg < -2.8``
     name: str
-    phase: str
-    machine: MachineFactory
-    check: Check | None
-    ticks: int = 0
+    phase: str  # phase in which it starts
+    machine: MachineFactory  # builds the machine under test
+    check: Check | None  # drives a machine and raises AssertionError; None if no measurements can show it
+    ticks: int = 0  # about how many ticks it drives a machine through
 
     @property
     def undecided(self) -> str | None:
@@ -55,11 +46,7 @@ class TransitionTest:
         )
 
     def run(self) -> None:
-        """Drive the machine; a test that is :attr:`undecided` does nothing.
-
-        Raises:
-            AssertionError: If the machine does not do what the table says.
-        """
+        """Drive the machine, unless :attr:`undecided`; AssertionError if it does not as the table says."""
         if self.check is not None:
             self.check(self.machine)
 
@@ -71,13 +58,9 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
     of ``all`` and ``any`` by itself, debounce, minimum duration, time-out, priority, the clock
     of the next phase, bad measurements refused. What is expected is worked out from the table alone.
 
-    Args:
-        table: Of gait or of modes.
-        machine: Builds the machine under test in a phase that it has entered at tick 0; the package's own
-            machine for this table if None.
-
-    Returns:
-        The tests, each with a name of its own, in the order of the table.
+    ``table``: of gait or of modes. ``machine``: builds the machine under test in a phase that it has entered
+    at tick 0; the package's own machine for this table if None. Returns the tests, each with a name of its
+    own, in the order of the table.
     """
     factory = machine_of(table) if machine is None else machine
     tests: dict[str, TransitionTest] = {}
@@ -129,9 +112,7 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
     last = taking.steps[-leave.debounce - 1 :]
     away = (phase for phase in table.phase_names if phase != leave.phase)
     for item in itertools.chain(
-        timing.clock(leave, last),
-        timing.again(leave),
-        *(timing.elsewhere(leave, phase) for phase in away),
+        timing.clock(leave, last), timing.again(leave), *(timing.elsewhere(leave, phase) for phase in away)
     ):
         yield _playing(table, item)
     steps = comfortable(leave, [Requirement(leave.item.guard)], fires) or last
@@ -150,30 +131,15 @@ def _playing(table: StateTable, item: Scenario) -> Shown:
     return item.what, lambda factory: play(table, item, factory), len(item.steps)
 
 
-# ---------------------------------------------------------------------- an approved text
-
-
 def approval_text(table: StateTable) -> str:
-    """Write everything that a gait table says as Markdown.
-
-    Args:
-        table: The gait table.
-
-    Returns:
-        Transitions in their order of priority, laws, parameters and truth table of each phase, as ``twin-gait
-        diagram`` prints them; the same text for the same table.
-    """
+    """All that a table says as Markdown: transitions by priority, laws, parameters, truth tables."""
     return f"{transition_table(table)}\n{truth_table(table)}"
 
 
 def check_approved(path: Path, present: str) -> str | None:
-    """Compare a text with the one that was approved.
+    """None if the approved text is the present one, else what is wrong, such as a unified diff.
 
-    Returns:
-        None if they are the same, else what is wrong: a unified diff, or that there is no such file.
-
-    Raises:
-        ParameterFileError: If the file cannot be read.
+    Raises ParameterFileError if the file cannot be read.
     """
     if not path.exists():
         return f"{path}: there is no approved text yet"

@@ -4,8 +4,6 @@ Guards, thresholds and the choice of a transition are printed as for the device,
 the C compiler of this machine, and called where :class:`~twin_gait.gait.GaitStateMachine` calls Python.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -28,11 +26,8 @@ class CompiledMachine(GaitStateMachine):
     def __init__(self, table: StateTable, program: GuardProgram, choose: Callable[..., int], phase: str):
         """Begin in a phase.
 
-        Args:
-            table: The gait table.
-            program: Its guards.
-            choose: :func:`~twin_gait.core.guards.next_transition` of the same guards in C.
-            phase: Phase at tick 0.
+        ``table``: the gait table. ``program``: its guards. ``choose``:
+        :func:`~twin_gait.core.guards.next_transition` of the same guards in C. ``phase``: phase at tick 0.
         """
         super().__init__(table, Side.LEFT, initial_phase=phase, program=program)
         self._in_c = choose
@@ -46,9 +41,8 @@ class CompiledMachine(GaitStateMachine):
 def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
     """Machines of tables of gait or of modes in C, built together.
 
-    Raises:
-        GaitTableError: A table has more phases or conditions than the device's whole numbers have bits.
-        FirmwareError: There is no C compiler.
+    Raises GaitTableError: a table has more phases or conditions than the device's whole numbers have bits.
+    Raises FirmwareError: there is no C compiler.
     """
     programs = [compile_guards(table) for table in tables]
     for table, program in zip(tables, programs, strict=True):

@@ -1,7 +1,5 @@
 """Drive a machine under test: through a scenario, and with measurements that it has to refuse."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
@@ -10,14 +8,7 @@ from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.modes import ModeMachine, ModeTable
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import (
-    OTHER,
-    OTHER_TIME,
-    TIME,
-    LegSignals,
-    leg_signals,
-    signal_scale,
-)
+from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME, LegSignals, leg_signals, signal_scale
 from twin_gait.gait.table import StateTable
 from twin_gait.testing.exits import Scenario
 from twin_gait.testing.reference import Steps, Vector
@@ -104,11 +95,7 @@ def _given(table: StateTable, vector: Vector) -> _Legs | _Asked:
 
 
 def play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
-    """Drive a machine through a scenario.
-
-    Raises:
-        AssertionError: At the first tick in which the machine does something else.
-    """
+    """Drive a machine through a scenario; AssertionError at the first tick that is not as expected."""
     machine, phase = factory(scenario.phase), scenario.phase
     given: dict[int, _Legs | _Asked] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
@@ -138,17 +125,11 @@ def _measured(vector: Vector) -> str:
 
 
 class Refusal(NamedTuple):
-    """A machine that is about to take an exit is given one bad measurement instead.
+    """A machine that is about to take an exit is given one bad measurement instead."""
 
-    Attributes:
-        table: The gait table.
-        phase: Phase that the leg has entered at tick 0.
-        steps: Good steps that take the exit; the last one is spoilt.
-    """
-
-    table: StateTable
-    phase: str
-    steps: Steps
+    table: StateTable  # the gait table
+    phase: str  # phase that the leg has entered at tick 0
+    steps: Steps  # good steps that take the exit; the last one is spoilt
 
     def broken_signals(self, factory: MachineFactory) -> None:
         """Each signal in turn is NaN or infinite; raises AssertionError if that is accepted."""

@@ -1,7 +1,5 @@
 """Scenarios at the thresholds of a guard: just past, just below, on them; and of two exits due at once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -140,9 +138,6 @@ def groups(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
     what = f"any: fires by {entry.atom} alone" if alone else f"all: holds while only {entry.atom} is missing"
     requirements = [*entry.requirements, Requirement(entry.atom, alone)]
     yield shown(leave, what, comfortable(leave, requirements, *((fires,) if alone else (stays, yields))))
-
-
-# ---------------------------------------------------------------------- two exits due in the same tick
 
 
 def priority(first: Exit, second: Exit) -> Scenario | None:

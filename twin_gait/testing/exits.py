@@ -9,15 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import (
-    ZERO,
-    Bound,
-    Phases,
-    Requirement,
-    Way,
-    bound_of,
-    most_comfortable,
-)
+from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, Way, bound_of, most_comfortable
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition
@@ -27,33 +19,20 @@ LONGEST_RUN = 20_000  # ticks; a longer debounce or time-out is not driven throu
 
 
 class Scenario(NamedTuple):
-    """Measurements tick by tick, and what the leg has to do.
+    """Measurements tick by tick, and what the leg has to do."""
 
-    Attributes:
-        what: What it shows, in words.
-        phase: Phase that the leg has entered at tick 0.
-        steps: The measurements.
-        expected: For every step the index of the transition that is taken, or None.
-    """
-
-    what: str
-    phase: str
-    steps: Steps
-    expected: tuple[int | None, ...]
+    what: str  # what it shows, in words
+    phase: str  # phase that the leg has entered at tick 0
+    steps: Steps  # the measurements
+    expected: tuple[int | None, ...]  # for every step the index of the transition that is taken, or None
 
 
 class Decisive(NamedTuple):
-    """A condition of a guard, and what makes it alone decide.
+    """A condition of a guard, and what makes it alone decide."""
 
-    Attributes:
-        atom: The condition.
-        requirements: All other parts of the guard, as they have to be.
-        group: The innermost list that holds it with others, or None.
-    """
-
-    atom: Comparison | PhaseMembership
-    requirements: tuple[Requirement, ...] = ()
-    group: AllOf | AnyOf | None = None
+    atom: Comparison | PhaseMembership  # the condition
+    requirements: tuple[Requirement, ...] = ()  # all other parts of the guard, as they have to be
+    group: AllOf | AnyOf | None = None  # the innermost list that holds it with others, or None
 
 
 def decisive(guard: Guard) -> Iterator[Decisive]:
@@ -92,14 +71,9 @@ def reads_only_own_time(atom: Comparison) -> bool:
 def find(
     phases: Phases, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
 ) -> Vector | None:
-    """Find measurements that fulfil all requirements over a window of ticks.
+    """Measurements that fulfil requirements over a window, far from all thresholds; None if none do.
 
-    Args:
-        phases: Allowed phases of the other leg; ``(None,)`` for a leg without another.
-        requirements: What has to be open or closed.
-
-    Returns:
-        The measurements, as far from all other thresholds as can be; None if there are none.
+    ``phases``: allowed ones of the other leg, ``(None,)`` without another.
     """
     ends = sorted(set(window))
 
@@ -218,8 +192,6 @@ def turning_tick(atom: Comparison) -> int:
     ticks = range(start, near + 4)
     return next((tick for tick in ticks if holds(atom, Vector({}, None), tick) is not before), start)
 
-
-# ---------------------------------------------------------------------- what steps have to show
 
 Accept = Callable[[Exit, Steps], bool]
 

@@ -4,8 +4,6 @@ Plain recursion over the guards and plain counting of ticks. Nothing here calls 
 :mod:`twin_gait.core.guards`: the kit compares the two.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -15,14 +13,10 @@ from twin_gait.gait.table import TICK, StateTable, Transition
 
 
 class Vector(NamedTuple):
-    """Measurements of both legs, without the own time in the phase.
+    """Measurements of both legs, without the own time in the phase."""
 
-    Attributes:
-        signals: Value per name in the units of the table; names that do not matter are 0.
-        other_phase: Phase of the other leg, or None without another leg; of modes the request, or None.
-    """
-
-    signals: Mapping[str, float]
+    signals: Mapping[str, float]  # value per name in the units of the table; names that do not matter are 0
+    # phase of the other leg, or None without another leg; of modes the request, or None
     other_phase: str | None
 
 

@@ -1,7 +1,5 @@
 """Scenarios in time and across phases: debounce, minimum duration, time-outs, the clock of the next phase."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from twin_gait.gait.feasibility import Requirement
@@ -117,9 +115,6 @@ def _last_wait(leave: Exit) -> Steps | None:
     """Steps about as long as its debounce before a pure time-out fires."""
     steps = _quiet(leave)
     return None if steps is None else steps[-leave.debounce - 1 :]
-
-
-# ---------------------------------------------------------------------- across phases
 
 
 def clock(leave: Exit, steps: Steps) -> Iterator[Scenario]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, Unpack
 
 import numpy as np
@@ -20,11 +21,11 @@ from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.viewer.surroundings import Belt
-from twin_gait.vocabulary import HOLD, Side
+from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
-_BELT_LOOK = 0.04  # [s] between two looks at a belt that starts and stops
+_BELT_LOOK = 0.04  # [s] between two looks at the belt
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
 _CURVE_DECIMALS = 4  # of angles in [deg] and torques in [N m]
 _DECIMALS_OF = {"force": 2, "crutch": 2}  # of forces in [N]
@@ -50,27 +51,10 @@ def recorded_run(
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
     The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
-
-    Args:
-        log: One row per tick, with the columns of a run.
-        model: The model that the log is about.
-        title: Heading of the page; any text.
-        frames_per_second: Of the run; each change of a phase has a frame too.
-        subtitle: Line below the heading; any text.
-        belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
-            bench.
-        moments: Further moments to have a frame of, in [s].
-        notes: What else a reader has to know.
-        events: Events of the run; each has a frame too.
-        outcome: How it ended, in a word.
-        walk: A table of measures, a head and rows of texts.
-        network: Likewise, of what a bus carried.
-        modes: Names of the operating modes in the order of their codes.
-        setting: What is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If the log does not fit the model.
+    Each change of a phase and each event has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
+    [m] / [s], or the way that the belt has gone by a time; ``outcome`` in a word; ``walk`` and ``network``:
+    tables of texts, a head and rows; ``modes``: names of the operating modes in the order of their codes.
+    Raises ModelError if the URDF cannot be read, ViewerError if the log does not fit the model.
     """
     moments = [*moments, *(event.time for event in events)]
     slope = setting.get("slope", 0.0)
@@ -94,17 +78,16 @@ def recorded_run(
         view=scene.view,
         phases=motion.phase_names,
         modes=modes,
-        legs=[_leg(side, leg) for side, leg in motion.legs.items()],
+        legs=[
+            leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
+            for side, leg in motion.legs.items()
+        ],
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
         strides=_strides(log, model, motion),
         frames=packed_json(_frames(motion)),
         scene=packed(recorder.packed()),
     )
-
-
-def _leg(side: Side, leg: LegMotion) -> dict[str, Any]:
-    return leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
 
 
 def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, Any] | None:
@@ -120,19 +103,20 @@ def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, An
 
 def _frames(motion: Motion) -> dict[str, Any]:
     """Times in [ms], curves and phases, as the script of the page reads them."""
-    legs = []
-    for leg in motion.legs.values():
-        series = {
-            name: {
-                "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
-                "values": _numbers(curve.values, _DECIMALS_OF.get(name, _CURVE_DECIMALS)),
-            }
-            for name, curve in leg.curves.items()
+    legs = [
+        {
+            "series": {
+                name: {
+                    "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
+                    "values": _numbers(curve.values, _DECIMALS_OF.get(name, _CURVE_DECIMALS)),
+                }
+                for name, curve in leg.curves.items()
+            },
+            "phases": _spells(leg.phases),
         }
-        legs.append({"series": series, "phases": _spells(leg.phases)})
-    return {
-        "times": _milliseconds(motion.times).tolist(), "legs": legs, "modes": _spells(motion.modes),
-    }  # fmt: skip
+        for leg in motion.legs.values()
+    ]
+    return {"times": _milliseconds(motion.times).tolist(), "legs": legs, "modes": _spells(motion.modes)}
 
 
 def _spells(spells: PhaseSpells | None) -> dict[str, Any] | None:
@@ -164,9 +148,7 @@ def _tracks(scene: Scene, motion: Motion, belt_speed: Belt) -> Iterator[Track]:
     for side, leg in motion.legs.items():
         for cover in scene.covers.get(side, ()):
             yield from _colour_track(f"{cover}/<object>", leg, motion)
-    if callable(belt_speed):
-        yield _uneven_belt_track(motion.duration, belt_speed)
-    elif belt_speed != 0.0:
+    if belt_speed != 0.0:
         yield _belt_track(motion.duration, belt_speed)
 
 
@@ -190,32 +172,18 @@ def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
     yield Track(path, "material.color", np.array(times), np.round(np.array(values), 4))
 
 
-def _belt_track(duration: float, belt_speed: float) -> Track:
-    """Marks that run back by one spacing and jump forward, which nobody sees."""
-    period = surroundings.BELT_MARK_SPACING / abs(belt_speed)
-    times, offsets = [0.0], [0.0 if belt_speed > 0.0 else -surroundings.BELT_MARK_SPACING]
-    end = -surroundings.BELT_MARK_SPACING - offsets[0]
-    for jump in np.arange(1, int(duration / period) + 1) * period:
-        times += [float(jump) - _SWITCH, float(jump)]
-        offsets += [end, offsets[0]]
-    times.append(max(duration, times[-1] + _SWITCH))
-    offsets.append(surroundings.belt_offset(duration, belt_speed))
-    values = np.column_stack((np.round(offsets, 5), np.zeros((len(offsets), 2))))
-    return Track(surroundings.BELT, "position", np.array(times), values)
-
-
-def _uneven_belt_track(duration: float, belt: Callable[[float], float]) -> Track:
-    """Marks on a belt that starts and stops; where they jump, between two looks at its way."""
+def _belt_track(duration: float, belt: Belt) -> Track:
+    """Marks that go back with the belt and jump forward by one spacing, which nobody sees."""
     spacing = surroundings.BELT_MARK_SPACING
-    looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK)))
-    ways = np.array([belt(float(time)) for time in looks])
+    looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK))).tolist()
+    ways = [belt(time) if callable(belt) else belt * time for time in looks]
     times, offsets = [0.0], [-float(ways[0] % spacing)]
-    for before, time, old, way in zip(looks[:-1], looks[1:], ways[:-1], ways[1:], strict=True):
+    for (before, old), (time, way) in pairwise(zip(looks, ways, strict=True)):
         if way // spacing > old // spacing:
             jump = float(np.interp(spacing * (way // spacing), (old, way), (before, time)))
             times += [jump, jump + _SWITCH]
             offsets += [-spacing, 0.0]
-        times.append(max(float(time), times[-1] + _SWITCH))
+        times.append(max(time, times[-1] + _SWITCH))
         offsets.append(-float(way % spacing))
-    values = np.column_stack((np.round(offsets, 5), np.zeros((len(offsets), 2))))
+    values = np.outer(np.round(offsets, 5), [1.0, 0.0, 0.0])
     return _thinned(Track(surroundings.BELT, "position", np.array(times), values))

@@ -21,21 +21,15 @@ _STEP = math.radians(11.0)  # of the mesh along the arc
 
 @dataclass(frozen=True)
 class TorqueArc:
-    """The arrows of one joint, of which at most one is seen.
+    """The arrows of one joint, of which at most one is seen."""
 
-    Attributes:
-        paths: Place of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0.
-        full_torque: Torque that the longest arrow stands for in [N m].
-    """
-
-    paths: dict[int, str]
-    full_torque: float
+    paths: dict[int, str]  # place of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0
+    full_torque: float  # torque that the longest arrow stands for in [N m]
 
     def state(self, torque: float) -> dict[tuple[str, str], bool]:
         """Which arrow is seen.
 
-        Args:
-            torque: Of the motor on the joint in [N m], positive in increasing angle.
+        ``torque`` of the motor on the joint in [N m], positive in increasing angle.
         """
         seen = level(torque, self.full_torque)
         return {(path, "visible"): number == seen for number, path in self.paths.items()}
@@ -44,12 +38,8 @@ class TorqueArc:
 def level(torque: float, full_torque: float) -> int:
     """Length of the arrow for a torque.
 
-    Args:
-        torque: In [N m].
-        full_torque: Torque that the longest arrow stands for in [N m], above 0.
-
-    Returns:
-        From ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is less than half a level.
+    ``torque`` in [N m]; ``full_torque``: torque that the longest arrow stands for in [N m], above 0. Returned
+    from ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is less than half a level.
     """
     if not math.isfinite(torque):
         return 0
@@ -60,35 +50,27 @@ def level(torque: float, full_torque: float) -> int:
 def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -> Shape:
     """Make an arrow around an axis.
 
-    Args:
-        radius: Of the arc in [m].
-        number: Level; a positive one turns by the right-hand rule about the axis.
-        axis: Unit vector, shape ``(3,)``.
-        start: Unit vector across the axis at which the arrow begins, shape ``(3,)``.
+    ``radius`` of the arc in [m]; ``number``: level; a positive one turns by the right-hand rule about the
+    axis; ``axis``: unit vector, shape ``(3,)``; ``start``: unit vector across the axis at which the arrow
+    begins, shape ``(3,)``.
     """
     sweep = _FULL_SWEEP * number / LEVELS
-    shaft_sweep = sweep - math.copysign(_HEAD_LENGTH / radius, sweep)
     # The shortest arrow is hardly longer than its head.
-    shaft_sweep = math.copysign(max(abs(shaft_sweep), 0.3 * abs(sweep)), sweep)
-    angle = np.linspace(0.0, shaft_sweep, max(4, round(abs(shaft_sweep) / _STEP)))[:, None]
-    aside = np.cross(axis, start)
-    shaft = shapes.tube(radius * (np.cos(angle) * start + np.sin(angle) * aside), _RADIUS, columns=6)
-    return shapes.merged([shaft, _head(radius, shaft_sweep, axis, start, aside, math.copysign(1.0, sweep))])
-
-
-def _head(
-    radius: float, at: float, axis: np.ndarray, start: np.ndarray, aside: np.ndarray, sign: float
-) -> Shape:
-    """Tip of the arrow, along the arc's direction there and a little inward, as the arc goes on."""
-    outward = math.cos(at) * start + math.sin(at) * aside
-    ahead = sign * np.cross(axis, outward)
-    ahead = ahead - 0.5 * _HEAD_LENGTH / radius * outward
+    size = max(abs(sweep) - _HEAD_LENGTH / radius, 0.3 * abs(sweep))
+    at, aside = math.copysign(size, sweep), np.cross(axis, start)
+    angle = np.linspace(0.0, at, max(4, round(size / _STEP)))[:, None]
+    arc = radius * (np.cos(angle) * start + np.sin(angle) * aside)
+    # The head goes along the arc's direction there and a little inward, as the arc goes on.
+    ahead = math.copysign(1.0, sweep) * np.cross(axis, arc[-1] / radius) - 0.5 * _HEAD_LENGTH / radius * (
+        arc[-1] / radius
+    )
     ahead /= np.linalg.norm(ahead)
     across = np.cross(axis, ahead)
     placement = np.eye(4)
     placement[:3, :3] = np.column_stack((across, np.cross(ahead, across), ahead))
-    placement[:3, 3] = radius * outward + 0.5 * _HEAD_LENGTH * ahead
-    return shapes.moved(shapes.cone(_HEAD_RADIUS, _HEAD_LENGTH, columns=12), placement)
+    placement[:3, 3] = arc[-1] + 0.5 * _HEAD_LENGTH * ahead
+    head = shapes.moved(shapes.cone(_HEAD_RADIUS, _HEAD_LENGTH, columns=12), placement)
+    return shapes.merged([shapes.tube(arc, _RADIUS, columns=6), head])
 
 
 def arc_material(number: int) -> Material:

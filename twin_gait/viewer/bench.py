@@ -7,7 +7,7 @@ import numpy as np
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, Window
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.surroundings import DECK, STEEL, box, draw_floor, place
+from twin_gait.viewer.surroundings import DECK, STEEL, box, draw_floor, place, translation
 
 _TOP = Material(colour=(0.80, 0.70, 0.57), roughness=0.9)
 _VICE = Material(colour=(0.16, 0.33, 0.47), roughness=0.75)
@@ -23,16 +23,15 @@ _LEG = 0.05  # thickness of a table leg [m]
 def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:
     """Draw the bench.
 
-    Args:
-        floor: Height of the floor in [m].
-        hip: Position of the hip in [m], shape ``(3,)``.
-        far_side: 1 if the table stands to the left of the leg, -1 if to its right.
+    ``floor``: height of the floor in [m]; ``hip``: position of the hip in [m], shape ``(3,)``; ``far_side``:
+    1 if the table stands to the left of the leg, -1 if to its right.
     """
     mirror = np.diag([1.0, far_side, 1.0, 1.0])
     mirror[:3, 3] = hip
     height = float(hip[2]) - _DROP - floor
+    top = (-_BEHIND, _BESIDE + 0.5 * _DEPTH, -_DROP - 0.5 * _THICKNESS)
     parts = [
-        ("table_top", _table_top(), _TOP),
+        ("table_top", box((_LENGTH, _DEPTH, _THICKNESS), top, 0.008), _TOP),
         ("table_frame", _table_frame(height), DECK),
         ("vice", _vice(), _VICE),
         ("vice_screw", _screw(), STEEL),
@@ -46,11 +45,6 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
 
 
 # The parts stand in a frame at the hip of a right leg: x forward, y away from the camera, z up.
-
-
-def _table_top() -> Shape:
-    centre = (-_BEHIND, _BESIDE + 0.5 * _DEPTH, -_DROP - 0.5 * _THICKNESS)
-    return box((_LENGTH, _DEPTH, _THICKNESS), centre, 0.008)
 
 
 def _table_frame(height: float) -> Shape:
@@ -67,10 +61,8 @@ def _table_frame(height: float) -> Shape:
 
 
 def _vice() -> Shape:
-    base = box((0.17, 0.12, 0.045), (-0.06, _BESIDE + 0.05, -_DROP + 0.022), 0.008)
-    fixed = box((0.045, 0.085, 0.115), (-0.005, _BESIDE + 0.02, -_DROP + 0.095), 0.008)
-    moving = box((0.045, 0.085, 0.115), (-0.135, _BESIDE + 0.02, -_DROP + 0.095), 0.008)
-    return shapes.merged([base, fixed, moving])
+    jaws = [box((0.045, 0.085, 0.115), (x, _BESIDE + 0.02, -_DROP + 0.095), 0.008) for x in (-0.005, -0.135)]
+    return shapes.merged([box((0.17, 0.12, 0.045), (-0.06, _BESIDE + 0.05, -_DROP + 0.022), 0.008), *jaws])
 
 
 def _screw() -> Shape:
@@ -82,10 +74,11 @@ def _screw() -> Shape:
 
 def _weight() -> Shape:
     """Two plates with a rod, on the table."""
-    x, y = -0.44, _BESIDE + 0.24
-    stack = []
-    for radius, length, bottom in ((0.095, 0.035, 0.0), (0.080, 0.030, 0.035), (0.014, 0.055, 0.065)):
-        placement = np.eye(4)
-        placement[:3, 3] = (x, y, -_DROP + bottom + 0.5 * length)
-        stack.append(shapes.moved(shapes.cylinder(radius, length), placement))
-    return shapes.merged(stack)
+    sizes = ((0.095, 0.035, 0.0), (0.080, 0.030, 0.035), (0.014, 0.055, 0.065))  # radius, length, bottom [m]
+    return shapes.merged(
+        shapes.moved(
+            shapes.cylinder(radius, length),
+            translation((-0.44, _BESIDE + 0.24, -_DROP + bottom + 0.5 * length)),
+        )
+        for radius, length, bottom in sizes
+    )

@@ -31,57 +31,32 @@ _KNEE_INSIDE, _ANKLE_INSIDE = 0.62, 0.42
 
 # Rings: share of the segment below its upper joint, centre forward, half axis forward and sideways [m].
 _THIGH = (
-    (-0.03, -0.004, 0.080, 0.074),
-    (0.08, -0.002, 0.088, 0.080),
-    (0.30, 0.006, 0.081, 0.075),
-    (0.55, 0.009, 0.068, 0.064),
-    (0.80, 0.007, 0.056, 0.053),
-    (0.95, 0.006, 0.053, 0.050),
+    (-0.03, -0.004, 0.080, 0.074), (0.08, -0.002, 0.088, 0.080), (0.30, 0.006, 0.081, 0.075),
+    (0.55, 0.009, 0.068, 0.064), (0.80, 0.007, 0.056, 0.053), (0.95, 0.006, 0.053, 0.050),
     (1.02, 0.004, 0.050, 0.047),
-)
+)  # fmt: skip
 _SHANK = (
-    (-0.02, 0.005, 0.047, 0.045),
-    (0.08, 0.000, 0.050, 0.048),
-    (0.28, -0.010, 0.056, 0.053),
-    (0.50, -0.010, 0.048, 0.046),
-    (0.75, -0.005, 0.036, 0.035),
-    (0.93, -0.003, 0.033, 0.032),
+    (-0.02, 0.005, 0.047, 0.045), (0.08, 0.000, 0.050, 0.048), (0.28, -0.010, 0.056, 0.053),
+    (0.50, -0.010, 0.048, 0.046), (0.75, -0.005, 0.036, 0.035), (0.93, -0.003, 0.033, 0.032),
     (1.00, -0.004, 0.034, 0.031),
-)
+)  # fmt: skip
 # Share of the foot length from the heel, centre height over the sole, half height and half width, the
 # last three as shares of the foot height.
 _FOOT = (
-    (0.10, 0.52, 0.48, 0.42),
-    (0.24, 0.68, 0.64, 0.50),
-    (0.36, 0.66, 0.64, 0.52),
-    (0.52, 0.48, 0.46, 0.58),
-    (0.70, 0.34, 0.33, 0.66),
-    (0.84, 0.25, 0.24, 0.64),
-    (0.92, 0.20, 0.19, 0.54),
-)
+    (0.10, 0.52, 0.48, 0.42), (0.24, 0.68, 0.64, 0.50), (0.36, 0.66, 0.64, 0.52), (0.52, 0.48, 0.46, 0.58),
+    (0.70, 0.34, 0.33, 0.66), (0.84, 0.25, 0.24, 0.64), (0.92, 0.20, 0.19, 0.54),
+)  # fmt: skip
 # Height over the hips as a share of the trunk length, centre forward, half axes forward and sideways [m].
 _TRUNK = (
-    (-0.17, -0.006, 0.066, 0.095),
-    (-0.06, -0.014, 0.106, 0.150),
-    (0.06, -0.016, 0.112, 0.166),
-    (0.20, -0.002, 0.098, 0.150),
-    (0.36, 0.010, 0.090, 0.134),
-    (0.55, 0.012, 0.104, 0.148),
-    (0.72, 0.008, 0.115, 0.168),
-    (0.86, -0.004, 0.106, 0.182),
-    (0.95, -0.012, 0.082, 0.172),
-    (1.02, -0.014, 0.060, 0.116),
-    (1.08, -0.008, 0.052, 0.060),
-    (1.20, 0.006, 0.050, 0.051),
-)
+    (-0.17, -0.006, 0.066, 0.095), (-0.06, -0.014, 0.106, 0.150), (0.06, -0.016, 0.112, 0.166),
+    (0.20, -0.002, 0.098, 0.150), (0.36, 0.010, 0.090, 0.134), (0.55, 0.012, 0.104, 0.148),
+    (0.72, 0.008, 0.115, 0.168), (0.86, -0.004, 0.106, 0.182), (0.95, -0.012, 0.082, 0.172),
+    (1.02, -0.014, 0.060, 0.116), (1.08, -0.008, 0.052, 0.060), (1.20, 0.006, 0.050, 0.051),
+)  # fmt: skip
 _HEAD = (
-    (1.16, 0.020, 0.046, 0.044),
-    (1.22, 0.030, 0.070, 0.060),
-    (1.33, 0.024, 0.092, 0.074),
-    (1.46, 0.012, 0.099, 0.077),
-    (1.55, 0.004, 0.086, 0.069),
-    (1.59, 0.002, 0.066, 0.054),
-)
+    (1.16, 0.020, 0.046, 0.044), (1.22, 0.030, 0.070, 0.060), (1.33, 0.024, 0.092, 0.074),
+    (1.46, 0.012, 0.099, 0.077), (1.55, 0.004, 0.086, 0.069), (1.59, 0.002, 0.066, 0.054),
+)  # fmt: skip
 _STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the limb
 
 
@@ -90,8 +65,7 @@ def draw_wearer(
 ) -> None:
     """Draw the wearer on a figure.
 
-    Args:
-        trunk_joint: Joint that carries the trunk, or None to draw the legs only.
+    ``trunk_joint``: joint that carries the trunk, or None to draw the legs only.
     """
     for side, leg in legs.items():
         inside = _inside(figure, side, leg.hip, patient)
@@ -115,8 +89,7 @@ def draw_wearer(
 def trunk_axes(figure: Figure) -> np.ndarray:
     """Frame of the trunk in that of the joint that carries it: x forward, y left, z up.
 
-    Returns:
-        Homogeneous transform, shape ``(4, 4)``.
+    Returns homogeneous transform, shape ``(4, 4)``.
     """
     return _axes(figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0]), 0.0)
 
@@ -124,8 +97,7 @@ def trunk_axes(figure: Figure) -> np.ndarray:
 def girth(patient: Patient) -> float:
     """Scale of limb radii: the same density in a body of other height and mass.
 
-    Returns:
-        1 for the body that the tables describe.
+    Returns 1 for the body that the tables describe.
     """
     return math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
 
@@ -177,10 +149,8 @@ def _draw_segment(
 def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, columns: int = 24) -> Shape:
     """Make a strap around a limb between two heights, 4 mm thick.
 
-    Args:
-        table: Rings of the limb from the highest down, as :func:`twin_gait.viewer.shapes.limb` takes them.
-        top: Height of the upper edge in [m].
-        bottom: Height of the lower edge in [m].
+    ``table``: rings of the limb from the highest down, as :func:`twin_gait.viewer.shapes.limb` takes them;
+    ``top``: height of the upper edge in [m]; ``bottom``: height of the lower edge in [m].
     """
     heights = np.linspace(top, bottom, rings)
     skin = np.array([np.interp(heights, table[::-1, 0], table[::-1, column]) for column in range(5)]).T
@@ -215,9 +185,8 @@ def _foot(patient: Patient) -> Shape:
 def trunk_rings(patient: Patient) -> np.ndarray:
     """Rings of the trunk of a wearer.
 
-    Returns:
-        Height over the hips, centre forward, centre to the left, half axes forward and sideways, all in [m],
-        from the lowest up, shape ``(n, 5)``.
+    Returns height over the hips, centre forward, centre to the left, half axes forward and sideways, all in
+    [m], from the lowest up, shape ``(n, 5)``.
     """
     return np.array(_rings(_TRUNK, patient))
 

@@ -45,21 +45,13 @@ class Window(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """How a surface looks.
+    """How a surface looks."""
 
-    Attributes:
-        colour: Red, green and blue from 0 to 1.
-        opacity: From 0 to 1.
-        roughness: 0 is a mirror, 1 is chalk.
-        glow: Share of the colour that needs no light.
-        two_sided: Whether the inside is drawn too; for meshes that may have holes.
-    """
-
-    colour: Colour
-    opacity: float = 1.0
-    roughness: float = 0.55
-    glow: float = 0.0
-    two_sided: bool = False
+    colour: Colour  # red, green and blue from 0 to 1
+    opacity: float = 1.0  # from 0 to 1
+    roughness: float = 0.55  # 0 is a mirror, 1 is chalk
+    glow: float = 0.0  # share of the colour that needs no light
+    two_sided: bool = False  # whether the inside is drawn too; for meshes that may have holes
 
 
 def rgb(colour: str) -> Colour:
@@ -69,11 +61,7 @@ def rgb(colour: str) -> Colour:
 
 
 def set_object(path: str, shape: Shape, material: Material) -> Command:
-    """Command that draws a mesh.
-
-    Args:
-        path: Place in the scene, for example ``/robot/left_hip/shell``.
-    """
+    """Command that draws a mesh. ``path``: place in the scene, for example ``/robot/left_hip/shell``."""
     geometry, surface = f"{path}:geometry", f"{path}:material"
     return {
         "type": "set_object",
@@ -88,12 +76,7 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
 
 
 def draw_lightly(window: Window, path: str, shape: Shape, material: Material, *, casts: bool = False) -> None:
-    """Draw a mesh on which no shadow falls.
-
-    Args:
-        path: Place in the scene.
-        casts: Whether it casts one.
-    """
+    """Draw a mesh on which no shadow falls. ``casts``: whether it casts one."""
     window.send(set_object(path, shape, material))
     window.send(set_property(f"{path}/<object>", "receiveShadow", False))
     window.send(set_property(f"{path}/<object>", "castShadow", casts))
@@ -102,8 +85,7 @@ def draw_lightly(window: Window, path: str, shape: Shape, material: Material, *,
 def set_transform(path: str, placement: np.ndarray) -> Command:
     """Command that places a group.
 
-    Args:
-        placement: Homogeneous transform in the parent group, shape ``(4, 4)``.
+    ``placement``: homogeneous transform in the parent group, shape ``(4, 4)``.
     """
     return {"type": "set_transform", "path": path, "matrix": [float(value) for value in placement.T.ravel()]}
 
@@ -111,36 +93,25 @@ def set_transform(path: str, placement: np.ndarray) -> Command:
 def set_property(path: str, name: str, value: Any) -> Command:
     """Command that sets a property of an object of three.js, such as ``visible`` or ``castShadow``.
 
-    Args:
-        value: A number, a truth value, a text or a list of numbers.
+    ``value``: a number, a truth value, a text or a list of numbers.
     """
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
 _TRACK_KINDS = {
-    "position": "vector3",
-    "scale": "vector3",
-    "quaternion": "quaternion",
-    "visible": "bool",
+    "position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool",
     "material.color": "color",
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Track:
-    """One property over time.
+    """One property over time."""
 
-    Attributes:
-        path: The object.
-        name: Property: ``position``, ``quaternion``, ``scale``, ``visible`` or ``material.color``.
-        times: Of the keys in [s], shape ``(n,)``.
-        values: One row per key.
-    """
-
-    path: str
-    name: str
-    times: np.ndarray
-    values: np.ndarray
+    path: str  # the object
+    name: str  # property: ``position``, ``quaternion``, ``scale``, ``visible`` or ``material.color``
+    times: np.ndarray  # of the keys in [s], shape ``(n,)``
+    values: np.ndarray  # one row per key
 
     def lower(self, frames_per_second: float) -> Command:
         """Return the track as the viewer reads it."""

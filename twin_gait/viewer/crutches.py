@@ -44,32 +44,20 @@ _CUFF = (0.16, 0.34)  # around the forearm
 
 @dataclass(frozen=True)
 class Crutch:
-    """An arm and its crutch; the forearm points along the shaft.
+    """An arm and its crutch; the forearm points along the shaft."""
 
-    Attributes:
-        upper_arm: Its place in the scene; its length is the scale along z.
-        forearm: Place of forearm and crutch.
-        joint: Joint that carries the shoulder.
-        shoulder: In the frame of that joint in [m], shape ``(3,)``.
-        upper: Shoulder to elbow in the sagittal plane in [m].
-        lower: Elbow to tip in the sagittal plane in [m].
-        across: Of the tip in [m], to the left positive.
-    """
-
-    upper_arm: str
-    forearm: str
-    joint: str
-    shoulder: np.ndarray
-    upper: float
-    lower: float
-    across: float
+    upper_arm: str  # its place in the scene; its length is the scale along z
+    forearm: str  # place of forearm and crutch
+    joint: str  # joint that carries the shoulder
+    shoulder: np.ndarray  # in the frame of that joint in [m], shape ``(3,)``
+    upper: float  # shoulder to elbow in the sagittal plane in [m]
+    lower: float  # elbow to tip in the sagittal plane in [m]
+    across: float  # of the tip in [m], to the left positive
 
     def state(self, figure: Figure, q: np.ndarray, tip: np.ndarray) -> dict[tuple[str, str], Any]:
         """Where arm and crutch are.
 
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-            tip: Of the crutch in [m], shape ``(3,)``.
+        ``q``: coordinates, shape ``(nq,)``; ``tip`` of the crutch in [m], shape ``(3,)``.
         """
         shoulder = figure.world_point(q, self.joint, self.shoulder)
         forward, upward = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], self.upper, self.lower)
@@ -89,16 +77,9 @@ def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float
 
     With d between the two, the foot of the elbow on the line lies at :math:`a = (u^2 - l^2 + d^2) / 2d` from
     the shoulder and the elbow :math:`\sqrt{u^2 - a^2}` beside it. An arm that does not reach is straight, and
-    what is missing is between shoulder and elbow.
-
-    Args:
-        shoulder: Forward and upward in [m], shape ``(2,)``.
-        tip: Likewise, shape ``(2,)``.
-        upper: Shoulder to elbow in [m].
-        lower: Elbow to tip in [m].
-
-    Returns:
-        Forward and upward in [m], shape ``(2,)``.
+    what is missing is between shoulder and elbow. ``shoulder``: forward and upward in [m], shape ``(2,)``;
+    ``tip``: likewise, shape ``(2,)``; ``upper``: shoulder to elbow in [m]; ``lower``: elbow to tip in [m].
+    Returns forward and upward in [m], shape ``(2,)``.
     """
     distance = float(np.linalg.norm(tip - shoulder))
     ahead = (tip - shoulder) / distance
@@ -124,11 +105,7 @@ class DrawnCrutches:
     def __init__(
         self, window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
     ) -> None:
-        """Draw them.
-
-        Args:
-            joint: Joint that carries the trunk.
-        """
+        """Draw them."""
         upper, forearm = UPPER_ARM_LENGTH * patient.height, FOREARM_LENGTH * patient.height
         lower = crutches.length * patient.height - upper
         outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)

@@ -11,30 +11,20 @@ EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest val
 
 
 class Curve(NamedTuple):
-    """Straight lines between points.
+    """Straight lines between points."""
 
-    Attributes:
-        times: In [s], not falling, shape ``(n,)``.
-        values: Shape ``(n,)``; not a number where there is no line.
-    """
-
-    times: np.ndarray
-    values: np.ndarray
+    times: np.ndarray  # in [s], not falling, shape ``(n,)``
+    values: np.ndarray  # shape ``(n,)``; not a number where there is no line
 
 
 def corners(values: np.ndarray, kept: np.ndarray, tolerance: float) -> np.ndarray:
     """Rows between which straight lines stay close to every value.
 
-    The row that is farthest from its line becomes a corner, until none is too far: the algorithm of
-    Ramer (1972), Douglas and Peucker (1973) on all lines at once, with distances along the value's axis.
-
-    Args:
-        values: Shape ``(n,)``; lines end where they are not numbers.
-        kept: Rows that are corners in any case, sorted, with the first and the last one.
-        tolerance: Largest distance of a value from its line, in the unit of the values.
-
-    Returns:
-        Rows, sorted, shape ``(m,)``.
+    The row that is farthest from its line becomes a corner, until none is too far: the algorithm of Ramer
+    (1972), Douglas and Peucker (1973) on all lines at once, with distances along the value's axis.
+    ``values``: shape ``(n,)``; lines end where they are not numbers; ``kept``: rows that are corners in any
+    case, sorted, with the first and the last one; ``tolerance``: largest distance of a value from its line,
+    in the unit of the values. Returns rows, sorted, shape ``(m,)``.
     """
     ends = np.flatnonzero(np.diff(np.isfinite(values)))
     rows, kept = np.arange(len(values)), np.union1d(kept, np.concatenate((ends, ends + 1)))
@@ -50,10 +40,8 @@ def corners(values: np.ndarray, kept: np.ndarray, tolerance: float) -> np.ndarra
 def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> Curve:
     """A curve that is nowhere off by more than 0.2 % of the range of its values.
 
-    Args:
-        times: In [s], shape ``(n,)``.
-        values: Shape ``(n,)``.
-        kept: Rows that stay as they are, sorted, with the first and the last one.
+    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; ``kept``: rows that stay as they are,
+    sorted, with the first and the last one.
     """
     finite = values[np.isfinite(values)]
     rows = corners(values, kept, FAITHFUL * float(np.ptp(finite)) if len(finite) else 0.0)
@@ -63,11 +51,7 @@ def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> C
 def extremes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The smallest and the largest value of every few ticks, in the order in which they came.
 
-    Args:
-        values: One row per tick, shape ``(n, m)``.
-
-    Returns:
-        Rows and their values, shape ``(k, m)`` each.
+    ``values``: one row per tick, shape ``(n, m)``. Returns rows and their values, shape ``(k, m)`` each.
     """
     rows = []
     for start in range(0, len(values), EXTREMES_TICKS):

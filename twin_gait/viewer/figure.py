@@ -33,18 +33,12 @@ _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
 
 
 class Motor(NamedTuple):
-    """Size of the motor of a joint.
+    """Size of the motor of a joint."""
 
-    Attributes:
-        radius: In [m].
-        length: Along the joint's axis in [m].
-        centre: In the frame of its link in [m], shape ``(3,)``.
-        link: Joint that carries the link that it is drawn on: its own, or the one before if it stands there.
-    """
-
-    radius: float
-    length: float
-    centre: np.ndarray
+    radius: float  # in [m]
+    length: float  # along the joint's axis in [m]
+    centre: np.ndarray  # in the frame of its link in [m], shape ``(3,)``
+    # joint that carries the link that it is drawn on: its own, or the one before if it stands there
     link: str
 
 
@@ -60,11 +54,7 @@ class Figure:
     """
 
     def __init__(self, window: Window, model: pin.Model, *, up_axis: str = "z") -> None:
-        """Make the groups.
-
-        Args:
-            up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model.
-        """
+        """Make the groups. ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model."""
         self.model = model
         self._window = window
         self._data = model.createData()
@@ -83,10 +73,8 @@ class Figure:
     def draw(self, joint: str, name: str, shape: Shape, material: Material) -> str:
         """Draw a mesh on a joint.
 
-        Args:
-            joint: Name of the joint; ``universe`` for what does not move.
-            name: Name of the part, once per joint.
-            shape: Mesh in the frame of the joint.
+        ``joint``: name of the joint; ``universe`` for what does not move; ``name``: name of the part, once
+        per joint; ``shape``: mesh in the frame of the joint.
         """
         path = f"{self.paths[joint]}/{name}"
         self._window.send(set_object(path, shape, material))
@@ -124,34 +112,30 @@ class Figure:
 
     def draw_skeleton(self) -> None:
         """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
-        ends = {int(index): self._ends(index) for index in range(self.model.njoints)}
-        lengths = [float(np.linalg.norm(end)) for tips in ends.values() for end in tips]
+        ends = [self._ends(index) for index in range(self.model.njoints)]
+        lengths = [float(np.linalg.norm(end)) for tips in ends for end in tips]
         radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
         material = Material(colour=STICK_COLOUR, roughness=0.8)
-        for index, tips in ends.items():
-            name = str(self.model.names[index])
-            if index > 0:
+        for name, tips in zip(map(str, self.model.names), ends, strict=True):
+            if name != FIXED_JOINT:
                 self.draw(name, "ball", shapes.ellipsoid((1.5 * radius,) * 3, columns=16), material)
-            sticks = [_stick(radius, end) for end in tips]
-            if sticks:
-                self.draw(name, "sticks", shapes.merged(sticks), material)
+            if tips:
+                self.draw(name, "sticks", shapes.merged(_stick(radius, end) for end in tips), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
         """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
         after = [child for child in range(1, self.model.njoints) if self.model.parents[child] == index]
-        places = [self.model.jointPlacements[child] for child in after]
-        if not after:
-            places = [frame.placement for frame in self.model.frames if frame.parentJoint == index]
+        places = [self.model.jointPlacements[child] for child in after] or [
+            frame.placement for frame in self.model.frames if frame.parentJoint == index
+        ]
         ends = [np.asarray(place.translation).copy() for place in places]
         return [end for end in ends if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT]
 
     def segment(self, joint: str, leg: LegJoints) -> np.ndarray:
         """From a joint of a leg to the next, or to the farthest frame that it carries.
 
-        A bare last link is taken to be as long as the one before it.
-
-        Returns:
-            In the frame of the joint in [m], shape ``(3,)``; never zero.
+        A bare last link is taken to be as long as the one before it. Returned in the frame of the joint in
+        [m], shape ``(3,)``; never zero.
         """
         names = [name for _, name in leg.items()]
         index = self.model.getJointId(joint)
@@ -168,31 +152,27 @@ class Figure:
     def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Motor:
         """Size of the motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
 
-        That one stands on the link before, parallel to the axes of both joints and about neither.
-
-        Args:
-            default_radius: Used if there is none, in [m].
+        That one stands on the link before, parallel to the axes of both joints and about neither. Without one
+        it has the ``default_radius`` in [m].
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
         placements = {joint: pin.SE3.Identity(), parent: self.model.jointPlacements[index].inverse()}
         axis = self.axis(joint)
         found, beside = [], []
-        for disc in discs:
-            if disc.joint not in placements:
-                continue
-            placement = placements[disc.joint]
-            centre = placement.act(np.asarray(disc.centre))
+        for disc in (item for item in discs if item.joint in placements):
+            placement, own = placements[disc.joint], np.asarray(disc.centre)
+            centre = placement.act(own)
             if abs(float(placement.rotation @ disc.axis @ axis)) <= 0.99:
                 continue
             # The other leg's motor may lie on the same axis, but not here.
             if _off_axis(centre, axis) < _COAXIAL:
                 if abs(float(centre @ axis)) < 2.0 * disc.length:
                     found.append(Motor(disc.radius, disc.length, centre, joint))
-            elif disc.joint == parent and parent != FIXED_JOINT:
-                own = self.axis(parent)
-                if abs(float(disc.axis @ own)) > 0.99 and _off_axis(np.asarray(disc.centre), own) > _COAXIAL:
-                    beside.append(Motor(disc.radius, disc.length, np.asarray(disc.centre), parent))
+            elif disc.joint == parent != FIXED_JOINT:
+                before = self.axis(parent)
+                if abs(float(disc.axis @ before)) > 0.99 and _off_axis(own, before) > _COAXIAL:
+                    beside.append(Motor(disc.radius, disc.length, own, parent))
         default = Motor(default_radius, default_radius, np.zeros(3), joint)
         return max(found or beside, key=lambda motor: motor.radius, default=default)
 
@@ -209,32 +189,27 @@ class Figure:
         """Draw the arrows that show the torque of a motor, all hidden.
 
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
-
-        Args:
-            outward: 1 if the outer face of the motor is its left one, -1 for the right one.
-            full_torque: Torque that the longest arrow stands for in [N m].
+        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one; ``full_torque``
+        that the longest arrow stands for in [N m].
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
         before = self.model.jointPlacements[index]
         axis = np.asarray(before.rotation @ self.axis(joint))
-        left = self.base[:3, :3].T @ np.array([0.0, 1.0, 0.0])
+        left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
         middle = before.act(motor.centre) if motor.link == joint else motor.centre
-        centre = middle + (0.5 * motor.length + _ARC_GAP) * face
-        up = self.base[:3, :3].T @ np.array([0.0, 0.0, 1.0])
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
         placement = np.eye(4)
-        placement[:3, 3] = centre
+        placement[:3, 3] = middle + (0.5 * motor.length + _ARC_GAP) * face
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
             arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
             name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
-            path = self.draw(parent, name, shapes.moved(arrow, placement), arc_material(number))
-            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
-            self._window.send(set_property(path, "visible", False))
-            paths[number] = path
+            paths[number] = self.draw(parent, name, shapes.moved(arrow, placement), arc_material(number))
+            self._window.send(set_property(f"{paths[number]}/<object>", "castShadow", False))
+            self._window.send(set_property(paths[number], "visible", False))
         return TorqueArc(paths, full_torque)
 
     def axis(self, joint: str) -> np.ndarray:
@@ -248,32 +223,20 @@ class Figure:
     def posture(self, q: np.ndarray) -> dict[str, tuple[list[float], list[float]]]:
         """Where every joint group is in the group of the joint before it.
 
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Position in [m] and quaternion (x, y, z, w) by the place of the group.
+        Returns position in [m] and quaternion (x, y, z, w) by the place of the group.
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         groups = {}
-        for index in range(1, self.model.njoints):
-            transform = self._data.liMi[index]
+        for name, transform in zip(list(self.model.names)[1:], list(self._data.liMi)[1:], strict=True):
             quaternion = pin.Quaternion(transform.rotation).coeffs()
-            groups[self.paths[str(self.model.names[index])]] = (
-                transform.translation.tolist(),
-                quaternion.tolist(),
-            )
+            groups[self.paths[str(name)]] = (transform.translation.tolist(), quaternion.tolist())
         return groups
 
     def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:
         """Position of a point on a joint in the scene, whose vertical is z.
 
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-            point: In the frame of the joint in [m], shape ``(3,)``; its origin if None.
-
-        Returns:
-            In [m], shape ``(3,)``.
+        ``q``: coordinates, shape ``(nq,)``; ``point`` in the frame of the joint in [m], shape ``(3,)``; its
+        origin if None. Returned in [m], shape ``(3,)``.
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         placement = self._data.oMi[self.model.getJointId(joint)]
@@ -282,11 +245,7 @@ class Figure:
     def frame_point(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame of the model in the scene.
 
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            In [m], shape ``(3,)``.
+        ``q``: coordinates, shape ``(nq,)``. Returned in [m], shape ``(3,)``.
         """
         found = self.model.frames[self.model.getFrameId(frame)]
         joint = str(self.model.names[found.parentJoint])
@@ -305,11 +264,7 @@ def _stick(radius: float, end: np.ndarray) -> Shape:
 def along(direction: np.ndarray) -> np.ndarray:
     """Placement that turns z into a direction and puts the origin half way along it.
 
-    Args:
-        direction: From start to end in [m], shape ``(3,)``.
-
-    Returns:
-        Homogeneous transform, shape ``(4, 4)``.
+    ``direction`` from start to end in [m], shape ``(3,)``. Returns homogeneous transform, shape ``(4, 4)``.
     """
     placement = np.eye(4)
     unit = direction / np.linalg.norm(direction)

@@ -16,11 +16,7 @@ _LONGEST_ARROW = 1.2  # [m]
 
 
 def draw_arrow(window: Window, name: str) -> str:
-    """Draw an arrow, hidden.
-
-    Returns:
-        Its place in the scene.
-    """
+    """Draw an arrow, hidden."""
     path = f"{FORCE_ROOT}/{name}"
     material = Material(colour=rgb(GROUND_FORCE_COLOUR), roughness=0.8, glow=0.2)
     draw_lightly(window, path, shapes.arrow(), material)
@@ -31,10 +27,7 @@ def draw_arrow(window: Window, name: str) -> str:
 def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> dict[tuple[str, str], Any]:
     """An arrow as long as its force, seen while there is contact.
 
-    Args:
-        path: Its place in the scene.
-        force: Forward and upward in [N], shape ``(2,)``.
-        point: Where it begins in [m], shape ``(3,)``.
+    ``force``: forward and upward in [N], shape ``(2,)``; ``point``: where it begins in [m], shape ``(3,)``.
     """
     forward, upward = float(force[0]), float(force[1])
     visible = upward > CONTACT_FORCE

@@ -25,33 +25,28 @@ _HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: wh
 def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
     """Draw a harness on the wearer's chest.
 
-    Returns:
-        Where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
+    Returns where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
     """
-    axes = trunk_axes(figure)
-    rings = trunk_rings(patient)
-    top, bottom = (share * TRUNK_LENGTH * patient.height for share in reversed(_VEST))
+    axes, rings, length = trunk_axes(figure), trunk_rings(patient), TRUNK_LENGTH * patient.height
+    bottom, top = (share * length for share in _VEST)
     vest = band(rings[::-1], top, bottom, rings=6, columns=28)
     figure.draw(trunk_joint, "harness_vest", shapes.moved(vest, axes), VEST)
     x, y, share = _HOOK
-    hooks = [np.array([x, side * y, share * TRUNK_LENGTH * patient.height]) for side in (1.0, -1.0)]
-    straps = [strap for hook in hooks for strap in _shoulder_straps(hook, rings, top)]
+    hooks = [np.array([x, side * y, share * length]) for side in (1.0, -1.0)]
+    straps = [_shoulder_strap(hook, front, rings, top) for hook in hooks for front in (1.0, -1.0)]
     figure.draw(trunk_joint, "harness_straps", shapes.moved(shapes.merged(straps), axes), STRAP)
     return [axes[:3, :3] @ hook for hook in hooks]
 
 
-def _shoulder_straps(hook: np.ndarray, rings: np.ndarray, height: float) -> list[Shape]:
-    """From the hook of a rope to the front and the back of the vest, over the shoulder."""
+def _shoulder_strap(hook: np.ndarray, front: float, rings: np.ndarray, height: float) -> Shape:
+    """From the hook of a rope to the front (1) or the back (-1) of the vest, over the shoulder."""
     x, _, half_x, half_y = (float(np.interp(height, rings[:, 0], rings[:, column])) for column in range(1, 5))
-    straps = []
-    for front in (1.0, -1.0):
-        angle = math.radians(52.0)
-        end = [x + front * half_x * math.sin(angle), math.copysign(half_y * math.cos(angle), hook[1]), height]
-        middle = 0.5 * (hook + end) + [front * 0.035, 0.0, 0.02]
-        share = np.linspace(0.0, 1.0, 9)[:, None]
-        path = (1 - share) ** 2 * hook + 2 * share * (1 - share) * middle + share**2 * np.array(end)
-        straps.append(shapes.tube(path, 0.007, columns=6))
-    return straps
+    angle = math.radians(52.0)
+    end = [x + front * half_x * math.sin(angle), math.copysign(half_y * math.cos(angle), hook[1]), height]
+    middle = 0.5 * (hook + end) + [front * 0.035, 0.0, 0.02]
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    path = (1 - share) ** 2 * hook + 2 * share * (1 - share) * middle + share**2 * np.array(end)
+    return shapes.tube(path, 0.007, columns=6)
 
 
 ROPES = "/meshcat/ropes"
@@ -61,28 +56,16 @@ ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
 
 @dataclass(frozen=True)
 class Rope:
-    """A rope.
+    """A rope."""
 
-    Attributes:
-        path: Its place in the scene.
-        joint: Joint that carries its lower end.
-        lower: Lower end in the frame of that joint in [m], shape ``(3,)``.
-        upper: Upper end in the scene in [m], shape ``(3,)``.
-        on_rail: Whether the upper end follows along x.
-    """
-
-    path: str
-    joint: str
-    lower: np.ndarray
-    upper: np.ndarray
-    on_rail: bool = False
+    path: str  # its place in the scene
+    joint: str  # joint that carries its lower end
+    lower: np.ndarray  # lower end in the frame of that joint in [m], shape ``(3,)``
+    upper: np.ndarray  # upper end in the scene in [m], shape ``(3,)``
+    on_rail: bool = False  # whether the upper end follows along x
 
     def state(self, figure: Figure, q: np.ndarray) -> dict[tuple[str, str], Any]:
-        """Where the rope is when the figure stands in a posture.
-
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-        """
+        """Where the rope is when the figure stands in a posture. ``q``: coordinates, shape ``(nq,)``."""
         lower = figure.world_point(q, self.joint, self.lower)
         upper = np.array([lower[0], *self.upper[1:]]) if self.on_rail else self.upper
         span = upper - lower

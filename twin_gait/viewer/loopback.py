@@ -17,11 +17,8 @@ _RETRY = 0.5  # [s] until a process that has no files left looks again whether s
 def bind_loopback(first_port: int) -> socket.socket:
     """Listen on the loopback interface.
 
-    Args:
-        first_port: If it is taken the next one is tried; 0 lets the system choose.
-
-    Raises:
-        OSError: If no port is free.
+    ``first_port``: if it is taken the next one is tried; 0 lets the system choose. Raises OSError if no port
+    is free.
     """
     tried = [0] if first_port == 0 else range(first_port, min(first_port + PORTS_TRIED, 65536))
     for port in tried:
@@ -44,9 +41,8 @@ class Door:
     def __init__(self, listener: socket.socket, welcome: Callable[[socket.socket, Any], None]) -> None:
         """Open.
 
-        Args:
-            listener: Of :func:`bind_loopback`; belongs to the door from now on.
-            welcome: Takes the socket of a caller, which does not block, and its address.
+        ``listener`` of :func:`bind_loopback`; belongs to the door from now on; ``welcome``: takes the socket
+        of a caller, which does not block, and its address.
         """
         self._listener, self._welcome = listener, welcome
         self._inside: list[socket.socket] = []

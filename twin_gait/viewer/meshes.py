@@ -15,8 +15,7 @@ from twin_gait.viewer.shapes import Shape
 def read_obj(path: str | Path) -> Shape | None:
     """Read a Wavefront OBJ file whose corners have normals.
 
-    Returns:
-        The mesh, or None for a file without normals or of another kind, which other readers know.
+    Returns the mesh, or None for a file without normals or of another kind, which other readers know.
     """
     try:
         lines = [line.split() for line in Path(path).read_text(encoding="utf-8").splitlines()]
@@ -42,17 +41,7 @@ def _fan(words: list[str]) -> list[list[tuple[int, int]]]:
 
 
 def _indexed(vertices: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> Shape:
-    """One vertex for every pair of place and normal.
-
-    Args:
-        vertices: Shape ``(n, 3)``.
-        normals: Shape ``(k, 3)``.
-        corners: Indices that count from 1, shape ``(m, 3, 2)``.
-
-    Raises:
-        ValueError: If an index counts from the end of the file.
-        IndexError: If an index has no entry.
-    """
+    """One vertex for every pair of place and normal."""
     if corners.size == 0 or corners.min() < 1:
         raise ValueError("no faces, or relative indices")
     pairs, index = np.unique(corners.reshape(-1, 2) - 1, axis=0, return_inverse=True)
@@ -65,24 +54,18 @@ Colour = tuple[float, float, float, float]
 
 
 class Patch(NamedTuple):
-    """Neighbouring triangles of one colour in a mesh file.
+    """Neighbouring triangles of one colour in a mesh file."""
 
-    Attributes:
-        colour: Red, green, blue and opacity from 0 to 1; None where the file has a texture or nothing.
-        triangles: How many.
-    """
-
+    # red, green, blue and opacity from 0 to 1; None where the file has a texture or nothing
     colour: Colour | None
-    triangles: int
+    triangles: int  # how many
 
 
 def mesh_patches(path: str | Path) -> list[Patch]:
     """Colours that a mesh file has of its own, in the order in which its triangles are listed.
 
-    Who uses the colours compares the number of triangles: readers leave some out.
-
-    Returns:
-        The patches; none for a file of another kind or one that is not understood.
+    Who uses the colours compares the number of triangles: readers leave some out. Returns the patches; none
+    for a file of another kind or one that is not understood.
     """
     read = {".dae": dae_patches, ".obj": obj_patches}.get(Path(path).suffix.lower())
     try:
@@ -94,9 +77,8 @@ def mesh_patches(path: str | Path) -> list[Patch]:
 def obj_patches(path: Path) -> list[Patch]:
     """Colours of a Wavefront OBJ file, from the libraries of materials that it names.
 
-    Raises:
-        ValueError: If there is more than one colour and a corner without a normal: :func:`read_obj` leaves
-            such a file to Pinocchio's reader, which sorts the triangles by material.
+    Raises ValueError if there is more than one colour and a corner without a normal: :func:`read_obj` leaves
+    such a file to Pinocchio's reader, which sorts the triangles by material.
     """
     colours: dict[str, Colour] = {}
     patches, colour, sorted_anew = [], None, False

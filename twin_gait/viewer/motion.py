@@ -28,27 +28,17 @@ MODE = "mode"  # column
 
 
 class Footing(NamedTuple):
-    """Ground force on a foot, in the axes of the ground.
+    """Ground force on a foot, in the axes of the ground."""
 
-    Attributes:
-        force: Along it, forwards, and away from it in [N], shape ``(n, 2)``.
-        point: Where it acts in [m], shape ``(n, 3)``.
-    """
-
-    force: np.ndarray
-    point: np.ndarray
+    force: np.ndarray  # along it, forwards, and away from it in [N], shape ``(n, 2)``
+    point: np.ndarray  # where it acts in [m], shape ``(n, 3)``
 
 
 class PhaseSpells(NamedTuple):
-    """Phases of a leg.
+    """Phases of a leg."""
 
-    Attributes:
-        starts: Time at which each spell begins in [s], shape ``(m,)``.
-        codes: Which phase it is, as a position in ``Motion.phase_names``, shape ``(m,)``.
-    """
-
-    starts: np.ndarray
-    codes: np.ndarray
+    starts: np.ndarray  # time at which each spell begins in [s], shape ``(m,)``
+    codes: np.ndarray  # which phase it is, as a position in ``Motion.phase_names``, shape ``(m,)``
 
     def at(self, time: float) -> int:
         """Phase at a time in [s]."""
@@ -57,45 +47,31 @@ class PhaseSpells(NamedTuple):
 
 @dataclass(frozen=True)
 class LegMotion:
-    """One leg over time.
+    """One leg over time."""
 
-    Attributes:
-        phases: Its phases, or None if the log has none.
-        curves: Angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so
-            on, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal
-            forces of foot and crutch in [N] as ``force`` and ``crutch``; each with the frames and the points
-            between them that its shape takes.
-        footing: Ground force, or None off the ground.
-        torques: Torque of each motor in [N m] by the name of its joint, positive in increasing angle;
-            shape ``(n,)`` each, empty where the log has none.
-    """
-
-    phases: PhaseSpells | None
+    phases: PhaseSpells | None  # its phases, or None if the log has none
+    # angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so on, the
+    # parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal forces of foot and
+    # crutch in [N] as ``force`` and ``crutch``; each with the frames and the points between them that its
+    # shape takes
     curves: Mapping[str, Curve]
-    footing: Footing | None
+    footing: Footing | None  # ground force, or None off the ground
+    # torque of each motor in [N m] by the name of its joint, positive in increasing angle; shape ``(n,)``
+    # each, empty where the log has none
     torques: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A log at the rate of a picture.
+    """A log at the rate of a picture."""
 
-    Attributes:
-        times: In [s], shape ``(n,)``.
-        q: Coordinates of the model, shape ``(n, nv)``.
-        legs: Per side.
-        phase_names: Phases in the order of their codes; after them a hold, if there is one.
-        columns: Numbers of the log by its columns, shape ``(n,)`` each.
-        modes: Operating modes by their codes, or None.
-        duration: Time of the last frame in [s].
-    """
-
-    times: np.ndarray
-    q: np.ndarray
-    legs: Mapping[Side, LegMotion]
-    phase_names: tuple[str, ...]
+    times: np.ndarray  # in [s], shape ``(n,)``
+    q: np.ndarray  # coordinates of the model, shape ``(n, nv)``
+    legs: Mapping[Side, LegMotion]  # per side
+    phase_names: tuple[str, ...]  # phases in the order of their codes; after them a hold, if there is one
+    # numbers of the log by its columns, shape ``(n,)`` each
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
-    modes: PhaseSpells | None = None
+    modes: PhaseSpells | None = None  # operating modes by their codes, or None
 
     @property
     def duration(self) -> float:
@@ -113,19 +89,10 @@ def read_motion(
 ) -> Motion:
     """Pick the frames to show out of a log.
 
-    Args:
-        log: One row per tick, with the columns of a run.
-        model: The model that the log is about.
-        frames_per_second: In the time of the log; fewer if the log is very long.
-        moments: Further moments to show in [s] since the first row.
-        slope: By which the ground rises forwards in [rad].
-
-    Returns:
-        The frames: evenly spaced ones, one at every change of a phase, and the moments asked for. Rows
-        after a coordinate that is not finite (a run that diverged) are left out.
-
-    Raises:
-        ViewerError: If the log is empty, lacks a coordinate of the model or has a row without a phase.
+    Returns evenly spaced frames (fewer a second if the log is very long), one at every change of a phase, and
+    the moments asked for, in [s] since the first row. Rows after a coordinate that is not finite (a run that
+    diverged) are left out. ``slope`` by which the ground rises forwards in [rad]. Raises ViewerError if the
+    log is empty, lacks a coordinate of the model or has a row without a phase.
     """
     if not frames_per_second > 0.0:
         raise ViewerError(f"frames_per_second: expected a number above 0, got {frames_per_second!r}")
@@ -139,10 +106,11 @@ def read_motion(
     if held_rows(log).any():
         names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
-    switches = [one.starts for one in spells.values() if one is not None]
+    changes = [one.starts for one in spells.values() if one is not None]
     rows = _rows_to_show(
-        clock, frames_per_second, np.concatenate([*switches, np.asarray(moments, dtype=float)])
+        clock, frames_per_second, np.concatenate([*changes, np.asarray(moments, dtype=float)])
     )
+    shown = log.iloc[rows]
     legs = {
         side: LegMotion(
             phases=spells[side],
@@ -150,52 +118,41 @@ def read_motion(
                 name: faithful_curve(clock - clock[0], values[:n_rows], rows)
                 for name, values in leg_values(log, side).items()
             },
-            footing=_footing(log, model, side, rows, q[rows], slope),
-            torques=_torques(log, model, side, rows),
+            footing=_footing(shown, model, side, q[rows], slope),
+            torques={
+                str(joint): np.nan_to_num(shown[column].to_numpy(dtype=float))
+                for joint, _ in model.legs[side].items()
+                if (column := f"{side}_{joint}_motor_torque_Nm") in log.columns
+            },
         )
         for side in model.sides
     }
-    columns = {str(name): values.to_numpy()[rows] for name, values in log.select_dtypes("number").items()}
-    modes = None
-    if MODE in log:
-        modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock)
+    columns = {str(name): values.to_numpy() for name, values in shown.select_dtypes("number").items()}
+    modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock) if MODE in log else None
     return Motion(clock[rows] - clock[0], q[rows], legs, names, columns, modes)
 
 
 def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
     """Names of the phases in a log, in the order of its gait table if the log knows it."""
     names: dict[str, None] = {}
-    for side in sides:
-        column = log.get(f"{side}_phase")
-        if column is not None:
-            categorical = isinstance(column.dtype, pd.CategoricalDtype)
-            known = column.cat.categories if categorical else column.unique()
-            names |= dict.fromkeys(str(name) for name in known)
+    for column in (log[f"{side}_phase"] for side in sides if f"{side}_phase" in log):
+        categorical = isinstance(column.dtype, pd.CategoricalDtype)
+        names |= dict.fromkeys(map(str, column.cat.categories if categorical else column.unique()))
     return tuple(names)
 
 
 def frame_rate(duration: float) -> float:
-    """Frames per second of a run that a page can hold.
-
-    Args:
-        duration: Of the run in [s].
-    """
+    """Frames per second of a run that a page can hold. ``duration`` of the run in [s]."""
     return FRAMES_PER_SECOND if duration <= 0.0 else min(FRAMES_PER_SECOND, _MOST_FRAMES / duration)
 
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
-    """Moments at which a leg changes its phase, or a hold begins.
-
-    Returns:
-        Since the first row in [s], sorted, shape ``(m,)``.
-    """
+    """Moments at which a leg changes its phase, or a hold begins, since the first row in [s], sorted."""
     clock = log["time_s"].to_numpy(dtype=float)
     changed = np.zeros(len(log), dtype=bool)
-    for side in Side:
-        column = log.get(f"{side}_phase")
-        if column is not None:
-            codes = np.where(held_rows(log), -1, pd.factorize(column)[0])
-            changed[1:] |= codes[1:] != codes[:-1]
+    for column in (log[f"{side}_phase"] for side in Side if f"{side}_phase" in log):
+        codes = np.where(held_rows(log), -1, pd.factorize(column)[0])
+        changed[1:] |= codes[1:] != codes[:-1]
     return np.asarray(clock[changed] - clock[0])
 
 
@@ -245,9 +202,8 @@ def held_rows(log: pd.DataFrame) -> np.ndarray:
 def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
     """What a page reads out of a leg, one value per row.
 
-    Returns:
-        Values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that
-        are never used are left out.
+    Returns values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that are
+    never used are left out.
     """
     values = {}
     for name, column in leg_columns(side, shown_joints(log, side)).items():
@@ -272,23 +228,12 @@ def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
     return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
 
 
-def _torques(log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:
-    columns = {str(joint): f"{side}_{joint}_motor_torque_Nm" for joint, _ in model.legs[side].items()}
-    return {
-        joint: np.nan_to_num(log[name].to_numpy(dtype=float)[rows])
-        for joint, name in columns.items()
-        if name in log.columns
-    }
-
-
-def _footing(
-    log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray, q: np.ndarray, slope: float
-) -> Footing | None:
+def _footing(log: pd.DataFrame, model: LegModel, side: Side, q: np.ndarray, slope: float) -> Footing | None:
     names = [f"{side}_foot_friction_force_N", f"{side}_foot_normal_force_N"]
     frames = model.legs[side].contact_frames
     if not frames or any(name not in log.columns for name in names):
         return None
-    force = np.nan_to_num(log[names].to_numpy(dtype=float)[rows])
+    force = np.nan_to_num(log[names].to_numpy(dtype=float))
     return Footing(force, np.array([centre_of_pressure(model, posture, frames, slope) for posture in q]))
 
 
@@ -297,15 +242,9 @@ def centre_of_pressure(
 ) -> np.ndarray:
     """Where the force of the ground acts: heel and toe weighted by the elastic force on each.
 
-    The log has the force of the whole foot only; the rest of the contact law, its dissipation, would
-    need velocities and moves the point little.
-
-    Args:
-        q: Its coordinates, shape ``(nv,)``.
-        slope: By which the ground rises forwards in [rad].
-
-    Returns:
-        The point on the ground, in its axes, in [m], shape ``(3,)``.
+    The log has the force of the whole foot only; the rest of the contact law, its dissipation, would need
+    velocities and moves the point little. ``q``: its coordinates, shape ``(nv,)``; ``slope`` by which the
+    ground rises forwards in [rad]. Returns the point on the ground, in its axes, in [m], shape ``(3,)``.
     """
     points = np.array([model.frame_position(q, frame) for frame in frames])
     if model.up_axis == "y":

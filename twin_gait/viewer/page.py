@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from twin_gait.exceptions import ViewerError
@@ -27,7 +28,7 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON, rgb
 from twin_gait.viewer.surroundings import FLOOR
 from twin_gait.vocabulary import JointName, Side
 
@@ -47,12 +48,9 @@ RECORDED_POLICY = (
 )
 LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _PART_LABELS = {
-    "impedance": "impedance",
-    "friction_compensation": "friction comp.",
-    "gravity_compensation": "gravity comp.",
-    "inertia_compensation": "inertia comp.",
-    "target": "target",
-}
+    "impedance": "impedance", "friction_compensation": "friction comp.",
+    "gravity_compensation": "gravity comp.", "inertia_compensation": "inertia comp.", "target": "target",
+}  # fmt: skip
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
 _LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
 
@@ -60,8 +58,7 @@ _LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
 def viewer_folder() -> Path:
     """Folder of meshcat's viewer; finding it does not import meshcat.
 
-    Raises:
-        ViewerError: If meshcat is not installed.
+    Raises ViewerError if meshcat is not installed.
     """
     spec = find_spec("meshcat")
     places = spec.submodule_search_locations if spec is not None else None
@@ -89,13 +86,11 @@ def page_data(
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    Args:
-        mode: ``recorded``, ``live`` or ``model``.
-        legs: See :func:`leg_entry`.
-        modes: Operating modes in the order of their codes.
-        duration: In [s], or None if there is no end.
-        notes: What else the card is to say.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``modes``: operating modes
+    in the order of their codes; ``duration`` in [s], or None if there is no end; ``notes``: what else the
+    card is to say.
     """
+    arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
     return {
         "mode": mode,
         "title": _unicode(title),
@@ -107,7 +102,7 @@ def page_data(
         "events": event_entries(events),
         "parts": _part_entries(legs),
         "legs": list(legs),
-        "arrow": {"label": _arrow_label(), "colour": GROUND_FORCE_COLOUR} if arrows else None,
+        "arrow": {"label": arrow, "colour": GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries(legs) if legs else [],
         "floor": FLOOR,  # what a dark page darkens
         "duration": duration,
@@ -117,11 +112,7 @@ def page_data(
 
 
 def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
-    """What a page needs to know of a leg.
-
-    Args:
-        shows: What is known of it: ``phase`` and names of curves.
-    """
+    """What a page needs to know of a leg. ``shows``: what is known of it: ``phase`` and names of curves."""
     label = str(side).capitalize()
     colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
@@ -142,12 +133,11 @@ def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     # Letters that two phases share would tell nothing.
     unique = len(set(initials)) == len(names)
     entries = []
-    for code, name in enumerate(names):
-        colour = phase_colour(name, code)
-        short = initials[code] if unique and initials[code] else str(code + 1)
-        label = _unicode(_words(name))
-        entries.append({"name": _unicode(name), "label": label, "short": _unicode(short),
-                        "colour": colour, "ink": _ink_on(colour)})  # fmt: skip
+    for code, (name, initial) in enumerate(zip(names, initials, strict=True)):
+        colour, short = phase_colour(name, code), initial if unique and initial else str(code + 1)
+        texts = {"name": name, "label": _words(name), "short": short}
+        texts = {key: _unicode(text) for key, text in texts.items()}
+        entries.append({**texts, "colour": colour, "ink": _ink_on(colour)})
     return entries
 
 
@@ -157,16 +147,13 @@ def _words(name: str) -> str:
 
 def _ink_on(colour: str) -> str:
     """The one of two inks that has the larger contrast ratio on a colour, as WCAG 2 defines it."""
-    ground = _luminance(colour)
-    light = (_luminance(_LIGHT_INK) + 0.05) / (ground + 0.05)
-    dark = (ground + 0.05) / (_luminance(_DARK_INK) + 0.05)
-    return _LIGHT_INK if light > dark else _DARK_INK
+    ground, light, dark = (_luminance(one) + 0.05 for one in (colour, _LIGHT_INK, _DARK_INK))
+    return _LIGHT_INK if light / ground > ground / dark else _DARK_INK
 
 
 def _luminance(colour: str) -> float:
-    shares = [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
-    red, green, blue = (s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in shares)
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    shares = (s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour))
+    return float(np.dot([0.2126, 0.7152, 0.0722], list(shares)))
 
 
 def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -179,39 +166,29 @@ def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     ]
 
 
-def _arrow_label() -> str:
-    return f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
-
-
 def _arc_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     ankle = any(JointName.ANKLE in leg["shows"] for leg in legs)
-    up, down = (
-        ("Flexion or dorsiflexion", "Extension or plantarflexion") if ankle else ("Flexion", "Extension")
-    )
+    up, down = ("lexion or dorsiflexion", "xtension or plantarflexion") if ankle else ("lexion", "xtension")
     return [
-        {"label": f"{up} torque", "colour": FLEXION_COLOUR},
-        {"label": f"{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
+        {"label": f"F{up} torque", "colour": FLEXION_COLOUR},
+        {"label": f"E{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
     ]
 
 
 def _notes(missing_meshes: Sequence[str]) -> list[str]:
-    if not missing_meshes:
-        return []
-    first = _unicode(Path(missing_meshes[0]).name)
     more = f" and {len(missing_meshes) - 1} more" if len(missing_meshes) > 1 else ""
-    return [f"Mesh not found: {first}{more}."]
+    return [f"Mesh not found: {_unicode(Path(name).name)}{more}." for name in missing_meshes[:1]]
 
 
 def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") -> str:
     """A page that holds everything it needs.
 
-    Args:
-        runs: One run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
-            both through :func:`packed`. A model has a scene and ``joints`` instead of frames.
-        mode: ``recorded``, or ``model`` for one model.
+    ``runs``: one run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
+    both through :func:`packed`. A model has a scene and ``joints`` instead of frames; ``mode``: ``recorded``,
+    or ``model`` for one model.
     """
     folder = viewer_folder()
-    bundle = packed(_bundle().encode())
+    bundle = packed(_bundle())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
@@ -226,24 +203,19 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
 def live_page(*, style: str, panel: str, script: str) -> str:
     """The page of a live walk.
 
-    Args:
-        panel: Further HTML, between the curves and the bar.
-        script: Further script, after the page's own; it brings the data to ``window.twinGait``.
+    ``panel``: further HTML, between the curves and the bar; ``script``: further script, after the page's own;
+    it brings the data to ``window.twinGait``.
     """
     return _fill(
-        policy=LIVE_POLICY,
-        title="twin_gait",
-        data=embedded_json({"mode": "live"}),
-        bundle=_inside_script(_bundle()),
-        more_style=style,
-        panel=panel,
+        policy=LIVE_POLICY, title="twin_gait", data=embedded_json({"mode": "live"}),
+        bundle=_inside_script(_bundle().decode()), more_style=style, panel=panel,
         more_script=_inside_script(script),
-    )
+    )  # fmt: skip
 
 
-def _bundle() -> str:
+def _bundle() -> bytes:
     """Script of meshcat's viewer."""
-    return (viewer_folder() / "dist" / "main.min.js").read_bytes().decode("utf-8")
+    return (viewer_folder() / "dist" / "main.min.js").read_bytes()
 
 
 def packed(content: bytes) -> str:

@@ -28,11 +28,8 @@ class PageServer:
     def __init__(self, page: str, *, port: int) -> None:
         """Listen, and begin to answer.
 
-        Args:
-            port: First port to try; 0 lets the system choose.
-
-        Raises:
-            ViewerError: If the port is out of range, none is free, or the thread does not answer.
+        ``port``: first port to try; 0 lets the system choose. Raises ViewerError if the port is out of range,
+        none is free, or the thread does not answer.
         """
         if not 0 <= port <= 65535:
             raise ViewerError(f"port: expected a number from 0 to 65535, got {port!r}")

@@ -30,15 +30,10 @@ _FLAGS = (
 
 
 class PictureSize(NamedTuple):
-    """Size of a picture in pixels.
+    """Size of a picture in pixels."""
 
-    Attributes:
-        width: Horizontal.
-        height: Vertical.
-    """
-
-    width: int = 1600
-    height: int = 1000
+    width: int = 1600  # horizontal
+    height: int = 1000  # vertical
 
 
 DEFAULT_SIZE = PictureSize()
@@ -47,8 +42,7 @@ DEFAULT_SIZE = PictureSize()
 def find_browser() -> str:
     """A Chromium on this machine: the one in ``TWIN_GAIT_BROWSER``, or the first on the search path.
 
-    Raises:
-        ViewerError: If there is none.
+    Raises ViewerError if there is none.
     """
     named = os.environ.get(BROWSER_VARIABLE)
     if named:
@@ -77,15 +71,10 @@ def take_picture(
 ) -> Path:
     """Draw a recorded page at a moment and write it as PNG.
 
-    Args:
-        page: HTML of :func:`twin_gait.viewer.page.recorded_page`.
-        path: The PNG file; an existing one is replaced only by a complete one.
-        time: Moment to show in [s].
-        timeout: Longest wait for the browser in [s].
-
-    Raises:
-        RunDirectoryError: If the file cannot be written.
-        ViewerError: If there is no Chromium, or it does not draw the page.
+    ``page``: HTML of :func:`twin_gait.viewer.page.recorded_page`; ``path``: the PNG file; an existing one is
+    replaced only by a complete one; ``time``: moment to show in [s]; ``timeout``: longest wait for the
+    browser in [s]. Raises RunDirectoryError if the file cannot be written. Raises ViewerError if there is no
+    Chromium, or it does not draw the page.
     """
     browser = find_browser()
     path = Path(path)

@@ -14,19 +14,11 @@ from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
 from twin_gait.viewer import surroundings, trail
 from twin_gait.viewer.arcs import TorqueArc
-from twin_gait.viewer.commands import (
-    FULL_TORQUE,
-    Material,
-    Window,
-    draw_lightly,
-    rgb,
-    set_property,
-)
+from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_lightly, rgb, set_property
 from twin_gait.viewer.figure import Figure, Motor
 from twin_gait.viewer.forces import arrow_state, draw_arrow
 from twin_gait.viewer.harness import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.motion import Motion
-from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.trail import StrideTrail
 from twin_gait.viewer.visuals import Visuals
 from twin_gait.viewer.walkway import Trolley, draw_rail
@@ -41,21 +33,13 @@ State = dict[tuple[str, str], Any]
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera is to look.
+    """Where the camera is to look."""
 
-    Attributes:
-        target: Middle of what is to be seen in [m].
-        direction: From there to the eye.
-        width: Of what is to be seen in [m].
-        height: Of what is to be seen in [m].
-        field_of_view: Vertical, in [deg].
-    """
-
-    target: tuple[float, float, float]
-    width: float
-    height: float
-    direction: tuple[float, float, float] = RIGHT_SIDE
-    field_of_view: float = _FIELD_OF_VIEW
+    target: tuple[float, float, float]  # middle of what is to be seen in [m]
+    width: float  # of what is to be seen in [m]
+    height: float  # of what is to be seen in [m]
+    direction: tuple[float, float, float] = RIGHT_SIDE  # from there to the eye
+    field_of_view: float = _FIELD_OF_VIEW  # vertical, in [deg]
 
 
 class Element(Protocol):
@@ -66,31 +50,18 @@ class Element(Protocol):
 
 
 class Scene:
-    """A scene that has been drawn and can be moved.
-
-    Attributes:
-        figure: The articulated figure.
-        view: Where the camera is to look.
-        missing_meshes: Mesh files of the URDF that were not found.
-        covers: Places of the coloured motor covers per leg.
-        arrows: Place of the ground force per leg.
-        arcs: Arrows of the motor torque per leg, by joint.
-        ropes: Ropes of the body-weight support, maybe none.
-        elements: What else moves.
-        trails: Paths of the feet per stride, once a motion is known.
-        legs: Joint names per leg.
-    """
+    """A scene that has been drawn and can be moved."""
 
     def __init__(self, window: Window, figure: Figure, visuals: Visuals) -> None:
-        """Start a scene with a figure; :func:`build_scene` completes it."""
+        """Start a scene with a figure."""
         self.figure = figure
-        self.missing_meshes = visuals.missing
-        self.covers: dict[Side, list[str]] = {}
-        self.arrows: dict[Side, str] = {}
-        self.arcs: dict[Side, dict[str, TorqueArc]] = {}
-        self.ropes: list[Rope] = []
-        self.elements: list[Element] = []
-        self.trails: list[StrideTrail] = []
+        self.missing_meshes = visuals.missing  # mesh files of the URDF that were not found
+        self.covers: dict[Side, list[str]] = {}  # places of the coloured motor covers
+        self.arrows: dict[Side, str] = {}  # place of the ground force
+        self.arcs: dict[Side, dict[str, TorqueArc]] = {}  # arrows of the motor torque, by joint
+        self.ropes: list[Rope] = []  # of the body-weight support
+        self.elements: list[Element] = []  # what else moves
+        self.trails: list[StrideTrail] = []  # paths of the feet per stride, once a motion is known
         self.legs: dict[Side, LegJoints] = {}
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
         self._window = window
@@ -99,12 +70,12 @@ class Scene:
     def draw_covers(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
         """Draw the covers of the motors of a leg, which show its phase."""
         material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
+        self.legs[side] = leg
         self.covers[side] = [
             self.figure.draw_cover(joint, self._motor(joint, leg, visuals), material)
             for name, joint in leg.items()
             if name in drives
         ]
-        self.legs[side] = leg
 
     def draw_arcs(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
         """Draw the arrows of the motor torques of a leg, hidden."""
@@ -120,10 +91,8 @@ class Scene:
     ) -> None:
         """Draw ropes that go straight up, the bar, and the mast or the rail.
 
-        Args:
-            hooks: Lower ends in the frame of the joint in [m], shape ``(3,)`` each.
-            height: Of the upper ends in [m].
-            on_rail: Whether the upper ends follow along x.
+        ``hooks``: lower ends in the frame of the joint in [m], shape ``(3,)`` each; ``height`` of the upper
+        ends in [m]; ``on_rail``: whether the upper ends follow along x.
         """
         neutral = pin.neutral(self.figure.model)
         for number, hook in enumerate(hooks):
@@ -135,7 +104,7 @@ class Scene:
             self.elements.append(Trolley(joint, hooks[0]))
         draw = draw_rail if on_rail else surroundings.draw_mast
         draw(self._window, np.array([rope.upper for rope in self.ropes]))
-        self.apply(self.rope_state(neutral))
+        self.apply(self._rope_state(neutral))
 
     def draw_trails(self, motion: Motion) -> None:
         """Draw the path of each foot in every stride of a motion, hidden."""
@@ -145,23 +114,20 @@ class Scene:
             spans = trail.strides(leg.phases, motion.duration)
             ends = [end for _, end in spans[1:]] + [math.inf]
             for number, (span, following) in enumerate(zip(spans[: trail.MOST_STRIDES], ends, strict=False)):
-                shape = self._trail_shape(motion, side, span)
+                frames = np.flatnonzero((motion.times >= span[0]) & (motion.times <= span[1]))
+                if leg.phases is None or len(frames) < trail.FEWEST_POINTS:
+                    continue
+                points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
+                shape = trail.trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
                 if shape is not None:
                     path = f"{trail.ROOT}/{side}_{number}"
-                    self._draw_trail(path, shape)
+                    draw_lightly(self._window, path, shape, trail.MATERIAL)
+                    self.apply({(path, "visible"): False})
                     self.trails.append(StrideTrail(path, span[1], following))
 
-    def _trail_shape(self, motion: Motion, side: Side, span: tuple[float, float]) -> Shape | None:
-        phases = motion.legs[side].phases
-        frames = np.flatnonzero((motion.times >= span[0]) & (motion.times <= span[1]))
-        if phases is None or len(frames) < trail.FEWEST_POINTS:
-            return None
-        points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
-        return trail.trail_shape(motion.times[frames], points, phases, motion.phase_names)
-
-    def _draw_trail(self, path: str, shape: Shape) -> None:
-        draw_lightly(self._window, path, shape, trail.MATERIAL)
-        self.apply({(path, "visible"): False})
+    def draw_arrow(self, side: Side) -> None:
+        """Draw the arrow of the ground force on a foot, hidden."""
+        self.arrows[side] = draw_arrow(self._window, str(side))
 
     def _motor(self, joint: str, leg: LegJoints, visuals: Visuals) -> Motor:
         default = 0.12 * float(np.linalg.norm(self.figure.segment(joint, leg)))
@@ -176,61 +142,35 @@ class Scene:
         last = leg.items()[-1][1]
         return self.figure.world_point(q, last, self.figure.segment(last, leg))
 
-    def draw_arrow(self, side: Side) -> None:
-        """Draw the arrow of the ground force on a foot, hidden."""
-        self.arrows[side] = draw_arrow(self._window, str(side))
-
     def posture_state(self, q: np.ndarray) -> State:
-        """Positions and quaternions of all joint groups.
-
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-        """
-        state: State = {}
+        """Where all joint groups and ropes are. ``q``: coordinates, shape ``(nq,)``."""
+        state = self._rope_state(q)
         for path, (position, quaternion) in self.figure.posture(q).items():
-            state[path, "position"] = position
-            state[path, "quaternion"] = quaternion
-        return state | self.rope_state(q)
+            state |= {(path, "position"): position, (path, "quaternion"): quaternion}
+        return state
 
-    def rope_state(self, q: np.ndarray) -> State:
-        """Where the ropes are.
-
-        Args:
-            q: Coordinates, shape ``(nq,)``.
-        """
+    def _rope_state(self, q: np.ndarray) -> State:
         state: State = {}
         for rope in self.ropes:
             state |= rope.state(self.figure, q)
         return state
 
     def torque_state(self, side: Side, torques: Mapping[str, float]) -> State:
-        """Arrows of the motor torques of a leg.
-
-        Args:
-            torques: In [N m] by the name of the joint, positive in increasing angle.
-        """
+        """Arrows of the motor torques of a leg: in [N m] by the name of the joint, as in the log."""
         state: State = {}
         for joint, arc in self.arcs.get(side, {}).items():
             if joint in torques:
                 state |= arc.state(float(torques[joint]))
         return state
 
-    def force_state(self, side: Side, force: np.ndarray, point: np.ndarray) -> State:
-        """Arrow of the ground force on a foot, as :func:`~twin_gait.viewer.forces.arrow_state` has it."""
-        return arrow_state(self.arrows[side], force, point)
-
     def state_at(self, motion: Motion, frame: int, belt_speed: surroundings.Belt) -> State:
-        """Everything that a frame of a motion shows.
-
-        Args:
-            belt_speed: In [m] / [s], or the way that the belt has gone by a time.
-        """
+        """Everything that a frame of a motion shows."""
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])
         for side, leg in motion.legs.items():
             state |= self.torque_state(side, {name: values[frame] for name, values in leg.torques.items()})
             if leg.footing is not None and side in self.arrows:
-                state |= self.force_state(side, leg.footing.force[frame], leg.footing.point[frame])
+                state |= arrow_state(self.arrows[side], leg.footing.force[frame], leg.footing.point[frame])
             if leg.phases is not None:
                 code = leg.phases.at(time)
                 colour = rgb(phase_colour(motion.phase_names[code], code))

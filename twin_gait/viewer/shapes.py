@@ -13,30 +13,22 @@ _CREASE = math.cos(math.radians(40.0))  # sharper edges stay edges
 
 
 class Shape(NamedTuple):
-    """Triangle mesh.
+    """Triangle mesh."""
 
-    Attributes:
-        vertices: In [m], shape ``(n, 3)``.
-        normals: Outward unit normals, shape ``(n, 3)``.
-        faces: Indices of three vertices each, shape ``(m, 3)``.
-        opacity: Opacity of each vertex, shape ``(n,)``, or None for that of the material.
-        colours: Red, green and blue of each vertex from 0 to 1, shape ``(n, 3)``, or None for those of the
-            material.
-    """
-
-    vertices: np.ndarray
-    normals: np.ndarray
-    faces: np.ndarray
+    vertices: np.ndarray  # in [m], shape ``(n, 3)``
+    normals: np.ndarray  # outward unit normals, shape ``(n, 3)``
+    faces: np.ndarray  # indices of three vertices each, shape ``(m, 3)``
+    # opacity of each vertex, shape ``(n,)``, or None for that of the material
     opacity: np.ndarray | None = None
+    # red, green and blue of each vertex from 0 to 1, shape ``(n, 3)``, or None for those of the material
     colours: np.ndarray | None = None
 
 
 def rounded_box(size: Sequence[float], radius: float) -> Shape:
     """Make a box whose edges are rounded.
 
-    Args:
-        size: Lengths along x, y and z in [m].
-        radius: Of the edges in [m], 0 or more; at most half the shortest side is used.
+    ``size``: lengths along x, y and z in [m]; ``radius`` of the edges in [m], 0 or more; at most half the
+    shortest side is used.
     """
     half = np.asarray(size, dtype=float) / 2.0
     # A box without any rounding would have no normals at its edges.
@@ -79,8 +71,7 @@ def _grid_faces(rows: int, columns: int, *, offset: int = 0, flip: bool = False)
 def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
     """Turn a profile about the z axis, with an edge at every corner of it.
 
-    Args:
-        profile: Points (radius, height) in [m]; outward lies to the right of the way from point to point.
+    ``profile``: points (radius, height) in [m]; outward lies to the right of the way from point to point.
     """
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
@@ -95,66 +86,34 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
     return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
 
 
-def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
-    """Make a cylinder along z with bevelled edges.
+def _mirrored(upper: list[tuple[float, float]]) -> Shape:
+    """Turned part that is alike above and below; the profile goes from its rim to its axis."""
+    return turned([(radius, -height) for radius, height in reversed(upper)] + upper)
 
-    Args:
-        radius: In [m].
-        length: In [m].
-        bevel: Of the edges in [m]; at most a third of radius and length is used.
-    """
+
+def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
+    """Make a cylinder along z, its edges bevelled by at most a third of radius and length; all in [m]."""
     half = length / 2.0
     bevel = min(bevel, radius / 3.0, length / 3.0)
     third = bevel * (1.0 - math.cos(math.pi / 4.0))
-    return turned(
-        [
-            (0.0, -half),
-            (radius - bevel, -half),
-            (radius - third, -half + third),
-            (radius, -half + bevel),
-            (radius, half - bevel),
-            (radius - third, half - third),
-            (radius - bevel, half),
-            (0.0, half),
-        ]
-    )
+    edge = [(radius, half - bevel), (radius - third, half - third), (radius - bevel, half)]
+    return _mirrored([*edge, (0.0, half)])
 
 
 def ring_cap(radius: float, length: float) -> Shape:
-    """Make the cover of a motor: a disc along z with a groove in either face.
-
-    Args:
-        radius: In [m].
-        length: In [m].
-    """
-    half, bevel, groove = length / 2.0, 0.14 * radius, 0.05 * radius
-    upper = [
-        (radius, half - bevel),
-        (radius - 0.3 * bevel, half - 0.3 * bevel),
-        (radius - bevel, half),
-        (0.72 * radius, half),
-        (0.70 * radius, half - groove),
-        (0.64 * radius, half - groove),
-        (0.62 * radius, half),
-        (0.0, half),
-    ]
-    return turned([(r, -z) for r, z in reversed(upper)] + upper)
+    """Make the cover of a motor: a disc along z with a groove in either face; all in [m]."""
+    half, bevel, groove = length / 2.0, 0.14 * radius, length / 2.0 - 0.05 * radius
+    edge = [(radius, half - bevel), (radius - 0.3 * bevel, half - 0.3 * bevel), (radius - bevel, half)]
+    ring = [(0.72 * radius, half), (0.70 * radius, groove), (0.64 * radius, groove), (0.62 * radius, half)]
+    return _mirrored([*edge, *ring, (0.0, half)])
 
 
 def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
-    """Make an ellipsoid.
-
-    Args:
-        radii: Half axes along x, y and z in [m].
-    """
+    """Make an ellipsoid. ``radii``: half axes along x, y and z in [m]."""
     latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)[:, None]
     longitude = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
-    unit = np.stack(
-        np.broadcast_arrays(
-            np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)
-        ),
-        axis=2,
-    ).reshape(-1, 3)
+    around, up = np.cos(latitude), np.sin(latitude) * np.ones_like(longitude)
+    unit = np.stack((around * np.cos(longitude), around * np.sin(longitude), up), axis=2).reshape(-1, 3)
     half = np.asarray(radii, dtype=float)
     normals = unit / half
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -162,29 +121,14 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
 
 
 def capsule(radius: float, length: float) -> Shape:
-    """Make a capsule along z.
-
-    Args:
-        radius: In [m].
-        length: Of the straight part in [m].
-    """
+    """Make a capsule along z. ``radius`` in [m]; ``length`` of the straight part in [m]."""
     ball = ellipsoid((radius, radius, radius))
-    shift = np.where(ball.vertices[:, 2] > 0.0, 0.5 * length, -0.5 * length)
-    vertices = ball.vertices.copy()
-    vertices[:, 2] += shift
-    return Shape(vertices, ball.normals, ball.faces)
+    shift = np.where(ball.vertices[:, 2:] > 0.0, 0.5 * length, -0.5 * length)
+    return ball._replace(vertices=ball.vertices + shift * [0.0, 0.0, 1.0])
 
 
 def cone(radius: float, length: float, columns: int = 32) -> Shape:
-    """Make a cone along z with its tip up.
-
-    Args:
-        radius: Of the base in [m].
-        length: In [m].
-
-    Returns:
-        The mesh, its middle height at the origin.
-    """
+    """Make a cone along z with its tip up, its middle height at the origin; all in [m]."""
     return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)], columns)
 
 
@@ -198,12 +142,8 @@ def arrow() -> Shape:
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     """Make a round tube along a path, with flat ends.
 
-    Args:
-        points: Of the path in [m], shape ``(n, 3)``; neighbours differ.
-        radius: In [m].
-
-    Returns:
-        The mesh; the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
+    ``points`` of the path in [m], shape ``(n, 3)``; neighbours differ; ``radius`` in [m]. Returns the mesh;
+    the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
     """
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -238,49 +178,26 @@ def _flat_end(centre: np.ndarray, outward: np.ndarray, spokes: np.ndarray) -> Sh
     return Shape(vertices, np.tile(outward, (len(vertices), 1)), faces)
 
 
-def monotone(values: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Smooth curves through values at 0, 1, 2, …, which overshoot none of them.
+def smooth(values: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Catmull-Rom curves through values at 0, 1, 2, …: cubics whose slopes are central differences.
 
-    Piecewise cubics whose slopes are harmonic means: F. N. Fritsch, J. Butland: A method for constructing
-    local monotone piecewise cubic interpolants, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304; at the ends
-    C. Moler's, Numerical Computing with MATLAB, chapter 3.6. Written out because scipy.interpolate takes
-    longer to import than a walk to simulate.
-
-    Args:
-        values: Shape ``(n, m)``, n at least 3.
-        places: From 0 to n - 1, shape ``(k,)``.
-
-    Returns:
-        Shape ``(k, m)``.
+    ``values``: shape ``(n, m)``; ``places`` from 0 to n - 1, shape ``(k,)``. Returns shape ``(k, m)``.
     """
-    rise = np.diff(values, axis=0)
-    slopes = np.zeros_like(values)
-    same = rise[:-1] * rise[1:] > 0.0
-    slopes[1:-1][same] = 2.0 / (1.0 / rise[:-1][same] + 1.0 / rise[1:][same])
-    for end, near, far in ((0, rise[0], rise[1]), (-1, rise[-1], rise[-2])):
-        guess = 1.5 * near - 0.5 * far
-        guess = np.where(np.sign(guess) == np.sign(near), guess, 0.0)
-        turns = (np.sign(near) != np.sign(far)) & (np.abs(guess) > 3.0 * np.abs(near))
-        slopes[end] = np.where(turns, 3.0 * near, guess)
-    start = np.minimum(places.astype(int), len(rise) - 1)
+    slopes, start = np.gradient(values, axis=0), np.minimum(places.astype(int), len(values) - 2)
     s = (places - start)[:, None]
-    return np.asarray(
-        values[start]
-        + s * slopes[start]
-        + s * s * (3.0 * rise[start] - 2.0 * slopes[start] - slopes[start + 1])
-        + s * s * s * (slopes[start] + slopes[start + 1] - 2.0 * rise[start])
-    )
+    rise, first, last = values[start + 1] - values[start], slopes[start], slopes[start + 1]
+    bend = (first - rise) * (1.0 - s) - (last - rise) * s
+    return np.asarray(values[start] + s * rise + s * (1.0 - s) * bend)
 
 
 def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20) -> Shape:
     """Make a limb of elliptic rings along z, with rounded ends.
 
-    Args:
-        rings: From end to end: height, centre x, centre y, half axis x and half axis y, all in [m].
-        rows: Rings in the mesh, beside those of the ends.
+    ``rings`` from end to end: height, centre x, centre y, half axis x and half axis y, all in [m]; ``rows``:
+    rings in the mesh, beside those of the ends.
     """
     table = np.asarray(rings, dtype=float)
-    curve = monotone(table, np.linspace(0.0, len(table) - 1.0, rows))
+    curve = smooth(table, np.linspace(0.0, len(table) - 1.0, rows))
     curve = np.concatenate((_end(curve[0], curve[1]), curve[1:-1], _end(curve[-1], curve[-2])[::-1]))
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
     height, x, y, half_x, half_y = (column[:, None] for column in curve.T)
@@ -305,12 +222,7 @@ def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
 def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Normals of a closed surface, one per vertex; vertices at the same place share theirs.
 
-    Args:
-        vertices: Shape ``(n, 3)``.
-        faces: Shape ``(m, 3)``.
-
-    Returns:
-        Unit normals, shape ``(n, 3)``.
+    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns unit normals, shape ``(n, 3)``.
     """
     _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
     place = place.reshape(-1)
@@ -326,8 +238,7 @@ def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def is_closed(shape: Shape) -> bool:
     """Whether a mesh encloses a volume and looks outward, so that its inside is never seen.
 
-    Returns:
-        True if every edge is run along as often one way as the other and the volume is positive.
+    Returns true if every edge is run along as often one way as the other and the volume is positive.
     """
     _, place = np.unique(np.round(shape.vertices, 6), axis=0, return_inverse=True)
     faces = place.reshape(-1)[shape.faces]
@@ -341,12 +252,8 @@ def is_closed(shape: Shape) -> bool:
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     """Give a mesh normals that are smooth on curved parts and sharp at edges.
 
-    Args:
-        vertices: Shape ``(n, 3)``.
-        faces: Shape ``(m, 3)``.
-
-    Returns:
-        The mesh; a vertex on an edge is there once for each side of it.
+    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh; a vertex on an edge is
+    there once for each side of it.
     """
     corners = vertices[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -361,25 +268,18 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
 
 
 def moved(shape: Shape, placement: np.ndarray) -> Shape:
-    """Move a mesh.
-
-    Args:
-        placement: Homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round.
-    """
+    """Move a mesh by a homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round."""
     linear = placement[:3, :3]
     normals = shape.normals @ np.linalg.inv(linear)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    mirrored = np.linalg.det(linear) < 0.0
-    faces = shape.faces[:, ::-1] if mirrored else shape.faces
+    faces = shape.faces[:, ::-1] if np.linalg.det(linear) < 0.0 else shape.faces
     return shape._replace(vertices=shape.vertices @ linear.T + placement[:3, 3], normals=normals, faces=faces)
 
 
 def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
     """Some faces of a mesh, with their vertices.
 
-    Args:
-        shape: The mesh, without colours of its vertices.
-        chosen: Which faces, shape ``(m,)``.
+    ``shape``: the mesh, without colours of its vertices; ``chosen``: which faces, shape ``(m,)``.
     """
     used, index = np.unique(shape.faces[chosen], return_inverse=True)
     return Shape(shape.vertices[used], shape.normals[used], index.reshape(-1, 3))
@@ -387,10 +287,10 @@ def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
 
 def merged(items: Iterable[Shape]) -> Shape:
     """Join meshes into one."""
-    vertices, normals, faces, count = [], [], [], 0
-    for item in items:
-        vertices.append(item.vertices)
-        normals.append(item.normals)
-        faces.append(item.faces + count)
-        count += len(item.vertices)
-    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
+    items = list(items)
+    first = np.cumsum([0, *(len(item.vertices) for item in items)])
+    return Shape(
+        np.concatenate([item.vertices for item in items]),
+        np.concatenate([item.normals for item in items]),
+        np.concatenate([item.faces + start for item, start in zip(items, first, strict=False)]),
+    )

@@ -61,14 +61,7 @@ def build_scene(
 ) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
-    Args:
-        model: The model.
-        drives: Joints with a motor.
-        setting: See :class:`Setting`.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If a mesh of the URDF cannot be read.
+    Raises ModelError if the URDF, ViewerError if a mesh of it cannot be read.
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model.model, model.urdf_path)
@@ -81,22 +74,27 @@ def build_scene(
     for side, leg in model.legs.items():
         scene.draw_arcs(side, leg, drives, visuals)
     top, bottom = _extent(scene.figure, model.legs)
-    around = setting.get("around") or _around(model)
-    if around in (Surroundings.TREADMILL, Surroundings.WALKWAY):
-        if around is Surroundings.WALKWAY:
-            assert model.forward_index is not None  # it walks
-            scene.elements.append(DrawnWalkway(window, model.forward_index))
-        else:
-            _put_on_treadmill(window, setting.get("slope", 0.0))
-        _surround_walker(scene, model.legs, top - bottom)
-        if patient is not None and len(model.legs) > 1:
-            _equip_walker(window, scene, patient, trunk, setting | {"around": around})
-    elif around is Surroundings.STAND:
+    height, around = top - bottom, setting.get("around") or _around(model)
+    if around is Surroundings.STAND:
         _surround_bench_leg(window, scene, model.legs, top, bottom)
-    else:
+        return scene
+    if around not in (Surroundings.TREADMILL, Surroundings.WALKWAY):
         surroundings.draw_floor(window, bottom - 0.02)
-        height = top - bottom
         scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
+        return scene
+    if around is Surroundings.WALKWAY:
+        assert model.forward_index is not None  # it walks
+        scene.elements.append(DrawnWalkway(window, model.forward_index))
+    else:
+        slope = setting.get("slope", 0.0)
+        window.send(set_transform(FORCE_ROOT, surroundings.tilted(slope)))
+        surroundings.draw_treadmill(window, slope)
+    for side, leg in model.legs.items():
+        if leg.contact_frames:
+            scene.draw_arrow(side)
+    scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
+    if patient is not None and len(model.legs) > 1:
+        _equip_walker(window, scene, patient, trunk, setting | {"around": around})
     return scene
 
 
@@ -109,12 +107,8 @@ def _around(model: LegModel) -> Surroundings:
 def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
     """Draw any URDF, with all coordinates at zero; one that shows nothing gets sticks from joint to joint.
 
-    Args:
-        up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If a mesh of the URDF cannot be read.
+    ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the URDF cannot
+    be read. Raises ViewerError if a mesh of the URDF cannot be read.
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model, urdf)
@@ -137,18 +131,6 @@ def _start(
     figure.draw_visuals(visuals)
     figure.draw_sticks(legs.values(), visuals)
     return Scene(window, figure, visuals)
-
-
-def _put_on_treadmill(window: Window, slope: float) -> None:
-    window.send(set_transform(FORCE_ROOT, surroundings.tilted(slope)))
-    surroundings.draw_treadmill(window, slope)
-
-
-def _surround_walker(scene: Scene, legs: Mapping[Side, LegJoints], height: float) -> None:
-    for side, leg in legs.items():
-        if leg.contact_frames:
-            scene.draw_arrow(side)
-    scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
 
 
 def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, setting: Setting) -> None:

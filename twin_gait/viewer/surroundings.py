@@ -38,33 +38,32 @@ _MAST_RADIUS, _MAST_BEND = 0.022, 0.20  # [m]
 
 def set_studio(window: Window) -> None:
     """Set a pale background and the light of a studio, with soft shadows."""
-    properties = [
-        ("/Background", "top_color", [0.985, 0.99, 0.995]),
-        ("/Background", "bottom_color", [0.84, 0.87, 0.90]),
-        ("/Lights/AmbientLight/<object>", "intensity", 0.56),
-        ("/Axes", "visible", False),
-        ("/Grid", "visible", False),
-        ("/Lights/PointLightNegativeX", "visible", False),
-        ("/Lights/PointLightPositiveX", "visible", False),
-        ("/Lights/FillLight/<object>", "position", [-2.0, -4.5, 4.0]),
-        ("/Lights/FillLight/<object>", "intensity", 0.34),
-        ("/Lights/SpotLight", "visible", True),
-        ("/Lights/SpotLight/<object>", "position", [1.6, -2.4, 5.2]),
-        ("/Lights/SpotLight/<object>", "castShadow", True),
-        ("/Lights/SpotLight/<object>", "intensity", 0.32),
-        ("/Lights/SpotLight/<object>", "angle", 0.5),
-        ("/Lights/SpotLight/<object>", "penumbra", 0.9),
-    ]
-    for path, name, value in properties:
-        window.send(set_property(path, name, value))
+    window.send(set_property("/Background", "top_color", [0.985, 0.99, 0.995]))
+    window.send(set_property("/Background", "bottom_color", [0.84, 0.87, 0.90]))
+    for name in ("Axes", "Grid", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX"):
+        window.send(set_property(f"/{name}", "visible", False))
+    fill = {"position": [-2.0, -4.5, 4.0], "intensity": 0.34}
+    spot = {
+        "position": [1.6, -2.4, 5.2],
+        "castShadow": True,
+        "intensity": 0.32,
+        "angle": 0.5,
+        "penumbra": 0.9,
+    }
+    window.send(set_property("/Lights/SpotLight", "visible", True))
+    for light, properties in (
+        ("AmbientLight", {"intensity": 0.56}),
+        ("FillLight", fill),
+        ("SpotLight", spot),
+    ):
+        for name, value in properties.items():
+            window.send(set_property(f"/Lights/{light}/<object>", name, value))
 
 
 def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     """Draw a round floor that fades into the background.
 
-    Args:
-        height: In [m].
-        radius: At which it has faded out, in [m].
+    ``height`` in [m]; ``radius`` at which it has faded out, in [m].
     """
     rings = np.linspace(1.0, 0.0, 9)
     disc = shapes.turned([(float(ring) * radius, 0.0) for ring in rings], columns=48)
@@ -88,11 +87,16 @@ def tilted(slope: float) -> np.ndarray:
 def draw_treadmill(window: Window, slope: float = 0.0) -> None:
     """Draw a treadmill whose belt runs along x, under the soles that press on it.
 
-    Args:
-        slope: By which it rises forwards in [rad].
+    ``slope`` by which it rises forwards in [rad].
     """
     window.send(set_transform(TREADMILL, tilted(slope)))
-    frame = [_rail(1.0), _rail(-1.0), _end(1.0), _end(-1.0), _hood()]
+    x, y = 0.5 * (_BELT_LENGTH - _END_LENGTH + 0.03), 0.5 * (_BELT_WIDTH + _RAIL_WIDTH)
+    rail = (_BELT_LENGTH + 0.02, _RAIL_WIDTH, _DECK_HEIGHT)
+    end = (_END_LENGTH + 0.03, _BELT_WIDTH + 2.0 * _RAIL_WIDTH + 0.01, _DECK_HEIGHT)
+    frame = [box(rail, (0.0, side * y, -0.5 * _DECK_HEIGHT + 0.010), _EDGE) for side in (1.0, -1.0)]
+    frame += [box(end, (side * x, 0.0, -0.5 * _DECK_HEIGHT + 0.012), _EDGE) for side in (1.0, -1.0)]
+    hood = (_END_LENGTH - 0.04, _BELT_WIDTH + _RAIL_WIDTH, 0.05)  # of the belt's motor at the front
+    frame.append(box(hood, (0.5 * _BELT_LENGTH - 0.5 * hood[0], 0.0, 0.5 * hood[2]), 0.02))
     place(window, "treadmill/frame", shapes.merged(frame), DECK, under_shadows=True)
     surface = box((_BELT_LENGTH, _BELT_WIDTH, 0.03), (0.0, 0.0, BELT_TOP - 0.015))
     place(window, "treadmill/belt_surface", surface, RUBBER, under_shadows=True)
@@ -108,8 +112,7 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
 def draw_mast(window: Window, hooks: np.ndarray) -> None:
     """Draw a mast beside the treadmill, its arm, and the bar above the wearer that the ropes hang from.
 
-    Args:
-        hooks: Upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
+    ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
     middle = hooks.mean(axis=0)
     reach = 1.25 * (hooks - middle)
@@ -123,32 +126,17 @@ def draw_mast(window: Window, hooks: np.ndarray) -> None:
     place(window, "mast", shapes.merged([mast, bar, hanger]), STEEL)
 
 
-def belt_way(time: float, belt: Belt) -> float:
-    """Way that a belt has gone since time 0 in [m], backwards positive."""
-    return belt(time) if callable(belt) else belt * time
-
-
 def belt_offset(time: float, belt_speed: Belt) -> float:
-    """How far the belt marks are behind where they were drawn.
+    """How far the belt marks are behind where they were drawn at a time in [s].
 
-    Args:
-        time: In [s].
-        belt_speed: In [m] / [s], backwards positive, or the way that the belt has gone by a time.
-
-    Returns:
-        Offset along x in [m], between minus one spacing and 0.
+    Returned along x in [m], between minus one spacing and 0.
     """
-    return -(belt_way(time, belt_speed) % BELT_MARK_SPACING)
+    way = belt_speed(time) if callable(belt_speed) else belt_speed * time
+    return -(way % BELT_MARK_SPACING)
 
 
 def box(size: Triple, centre: Triple, edge: float = 0.012) -> Shape:
-    """Make a box with rounded edges at a place.
-
-    Args:
-        size: Lengths along x, y and z in [m].
-        centre: Its middle in [m].
-        edge: Radius of the rounding in [m].
-    """
+    """Make a box at a place, its edges rounded with a radius; all in [m]."""
     return shapes.moved(shapes.rounded_box(size, edge), translation(centre))
 
 
@@ -163,9 +151,8 @@ def place(
 ) -> None:
     """Draw a part that does not move.
 
-    Args:
-        centre: Where its origin stands in [m].
-        under_shadows: Whether shadows fall on it; such a part casts none itself.
+    ``centre``: where its origin stands in [m]; ``under_shadows``: whether shadows fall on it; such a part
+    casts none itself.
     """
     path = f"{ROOT}/{name}"
     window.send(set_object(path, shape, material))
@@ -175,34 +162,10 @@ def place(
 
 
 def plate(middle: Sequence[float] | np.ndarray, length: float, width: float) -> Shape:
-    """Make a rectangle on the ground, a hair above it.
-
-    Args:
-        middle: Along x and y in [m].
-        length: Along x in [m].
-        width: Along y in [m].
-    """
+    """Make a rectangle on the ground, a hair above it: middle, length along x, width along y in [m]."""
     corners = 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
     vertices = np.column_stack((corners + middle, np.full(4, BELT_TOP + 0.0016)))
     return Shape(vertices, np.tile([0.0, 0.0, 1.0], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))
-
-
-def _rail(side: float) -> Shape:
-    y = side * 0.5 * (_BELT_WIDTH + _RAIL_WIDTH)
-    return box((_BELT_LENGTH + 0.02, _RAIL_WIDTH, _DECK_HEIGHT), (0.0, y, -0.5 * _DECK_HEIGHT + 0.010), _EDGE)
-
-
-def _end(side: float) -> Shape:
-    x = side * 0.5 * (_BELT_LENGTH - _END_LENGTH + 0.03)
-    size = (_END_LENGTH + 0.03, _BELT_WIDTH + 2.0 * _RAIL_WIDTH + 0.01, _DECK_HEIGHT)
-    return box(size, (x, 0.0, -0.5 * _DECK_HEIGHT + 0.012), _EDGE)
-
-
-def _hood() -> Shape:
-    """Cover of the belt's motor at the front."""
-    length, height = _END_LENGTH - 0.04, 0.05
-    size = (length, _BELT_WIDTH + _RAIL_WIDTH, height)
-    return box(size, (0.5 * _BELT_LENGTH - 0.5 * length, 0.0, 0.5 * height), 0.02)
 
 
 def _rounded_corner(start: np.ndarray, corner: np.ndarray, end: np.ndarray, bend: float) -> np.ndarray:

@@ -27,17 +27,11 @@ _SHORTEST_STEP = 1e-3  # [m]
 
 @dataclass(frozen=True)
 class StrideTrail:
-    """The path of a stride, shown until the next stride is complete.
+    """The path of a stride, shown until the next stride is complete."""
 
-    Attributes:
-        path: Its place in the scene.
-        begin: Time at which the stride was complete in [s].
-        end: Time at which the next one is, in [s].
-    """
-
-    path: str
-    begin: float
-    end: float
+    path: str  # its place in the scene
+    begin: float  # time at which the stride was complete in [s]
+    end: float  # time at which the next one is, in [s]
 
     def state(self, time: float) -> dict[tuple[str, str], bool]:
         """Whether the path is shown at a time in [s], by place and property."""
@@ -47,12 +41,8 @@ class StrideTrail:
 def strides(phases: PhaseSpells | None, duration: float) -> list[tuple[float, float]]:
     """Strides from one entry into the first phase of the table to the next.
 
-    Args:
-        phases: Phases of a leg, or None if they are not known.
-        duration: Of the motion in [s].
-
-    Returns:
-        Start and end of each complete stride in [s].
+    ``phases``: phases of a leg, or None if they are not known; ``duration`` of the motion in [s]. Returns
+    start and end of each complete stride in [s].
     """
     if phases is None:
         return []
@@ -65,13 +55,9 @@ def trail_shape(
 ) -> Shape | None:
     """Make the tube along a path.
 
-    Args:
-        times: Of the frames in [s], shape ``(n,)``.
-        points: Of the path in [m], shape ``(n, 3)``.
-        names: Phases in the order of their codes.
-
-    Returns:
-        The mesh with the colour of the phase at each point, or None if the point hardly moves.
+    ``times`` of the frames in [s], shape ``(n,)``; ``points`` of the path in [m], shape ``(n, 3)``;
+    ``names``: phases in the order of their codes. Returns the mesh with the colour of the phase at each
+    point, or None if the point hardly moves.
     """
     keep = np.unique(np.linspace(0, len(times) - 1, min(len(times), LONGEST_TRAIL)).round().astype(int))
     keep = keep[_steps_apart(points[keep])]

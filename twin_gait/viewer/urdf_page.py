@@ -22,15 +22,9 @@ _FREE_TURN, _FREE_WAY = math.pi, 1.0  # either way of a joint without limits, in
 def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     """A page that shows a URDF and holds everything it needs.
 
-    Every joint is at zero, or at the limit that is nearest to it.
-
-    Args:
-        path: The file, or the name of a packaged one.
-        up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If a mesh cannot be read.
+    Every joint is at zero, or at the limit that is nearest to it. ``path``: the file, or the name of a
+    packaged one; ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the
+    URDF cannot be read. Raises ViewerError if a mesh cannot be read.
     """
     urdf = find_urdf(path)
     model = build_model(urdf)
@@ -52,9 +46,8 @@ def counted(model: pin.Model) -> str:
 def joint_entries(figure: Figure) -> list[dict[str, Any]]:
     """What a slider needs to know of each joint that turns about or slides along one axis.
 
-    Returns:
-        Name, place in the scene, ``slides``, axis in the frame of the joint, position in [m] and quaternion
-        (x, y, z, w) at zero, and range in [rad] or [m], which is ``free`` if the file has no limits.
+    Returns name, place in the scene, ``slides``, axis in the frame of the joint, position in [m] and
+    quaternion (x, y, z, w) at zero, and range in [rad] or [m], which is ``free`` if the file has no limits.
     """
     model = figure.model
     rest = figure.posture(pin.neutral(model))

@@ -25,50 +25,30 @@ _SPANNING_SHARE = 0.6
 
 
 class Disc(NamedTuple):
-    """A cylinder among the visuals, in the frame of its joint.
+    """A cylinder among the visuals, in the frame of its joint."""
 
-    Attributes:
-        joint: Joint that carries it.
-        centre: In [m], shape ``(3,)``.
-        axis: Unit vector, shape ``(3,)``.
-        radius: In [m].
-        length: In [m].
-    """
-
-    joint: str
-    centre: np.ndarray
-    axis: np.ndarray
-    radius: float
-    length: float
+    joint: str  # joint that carries it
+    centre: np.ndarray  # in [m], shape ``(3,)``
+    axis: np.ndarray  # unit vector, shape ``(3,)``
+    radius: float  # in [m]
+    length: float  # in [m]
 
 
 class LinkPart(NamedTuple):
-    """All visuals of one colour on one joint.
+    """All visuals of one colour on one joint."""
 
-    Attributes:
-        joint: Joint that carries them; ``universe`` for what does not move.
-        colour: Red, green, blue and opacity from 0 to 1.
-        shape: Mesh in the frame of the joint.
-    """
-
-    joint: str
-    colour: tuple[float, float, float, float]
-    shape: Shape
+    joint: str  # joint that carries them; ``universe`` for what does not move
+    colour: tuple[float, float, float, float]  # red, green, blue and opacity from 0 to 1
+    shape: Shape  # mesh in the frame of the joint
 
 
 @dataclass(frozen=True)
 class Visuals:
-    """What a URDF shows.
+    """What a URDF shows."""
 
-    Attributes:
-        parts: The meshes.
-        discs: Its cylinders, among which are the motors.
-        missing: Mesh files that the URDF names and that are not there.
-    """
-
-    parts: tuple[LinkPart, ...]
-    discs: tuple[Disc, ...]
-    missing: tuple[str, ...]
+    parts: tuple[LinkPart, ...]  # the meshes
+    discs: tuple[Disc, ...]  # its cylinders, among which are the motors
+    missing: tuple[str, ...]  # mesh files that the URDF names and that are not there
 
     def joints(self) -> set[str]:
         """Joints that carry something to see."""
@@ -79,11 +59,8 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     """Load the visual geometry of a URDF for a model that was built from it.
 
     The model may have locked joints, a joint between world and pelvis, and resized segments and feet: parts
-    move and grow with what carries them.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        ViewerError: If a mesh cannot be read.
+    move and grow with what carries them. Raises ModelError if the URDF cannot be read. Raises ViewerError if
+    a mesh cannot be read.
     """
     text, missing = _read_with_meshes(urdf)
     nominal, geometry = _nominal(model, urdf, text)
@@ -160,13 +137,9 @@ def _find_mesh(name: str, folder: Path) -> Path | None:
     relative = name.removeprefix("package://").removeprefix("file://")
     inside_package = relative.split("/", 1)[-1] if name.startswith("package://") else relative
     # A copy of a packaged URDF keeps its looks without a copy of the meshes.
-    packaged = packaged_urdf(PACKAGED_URDFS[0]).parent
-    folders = (folder, *folder.resolve().parents, packaged)
-    nearby = [base / part for base in folders for part in (relative, inside_package)]
-    for candidate in (Path(relative), *nearby):
-        if candidate.is_file():
-            return candidate.resolve()
-    return None
+    folders = (folder, *folder.resolve().parents, packaged_urdf(PACKAGED_URDFS[0]).parent)
+    nearby = (base / part for base in folders for part in (relative, inside_package))
+    return next((path.resolve() for path in (Path(relative), *nearby) if path.is_file()), None)
 
 
 def _nominal(model: pin.Model, urdf: Path, text: str) -> tuple[pin.Model, pin.GeometryModel]:
@@ -255,16 +228,13 @@ def _shape_of(item: Any) -> Shape | None:
             return shapes.capsule(float(solid.radius), 2.0 * float(solid.halfLength))
         case "Cone":
             return shapes.cone(float(solid.radius), 2.0 * float(solid.halfLength))
-        case _:
-            return _shape_of_file(item) or _shape_of_mesh(item)
-
-
-def _shape_of_file(item: Any) -> Shape | None:
-    """Mesh with the normals of its file, if it has any."""
-    if not str(item.meshPath).lower().endswith(".obj"):
-        return None
-    shape = read_obj(item.meshPath)
-    return None if shape is None else shapes.moved(shape, np.diag([*np.ravel(item.meshScale), 1.0]))
+    # Only OBJ files have normals of their own.
+    shape = read_obj(item.meshPath) if str(item.meshPath).lower().endswith(".obj") else None
+    return (
+        _shape_of_mesh(item)
+        if shape is None
+        else shapes.moved(shape, np.diag([*np.ravel(item.meshScale), 1.0]))
+    )
 
 
 def _shape_of_mesh(item: Any) -> Shape | None:

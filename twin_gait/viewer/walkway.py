@@ -42,11 +42,7 @@ class DrawnWalkway:
     """A walkway along x; what does not change along it goes along with the walker."""
 
     def __init__(self, window: Window, forward: int) -> None:
-        """Draw it.
-
-        Args:
-            forward: Coordinate with which the walker goes.
-        """
+        """Draw it. ``forward``: coordinate with which the walker goes."""
         self._forward = forward
         draw_floor(window, _FLOOR_HEIGHT, radius=3.2)
         strip = box((_LENGTH, _WIDTH, 0.03), (0.0, 0.0, BELT_TOP - _FLOOR_HEIGHT - 0.015), 0.004)
@@ -75,15 +71,10 @@ def _number(metre: int) -> Shape:
 
 @dataclass(frozen=True)
 class Trolley:
-    """The bar that ropes hang from, on a rail over the walkway.
+    """The bar that ropes hang from, on a rail over the walkway."""
 
-    Attributes:
-        joint: Joint that carries the lower ends of the ropes.
-        hook: One of them in the frame of that joint in [m], shape ``(3,)``.
-    """
-
-    joint: str
-    hook: np.ndarray
+    joint: str  # joint that carries the lower ends of the ropes
+    hook: np.ndarray  # one of them in the frame of that joint in [m], shape ``(3,)``
 
     def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
         """It is above them."""
@@ -94,8 +85,7 @@ class Trolley:
 def draw_rail(window: Window, hooks: np.ndarray) -> None:
     """Draw the rail, and the trolley as it is at the origin.
 
-    Args:
-        hooks: Upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
+    ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
     middle = hooks.mean(axis=0)
     above = middle + np.array([0.0, 0.0, 0.06])

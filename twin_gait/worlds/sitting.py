@@ -26,6 +26,7 @@ def seat_of(model: LegModel, chair: ChairParameters) -> Seat:
         height=chair.height,
         forward=chair.front,
         depth=chair.depth,
+        behind=chair.behind,
         rounding=chair.rounding,
         friction_coefficient=chair.friction_coefficient,
         transition_velocity=chair.transition_velocity,

@@ -1,7 +1,5 @@
 """The controllers that ship: a module each, or of a few alike, and their names are the modes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from importlib import import_module
 from pkgutil import iter_modules

@@ -1,7 +1,5 @@
 """A share of the impedance that another controller asks for: fixed, or as much as is needed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -51,49 +49,31 @@ class AssistanceParameters(Parameters):
 
 @dataclass(slots=True)
 class AssistedJoint:
-    """A joint that is assisted.
+    """A joint that is assisted."""
 
-    Attributes:
-        share: Of k and b that it is given.
-        tracking: Sum of the absolute errors of the stride in [rad].
-    """
-
-    share: float
-    tracking: float = 0.0
+    share: float  # of k and b that it is given
+    tracking: float = 0.0  # sum of the absolute errors of the stride in [rad]
 
 
 @dataclass(slots=True)
 class AssistedLeg:
-    """The stride of a leg that is assisted.
+    """The stride of a leg that is assisted."""
 
-    Attributes:
-        path_start: Share of the cycle at which the leg begins.
-        stride_ticks: Length of the last stride.
-        stride_start: Tick in which its stride began.
-    """
-
-    path_start: float
-    stride_ticks: int
-    stride_start: int = 0
+    path_start: float  # share of the cycle at which the leg begins
+    stride_ticks: int  # length of the last stride
+    stride_start: int = 0  # tick in which its stride began
 
 
 @dataclass(slots=True)
 class AssistanceMemory:
-    """What assistance keeps.
+    """What assistance keeps."""
 
-    Attributes:
-        other: Memory of the controller whose impedance is shared.
-        assisted: Leg by leg: left hip, left knee, right hip, …
-        strides: Of the legs; none where the shares stay.
-        angles: Walk against which the error is measured, over a cycle in [rad], by sample and joint of a leg.
-        adaptation: Of the shares.
-    """
-
-    other: object
-    assisted: list[AssistedJoint]
-    strides: list[AssistedLeg]
+    other: object  # memory of the controller whose impedance is shared
+    assisted: list[AssistedJoint]  # leg by leg: left hip, left knee, right hip, …
+    strides: list[AssistedLeg]  # of the legs; none where the shares stay
+    # walk against which the error is measured, over a cycle in [rad], by sample and joint of a leg
     angles: list[list[float]]
-    adaptation: Adaptation
+    adaptation: Adaptation  # of the shares
 
 
 def assisted_tick(memory: Any, device: Any, tick: int, period: float) -> None:
@@ -119,15 +99,10 @@ def assist(memory: AssistanceMemory, device: ControllerState, tick: int, period:
 
 @dataclass(frozen=True)
 class Assistance(Controller):
-    """Gives the joints a share of the impedance that another controller asks for.
+    """Gives the joints a share of the impedance that another controller asks for."""
 
-    Attributes:
-        parameters: Shares, and how they adapt.
-        other: The other controller.
-    """
-
-    parameters: AssistanceParameters
-    other: Controller
+    parameters: AssistanceParameters  # shares, and how they adapt
+    other: Controller  # the other controller
 
     tick = staticmethod(assist)
 

@@ -1,7 +1,5 @@
 """Springs and dampers of the gait table, or less than that."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from twin_gait.control.controller import Controller, Plan

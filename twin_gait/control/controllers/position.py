@@ -1,7 +1,5 @@
 """A stiff spring that follows a predetermined path (TWIN's walk mode)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -57,17 +55,11 @@ class PathParameters(Parameters):
 
 @dataclass(slots=True)
 class PathMemory:
-    """The walk that is followed.
+    """The walk that is followed."""
 
-    Attributes:
-        angles: Over a cycle in [rad], by sample and joint of a leg.
-        cycle_ticks: Length of a cycle.
-        starts: Share of the cycle at which each leg begins.
-    """
-
-    angles: list[list[float]]
-    cycle_ticks: int
-    starts: list[float]
+    angles: list[list[float]]  # over a cycle in [rad], by sample and joint of a leg
+    cycle_ticks: int  # length of a cycle
+    starts: list[float]  # share of the cycle at which each leg begins
 
 
 def follow(memory: PathMemory, device: ControllerState, tick: int, period: float) -> None:
@@ -86,13 +78,9 @@ def follow(memory: PathMemory, device: ControllerState, tick: int, period: float
 
 @dataclass(frozen=True)
 class Position(Controller):
-    """Position tracking.
+    """Position tracking."""
 
-    Attributes:
-        path: Spring and damper.
-    """
-
-    path: PathParameters = field(default_factory=PathParameters)
+    path: PathParameters = field(default_factory=PathParameters)  # spring and damper
 
     mode = "position"
     tick = staticmethod(follow)

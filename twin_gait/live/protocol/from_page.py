@@ -41,37 +41,23 @@ Value = float | str | bool
 
 @dataclass(frozen=True, kw_only=True)
 class SetControl:
-    """A page sets a control.
+    """A page sets a control."""
 
-    Attributes:
-        id: By which the page recognises the answer.
-        user: Who.
-        control: Name of the control.
-        value: In the unit of the control.
-        trying: Whether only a forecast is wanted.
-    """
-
-    id: str
-    user: str
-    control: str
-    value: Value
-    trying: bool = False
+    id: str  # by which the page recognises the answer
+    user: str  # who
+    control: str  # name of the control
+    value: Value  # in the unit of the control
+    trying: bool = False  # whether only a forecast is wanted
 
 
 @dataclass(frozen=True, kw_only=True)
 class DoAction:
-    """A page asks for an action.
+    """A page asks for an action."""
 
-    Attributes:
-        id: By which the page recognises the answer.
-        user: Who.
-        action: What to do.
-        values: Of the fields of the action; those left out take their defaults.
-    """
-
-    id: str
-    user: str
-    action: Action
+    id: str  # by which the page recognises the answer
+    user: str  # who
+    action: Action  # what to do
+    # of the fields of the action; those left out take their defaults
     values: Mapping[str, Value] = field(default_factory=dict)
 
 
@@ -81,12 +67,9 @@ Message = SetControl | DoAction
 def read_message(text: str | bytes) -> Message:
     """Read a message of a page.
 
-    Args:
-        text: JSON: ``{"kind": "set", "id", "user", "control", "value"}``, the same with ``try`` for a
-            forecast of it, or ``{"kind": "do", "id", "user", "action", "values"}``.
-
-    Raises:
-        MessageRefused: If it is anything else; the text says why.
+    ``text``: JSON: ``{"kind": "set", "id", "user", "control", "value"}``, the same with ``try`` for a
+    forecast of it, or ``{"kind": "do", "id", "user", "action", "values"}``. Raises MessageRefused if it is
+    anything else; the text says why.
     """
     size = len(text.encode("utf-8", "replace")) if isinstance(text, str) else len(text)
     if size > LARGEST_MESSAGE:
@@ -101,8 +84,7 @@ def read_message(text: str | bytes) -> Message:
 def message_from(data: Any) -> Message:
     """Turn a parsed message into a :class:`SetControl` or :class:`DoAction`.
 
-    Raises:
-        MessageRefused: If something is missing, unknown or of the wrong type.
+    Raises MessageRefused if something is missing, unknown or of the wrong type.
     """
     if not isinstance(data, dict):
         raise MessageRefused("message: expected an object with kind, id and user")

@@ -35,41 +35,23 @@ class Response(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """A control, or a field of an action, with all that is needed to draw it.
+    """A control, or a field of an action, with all that is needed to draw it."""
 
-    Attributes:
-        name: By which it is set, such as ``late_stance.hip.stiffness``.
-        label: What a page writes beside it.
-        group: Tab of the panel: ``walk``, ``table``, ``monitor``, or the action that it belongs to.
-        kind: How it is drawn.
-        value: Present value; for a field of an action the one that it begins with.
-        default: Value of the preset.
-        unit: Of the value; empty for a pure number or a word.
-        least: Least number allowed.
-        largest: Largest number allowed.
-        step: From one number to the next.
-        choices: Words of a choice.
-        phase: Phase of gait of a table's control.
-        joint: Joint of a control that has one.
-        side: Leg of a control that has one.
-        help: One sentence.
-    """
-
-    name: str
-    label: str
-    group: str
-    kind: ControlKind
-    value: Value
-    default: Value
-    unit: str = ""
-    least: float | None = None
-    largest: float | None = None
-    step: float | None = None
-    choices: tuple[str, ...] = ()
-    phase: str | None = None
-    joint: str | None = None
-    side: str | None = None
-    help: str = ""
+    name: str  # by which it is set, such as ``late_stance.hip.stiffness``
+    label: str  # what a page writes beside it
+    group: str  # tab of the panel: ``walk``, ``table``, ``monitor``, or the action that it belongs to
+    kind: ControlKind  # how it is drawn
+    value: Value  # present value; for a field of an action the one that it begins with
+    default: Value  # value of the preset
+    unit: str = ""  # of the value; empty for a pure number or a word
+    least: float | None = None  # least number allowed
+    largest: float | None = None  # largest number allowed
+    step: float | None = None  # from one number to the next
+    choices: tuple[str, ...] = ()  # words of a choice
+    phase: str | None = None  # phase of gait of a table's control
+    joint: str | None = None  # joint of a control that has one
+    side: str | None = None  # leg of a control that has one
+    help: str = ""  # one sentence
 
     @property
     def changed(self) -> bool:
@@ -83,21 +65,13 @@ class Control:
 
 @dataclass(frozen=True, kw_only=True)
 class ActionSpec:
-    """An action with its fields.
+    """An action with its fields."""
 
-    Attributes:
-        action: Its name.
-        label: What the button says.
-        group: Tab of the panel.
-        fields: What goes with it.
-        help: One sentence.
-    """
-
-    action: Action
-    label: str
-    group: str
-    fields: tuple[Control, ...] = ()
-    help: str = ""
+    action: Action  # its name
+    label: str  # what the button says
+    group: str  # tab of the panel
+    fields: tuple[Control, ...] = ()  # what goes with it
+    help: str = ""  # one sentence
 
     def to_dict(self) -> dict[str, Any]:
         """The action as JSON takes it."""
@@ -106,69 +80,42 @@ class ActionSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class DeadlineStatistics:
-    """How well the blocks kept to the clock.
+    """How well the blocks kept to the clock."""
 
-    Attributes:
-        blocks: That were due.
-        late: Of them, finished more than 10 ms after their time, or never.
-        mean_ms: Mean lateness in [ms]; a block finished in time counts as 0.
-        p99_ms: Lateness that 99 % of the blocks stay below, in [ms].
-        worst_ms: Largest lateness in [ms].
-        lost_s: Time in [s] that the simulation has given up after stalls.
-    """
-
-    blocks: int
-    late: int
-    mean_ms: float
-    p99_ms: float
-    worst_ms: float
-    lost_s: float
+    blocks: int  # that were due
+    late: int  # of them, finished more than 10 ms after their time, or never
+    mean_ms: float  # mean lateness in [ms]; a block finished in time counts as 0
+    p99_ms: float  # lateness that 99 % of the blocks stay below, in [ms]
+    worst_ms: float  # largest lateness in [ms]
+    lost_s: float  # time in [s] that the simulation has given up after stalls
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One moment of the walk.
+    """One moment of the walk."""
 
-    Attributes:
-        tick: Of the last row of the log.
-        time_s: Of that tick.
-        events: What befell the walk: kind, time in [s] and words each, see
-            :func:`twin_gait.viewer.page.event_entries`.
-        status: ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or
-            a trip), ``fell``, ``diverged``, ``ended`` or ``died`` (the process, not the wearer).
-        q: Coordinates of the rigid-body model in [rad] and [m], Pinocchio's order.
-        log: The row of the log, by column; phases are names.
-        deadlines: How well the blocks kept to the clock.
-    """
-
-    tick: int
-    time_s: float
+    tick: int  # of the last row of the log
+    time_s: float  # of that tick
+    # ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or a trip), ``fell``,
+    # ``diverged``, ``ended`` or ``died`` (the process, not the wearer)
     status: str
-    q: tuple[float, ...]
-    log: Mapping[str, float | str]
-    deadlines: DeadlineStatistics
+    q: tuple[float, ...]  # coordinates of the rigid-body model in [rad] and [m], Pinocchio's order
+    log: Mapping[str, float | str]  # the row of the log, by column; phases are names
+    deadlines: DeadlineStatistics  # how well the blocks kept to the clock
+    # what befell the walk: kind, time in [s] and words each, see event_entries
     events: tuple[Mapping[str, Any], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The frame as JSON takes it; numbers that are not finite become null."""
-        return {
-            "kind": "frame",
-            "tick": self.tick,
-            "time_s": self.time_s,
-            "status": self.status,
-            "events": list(self.events),
-            "q": [_finite(item) for item in self.q],
-            "log": {key: _finite(value) for key, value in self.log.items()},
-            "deadlines": asdict(self.deadlines),
-        }
+        log = {key: _finite(value) for key, value in self.log.items()}
+        numbers = {"q": [_finite(item) for item in self.q], "log": log, "deadlines": asdict(self.deadlines)}
+        return {"kind": "frame", **vars(self), "events": list(self.events), **numbers}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Frame:
         """The frame of :meth:`to_dict`."""
         return cls(
-            tick=data["tick"],
-            time_s=data["time_s"],
-            status=data["status"],
+            **{key: data[key] for key in ("tick", "time_s", "status")},
             q=tuple(math.nan if item is None else item for item in data["q"]),
             log={key: math.nan if item is None else item for key, item in data["log"].items()},
             deadlines=DeadlineStatistics(**data["deadlines"]),
@@ -178,35 +125,21 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """What became of a message, or what the simulation did by itself.
+    """What became of a message, or what the simulation did by itself."""
 
-    Attributes:
-        serial: Number of the event, from 1 on.
-        response: Applied, refused, a note of the simulation, or the forecast of a change that waits.
-        text: One sentence; of a refusal the reason.
-        tick: First tick with the change; of a refusal the last one known.
-        id: Of the message, or empty.
-        user: Who, or empty.
-        subject: Control or action that it is about, or empty.
-        value: That was asked for.
-        before: Value that the control had.
-        warnings: Findings of the check that a change which was applied brings along.
-        effect: What the log has from now on, by column; a table's control shows while its phase lasts.
-        forecast: Of a change that waits, see :class:`~twin_gait.live.forecast.Forecast`; else None.
-    """
-
-    serial: int
-    response: Response
-    text: str
-    tick: int
-    id: str = ""
-    user: str = ""
-    subject: str = ""
-    value: Value | None = None
-    before: Value | None = None
-    warnings: tuple[str, ...] = ()
+    serial: int  # number of the event, from 1 on
+    response: Response  # applied, refused, a note of the simulation, or the forecast of a change that waits
+    text: str  # one sentence; of a refusal the reason
+    tick: int  # first tick with the change; of a refusal the last one known
+    id: str = ""  # of the message, or empty
+    user: str = ""  # who, or empty
+    subject: str = ""  # control or action that it is about, or empty
+    value: Value | None = None  # that was asked for
+    before: Value | None = None  # value that the control had
+    warnings: tuple[str, ...] = ()  # findings of the check that a change which was applied brings along
+    # what the log has from now on, by column; a table's control shows while its phase lasts
     effect: Mapping[str, float] = field(default_factory=dict)
-    forecast: Mapping[str, Any] | None = None
+    forecast: Mapping[str, Any] | None = None  # of a change that waits, see Forecast; else None
 
     def to_dict(self) -> dict[str, Any]:
         """The event as JSON takes it."""
@@ -221,39 +154,26 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class State:
-    """The panel.
+    """The panel."""
 
-    Attributes:
-        serial: Of the last event that it counts in; grows with every change.
-        experiment: Name of the preset or file.
-        phases: Of the gait table, in order.
-        joints: Of a leg, in order.
-        sides: Legs.
-        controls: All controls.
-        actions: All actions.
-        saved: Tables saved so far: files, newest last.
-        version: Of the protocol.
-    """
-
-    serial: int
-    experiment: str
-    phases: tuple[str, ...]
-    joints: tuple[str, ...]
-    sides: tuple[str, ...]
-    controls: tuple[Control, ...]
-    actions: tuple[ActionSpec, ...]
-    saved: tuple[str, ...] = ()
-    version: int = PROTOCOL_VERSION
+    serial: int  # of the last event that it counts in; grows with every change
+    experiment: str  # name of the preset or file
+    phases: tuple[str, ...]  # of the gait table, in order
+    joints: tuple[str, ...]  # of a leg, in order
+    sides: tuple[str, ...]  # legs
+    controls: tuple[Control, ...]  # all controls
+    actions: tuple[ActionSpec, ...]  # all actions
+    saved: tuple[str, ...] = ()  # tables saved so far: files, newest last
+    version: int = PROTOCOL_VERSION  # of the protocol
 
     def to_dict(self) -> dict[str, Any]:
         """The state as JSON takes it, with the differences from the preset."""
-        lists = {key: list(getattr(self, key)) for key in ("phases", "joints", "sides", "saved")}
+        entries = {
+            key: list(value) if isinstance(value, tuple) else value for key, value in vars(self).items()
+        }
         return {
             "kind": "state",
-            "version": self.version,
-            "serial": self.serial,
-            "experiment": self.experiment,
-            **lists,
+            **entries,
             "controls": [item.to_dict() for item in self.controls],
             "actions": [item.to_dict() for item in self.actions],
             "differences": [item.name for item in self.controls if item.changed],
@@ -272,8 +192,7 @@ def dump(data: Mapping[str, Any]) -> str:
 def checked(control: Control, value: Value) -> Value:
     """A value if the control can take it.
 
-    Raises:
-        MessageRefused: If it is of the wrong kind or out of range.
+    Raises MessageRefused if it is of the wrong kind or out of range.
     """
     if control.kind is ControlKind.SWITCH:
         return _of(control, value, isinstance(value, bool), "true or false")

@@ -113,9 +113,10 @@ def _count(one: Episode, number: int, index: int, source: int, debounce_ticks: i
 
 def _blend(e: Episode, number: int, tick: int) -> None:
     """Fade the parameters of a leg, unless they have arrived in all episodes."""
-    fading, ticks = False, e.rates.blend_ticks
+    fading = False
     for one in lanes(e):
-        fading |= tick - one.controller.legs[number].entry_tick <= ticks
+        leg = one.controller.legs[number]
+        fading |= tick - leg.entry_tick <= leg.blend_ticks[leg.phase]
     if fading:
         for one in lanes(e):
             fade(one.controller, one.rates, number, tick)

@@ -6,7 +6,7 @@ import math
 
 from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
-from twin_gait.simulation.interface import CRUTCHES, NETWORKED, PELVIS, PITCH, SHIFT, each, lanes
+from twin_gait.simulation.interface import CRUTCHES, NETWORKED, PELVIS, PITCH, SEATED, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
@@ -15,7 +15,7 @@ from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
 from twin_gait.simulation.rooms.surroundings import catch, command
-from twin_gait.simulation.rooms.upper_body import use_crutches
+from twin_gait.simulation.rooms.upper_body import place_chair, use_crutches
 from twin_gait.simulation.rooms.wearer import push
 
 
@@ -74,6 +74,9 @@ def act(e: Episode, tick: int) -> bool:
     if CRUTCHES > 0:
         for one in each(e):
             use_crutches(one, tick)
+    if SEATED:
+        for one in lanes(e):
+            place_chair(one, tick)
     for one in lanes(e):
         catch(one, tick)
     if e.recording.on:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin_gait.core.arm_policy import move_arm
+from twin_gait.core.arm_policy import REACHES, move_arm
 from twin_gait.core.arms import Arm, arm_force
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.elementary import sine_cosine
@@ -42,6 +42,14 @@ def press_seat(e: Episode, q: list[float], v: list[float]) -> None:
     e.torque[FORWARD] += forward
     e.torque[PELVIS] += upward
     e.torque[PITCH] += moment
+
+
+def place_chair(e: Episode, tick: int) -> None:
+    """Put the chair behind a standing wearer when the device announces that it will sit down."""
+    leg, seat = e.controller.legs[0], e.seat
+    announced = e.chair_phases[leg.phase] == REACHES and leg.entry_tick == tick
+    if announced and e.q[PELVIS] > seat.height + 2.0 * seat.buttocks.thickness:
+        seat.forward = e.q[FORWARD] - seat.behind
 
 
 def push_crutches(e: Episode, q: list[float], v: list[float]) -> None:

@@ -1,7 +1,5 @@
 """Run every controller on every day of a wearer, and put the measures side by side."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Measures of one run of a comparison: gait, torque between device and leg, work, load of the motors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

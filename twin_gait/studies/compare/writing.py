@@ -1,7 +1,5 @@
 """The folder of a comparison: one page, its figure, and the numbers as CSV and JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from functools import cache

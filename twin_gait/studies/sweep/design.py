@@ -3,8 +3,6 @@
 Values are kept in columns, one array per key, so that a million episodes take some tens of megabytes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Sweep specifications as YAML, and their conversion to a base experiment and a design."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -66,9 +64,8 @@ class Sweep:
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
     """Read a sweep specification; settings such as ``duration_s=5`` are laid over those of the file.
 
-    Raises:
-        ParameterFileError: If the file has a mistake.
-        ParameterError: If an assignment or the experiment that it names does.
+    Raises ParameterFileError if the file has a mistake. Raises ParameterError if an assignment or the
+    experiment that it names does.
     """
     path = Path(path).expanduser()
     if path.is_dir():

@@ -5,8 +5,6 @@ are merged into ``table.parquet``. A kill between the two leaves rows in both, o
 equal.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import io
@@ -119,8 +117,7 @@ class SweepStore:
 def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
     """Open the folder of a sweep, or make it; no other process can open it meanwhile.
 
-    Raises:
-        RunDirectoryError: If the folder holds something else, is in use or cannot be written.
+    Raises RunDirectoryError if the folder holds something else, is in use or cannot be written.
     """
     check_directory(directory, sweep)
     parts = directory / PARTS_FOLDER

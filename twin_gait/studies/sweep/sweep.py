@@ -1,7 +1,5 @@
 """Sweeps: an experiment over any of its parameters, resumable, on this machine or a cluster."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Sequence
@@ -70,10 +68,9 @@ def run_sweep(
     neither the table nor the rows depend on the workers, the blocks or the number of resumptions. The engine
     is compiled in the calling process, so that no worker has to.
 
-    Raises:
-        ParameterFileError: If an episode is wrong or cannot be run, naming it; what was done is kept.
-        RunDirectoryError: If the folder holds something else or cannot be written.
-        WorkersLost: If workers die again and again; what was done is kept.
+    Raises ParameterFileError if an episode is wrong or cannot be run, naming it; what was done is kept.
+    Raises RunDirectoryError if the folder holds something else or cannot be written. Raises WorkersLost if
+    workers die again and again; what was done is kept.
     """
     workers = workers or Workers()
     began = time.perf_counter()

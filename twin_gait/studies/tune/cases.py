@@ -1,7 +1,5 @@
 """Wearers, plants and sensors that a table is tried on besides those that it is tuned for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
@@ -191,8 +189,7 @@ def _friction(ratio: float) -> Change:
 def _efficiency(efficiency: float) -> Change:
     return _plant(
         lambda plant: replace(
-            plant,
-            actuators={k: replace(v, gear_efficiency=efficiency) for k, v in plant.actuators.items()},
+            plant, actuators={k: replace(v, gear_efficiency=efficiency) for k, v in plant.actuators.items()}
         )
     )
 

@@ -1,7 +1,5 @@
 """The folder of a tuning: ``table.yaml``, ``tune.json``, ``report.html`` and the figures."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -49,11 +47,8 @@ def write_tuning(
 ) -> dict[str, Any] | None:
     """Choose the table, see how it degrades, and write everything beside the state, for a wearer in words.
 
-    Returns:
-        Content of ``tune.json``; None if it was stopped before.
-
-    Raises:
-        ParameterError: If no table passes the check.
+    Returns content of ``tune.json``; None if it was stopped before. Raises ParameterError if no table passes
+    the check.
     """
     directory = directory.expanduser().absolute()
     assert tuning.before is not None  # a completed tuning has it

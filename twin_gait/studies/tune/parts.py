@@ -10,8 +10,6 @@ with value x, goal g and weight w of each part. A fall after a share s of the ti
 :math:`J_{worst} + (J_{fall} - J_{worst})(1 - s)`, more than any walk, and the less the later it comes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -14,8 +14,6 @@ best of all these points. What a walk does is rugged: slopes come from moves of 
 range, up and down in turn, and those of earlier generations fade out by halves. No chance is in it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

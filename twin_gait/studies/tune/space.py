@@ -4,8 +4,6 @@ Candidates are points of the unit cube. Every number is rounded to what a person
 0.1°), so that the table that is written is the very one that walked.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The stages of a tuning: compiling, search and robust set."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The state is kept on disk while it runs: one JSON file, replaced after every step, nothing pickled.
 """
 
-from __future__ import annotations
-
 import json
 import reprlib
 import shutil

@@ -1,7 +1,5 @@
 """Tune a gait table to a wearer: search, robust set, and the choice of the table."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace

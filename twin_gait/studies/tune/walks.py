@@ -1,7 +1,5 @@
 """Walks of candidates, many at a time, and what they cost."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial

@@ -31,16 +31,11 @@ _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 
 
 class Trace(NamedTuple):
-    """What curves did over some ticks.
+    """What curves did over some ticks."""
 
-    Attributes:
-        first: First tick.
-        end: Tick after the last one.
-        columns: Ticks and values by the columns of the log, in the units of the log; None is not a number.
-    """
-
-    first: int
-    end: int
+    first: int  # first tick
+    end: int  # tick after the last one
+    # ticks and values by the columns of the log, in the units of the log; None is not a number
     columns: Mapping[str, tuple[Sequence[int], Sequence[float | None]]]
 
 
@@ -65,14 +60,9 @@ class LiveFigure:
     ) -> None:
         """Draw.
 
-        Args:
-            drives: Joints with a motor.
-            modes: Names of the operating modes in the order of their codes.
-            setting: What is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`.
-
-        Raises:
-            ModelError: If the URDF cannot be read.
-            ViewerError: If a mesh cannot be read.
+        ``modes``: names of the operating modes in the order of their codes; ``setting``: what is drawn around
+        the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises ModelError if the URDF cannot be
+        read. Raises ViewerError if a mesh cannot be read.
         """
         self.window = LiveWindow()
         self._model, self._phases, self._slope = model, (*phases, HOLD), setting.get("slope", 0.0)
@@ -101,12 +91,9 @@ class LiveFigure:
     ) -> None:
         """Move everything to a moment.
 
-        Args:
-            time: In [s].
-            q: Coordinates of the model, shape ``(nv,)``.
-            row: Row of the log of that moment, by column; a phase is a name.
-            belt_speed: Of the treadmill since the last moment in [m] / [s].
-            traces: What the curves did since the last moment, in order.
+        ``time`` in [s]; ``q``: coordinates of the model, shape ``(nv,)``; ``row``: row of the log of that
+        moment, by column; a phase is a name; ``belt_speed`` of the treadmill since the last moment in
+        [m] / [s]; ``traces``: what the curves did since the last moment, in order.
         """
         posture = np.asarray(q, dtype=float)
         if not np.isfinite(posture).all():

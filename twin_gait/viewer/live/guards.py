@@ -42,9 +42,8 @@ def is_loopback(host: str) -> bool:
 def is_own_page(origin: str | None, host: str) -> bool:
     """Whether a request comes from a page of this very server.
 
-    Args:
-        origin: The ``Origin`` header; None if there is none, which no browser leaves out here.
-        host: The ``Host`` header.
+    ``origin``: the ``Origin`` header; None if there is none, which no browser leaves out here; ``host``: the
+    ``Host`` header.
     """
     return origin is not None and is_loopback(host) and origin.lower() == f"http://{host.lower()}"
 
@@ -53,11 +52,7 @@ class Allowance:
     """How much a page may still say: so many messages a second, with a reserve for bursts."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start with the whole reserve.
-
-        Args:
-            clock: Time in [s].
-        """
+        """Start with the whole reserve. ``clock``: time in [s]."""
         self._clock = clock
         self._left = _BURST
         self._since = clock()
@@ -91,11 +86,7 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
             self.refuse("open the address that the program has printed: it holds the token of this start")
 
     def refuse(self, reason: str) -> None:
-        """Answer with status 403.
-
-        Raises:
-            HTTPError: Always.
-        """
+        """Answer with status 403. Raises HTTPError: Always."""
         self.server.refused += 1
         raise HTTPError(403, reason)
 
@@ -113,11 +104,7 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         self.set_header("Referrer-Policy", "no-referrer")
 
     def write_error(self, status_code: int, **details: Any) -> None:
-        """Answer with the reason as plain text.
-
-        Args:
-            details: The exception, as ``exc_info``.
-        """
+        """Answer with the reason as plain text. ``details``: the exception, as ``exc_info``."""
         error = details.get("exc_info", (None, None, None))[1]
         reason = getattr(error, "log_message", None) or self._reason
         self.set_header("Content-Type", "text/plain; charset=utf-8")
@@ -133,11 +120,7 @@ class NothingHandler(Guarded):
     """Everything that is not here."""
 
     def prepare(self) -> None:
-        """Answer with status 404, or 403 as everywhere.
-
-        Raises:
-            HTTPError: Always.
-        """
+        """Answer with status 404, or 403 as everywhere. Raises HTTPError: Always."""
         super().prepare()
         raise HTTPError(404, "there is nothing here")
 
@@ -166,11 +149,7 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         await self.outbox.ended()
 
     async def write_or_leave(self, content: str | bytes, *, binary: bool) -> bool:
-        """Write to the page; one that has gone is no error.
-
-        Returns:
-            Whether the page is still there.
-        """
+        """Write to the page; one that has gone is no error. Returns whether the page is still there."""
         try:
             await self.write_message(content, binary=binary)
         except (WebSocketClosedError, StreamClosedError):

@@ -27,40 +27,36 @@ _FAREWELL = 0.05  # [s] in which a page may answer that it has heard of the end
 
 
 class SceneServer:
-    """Serves a page and its scene.
-
-    It belongs to one event loop: make it, and call it, inside of it.
-
-    Attributes:
-        url: Address of the page with the token, which is made anew at every start.
-        views: Open scenes.
-        refused: How many requests and messages were refused here.
-    """
+    """Serves a page and its scene; belongs to one event loop: make it, and call it, inside of it."""
 
     def __init__(
         self, page: str, *, first_port: int, scene: Callable[[], Iterable[Change]] = lambda: ()
     ) -> None:
         """Listen.
 
-        Args:
-            first_port: If it is taken the next one is tried; 0 lets the system choose.
-            scene: Packed commands for a scene that has just been opened.
-
-        Raises:
-            ViewerError: If no port is free.
+        ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``scene``: packed
+        commands for a scene that has just been opened. Raises ViewerError if no port is free.
         """
         self.page, self.scene = page, scene
-        self.views: set[SceneSocket] = set()
-        self.refused = 0
-        self._token = secrets.token_hex(24)
+        self.views: set[SceneSocket] = set()  # open scenes
+        self.refused = 0  # requests and messages
+        self._token = secrets.token_hex(24)  # of this start
         try:
             listener = bind_loopback(first_port)
         except OSError as error:
             raise ViewerError(f"the page cannot be served: {error}; give another --port") from error
         self.port = int(listener.getsockname()[1])
         self.url = f"http://{LOOPBACK}:{self.port}/?token={self._token}"
+        owner = {"server": self}
+        application = Application(
+            [(path, handler, owner) for path, handler in self.routes()],
+            default_handler_class=NothingHandler,
+            default_handler_args=owner,
+            websocket_max_message_size=LONGEST_MESSAGE,
+            log_function=lambda handler: None,
+        )
         self._http = HTTPServer(
-            self._application(),
+            application,
             max_body_size=LONGEST_MESSAGE,
             max_header_size=_LONGEST_HEADER,
             idle_connection_timeout=PATIENCE,
@@ -98,16 +94,6 @@ class SceneServer:
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
         """Paths and who answers them."""
         return [(r"/", PageHandler), (r"/socket", SceneSocket)]
-
-    def _application(self) -> Application:
-        owner = {"server": self}
-        return Application(
-            [(path, handler, owner) for path, handler in self.routes()],
-            default_handler_class=NothingHandler,
-            default_handler_args=owner,
-            websocket_max_message_size=LONGEST_MESSAGE,
-            log_function=lambda handler: None,
-        )
 
 
 class PageHandler(Guarded):

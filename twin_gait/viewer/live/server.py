@@ -20,11 +20,7 @@ Message = Mapping[str, Any]
 
 
 class LiveServer(SceneServer):
-    """Serves the live page.
-
-    Attributes:
-        pages: Open panels.
-    """
+    """Serves the live page."""
 
     def __init__(
         self,
@@ -39,27 +35,21 @@ class LiveServer(SceneServer):
     ) -> None:
         """Listen.
 
-        Args:
-            first_port: If it is taken the next one is tried; 0 lets the system choose.
-            on_message: Called with what a page says, which may be any text.
-            on_stop: Called when a page asks to stop without its socket.
-            refusal: Makes the answer to what is refused here, of the reason.
-            greeting: Messages for a panel that has just been opened.
-            scene: Packed commands for a scene that has just been opened.
-
-        Raises:
-            ViewerError: If no port is free.
+        ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``on_message``: called
+        with what a page says, which may be any text; ``on_stop``: called when a page asks to stop without its
+        socket; ``refusal``: makes the answer to what is refused here, of the reason; ``greeting`` and
+        ``scene``: messages for a panel, and packed commands for a scene, that have just been opened. Raises
+        ViewerError if no port is free.
         """
         self.on_message, self.on_stop = on_message, on_stop
         self.refusal, self.greeting = refusal, greeting
-        self.pages: set[Panel] = set()
+        self.pages: set[Panel] = set()  # open panels
         super().__init__(page, first_port=first_port, scene=scene)
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
         """Tell all panels something.
 
-        Args:
-            key: A later message of the same key makes this one needless; None keeps every one.
+        ``key``: a later message of the same key makes this one needless; None keeps every one.
         """
         text = json.dumps(message, allow_nan=False)
         for panel in self.pages:
@@ -100,8 +90,7 @@ class Panel(GuardedSocket):
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
         """Tell this panel something.
 
-        Args:
-            key: A later message of the same key makes this one needless; None keeps every one.
+        ``key``: a later message of the same key makes this one needless; None keeps every one.
         """
         self.post_text(json.dumps(message, allow_nan=False), key)
 

@@ -67,8 +67,7 @@ class Outbox(Generic[Item]):
     def __init__(self, write: Callable[[list[Item]], Awaitable[None]]) -> None:
         """Start empty.
 
-        Args:
-            write: Writes one batch; what it returns ends when the network has taken the batch.
+        ``write``: writes one batch; what it returns ends when the network has taken the batch.
         """
         self._write = write
         self._waiting: dict[Hashable, Item] = {}
