@@ -56,6 +56,7 @@ def test_the_wearer_stands_where_nothing_tells_the_legs_to_step(walk):
     still = replace(
         table,
         phases={"stand": table.phases["stand"]},
+        postures=("stand",),
         transitions=(),
         cycles=(),
         waivers=(),
