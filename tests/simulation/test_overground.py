@@ -56,6 +56,7 @@ def test_the_wearer_stands_where_nothing_tells_the_legs_to_step(walk):
     still = replace(
         table,
         phases={"stand": table.phases["stand"]},
+        postures=("stand",),
         transitions=(),
         cycles=(),
         waivers=(),
@@ -63,3 +64,13 @@ def test_the_wearer_stands_where_nothing_tells_the_legs_to_step(walk):
     )
     stood = simulate(replace(walk.experiment, table=still, duration=4.0, engine=Engine.PINOCCHIO))
     assert stood.status == "completed" and np.ptp(stood.log["pelvis_forward_m"]) < 0.1
+
+
+@pytest.mark.parametrize("since", [1.0, 8.0, 20.0])
+def test_who_has_stood_for_any_time_steps_when_told_to(since):
+    """Both legs have stood since the same tick, and neither is clearly behind."""
+    requests = f"requests=[walk@{since}s, step@{since + 0.1}s]"
+    settings = ["modes=walking", requests, f"duration_s={since + 1.0}"]
+    run = simulate(load_experiment("overground", settings).experiment)
+    first = run.switches[0]
+    assert (first.target, first.tick) == ("swing_flexion", round(1e3 * (since + 0.1)))
