@@ -102,7 +102,7 @@ def test_a_request_is_refused_by_what_would_have_happened_anyway_just_as_well():
     """A transition that is due without the request is no answer to it."""
     supervisor = new_supervisor("sit_down")
     hear_request(supervisor, code("stand"))
-    choose_mode(supervisor, 8000, False)
+    choose_mode(supervisor, 12000, False)
     assert name_of(supervisor) == "sitting" and supervisor.refused == code("stand")
 
 

@@ -18,7 +18,7 @@ from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import log_table
-from twin_gait.viewer.animation import _uneven_belt_track
+from twin_gait.viewer.animation import _belt_track
 from twin_gait.viewer.surroundings import BELT_MARK_SPACING
 from twin_gait.vocabulary import FIRST_SWING, STAND, Side
 
@@ -104,7 +104,7 @@ def test_scenario_knows_speed_and_way_of_its_belt():
 
 def test_marks_in_the_page_go_the_way_of_the_belt():
     scenario = load_experiment("treadmill_start_stop").experiment.scenario
-    track = _uneven_belt_track(20.0, scenario.walking.belt_travel)
+    track = _belt_track(20.0, scenario.walking.belt_travel)
     times, places = track.times, track.values[:, 0]
     assert (np.diff(times) > 0.0).all()
     for time in (1.0, 5.0, 9.3, 19.0):

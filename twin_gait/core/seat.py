@@ -64,10 +64,10 @@ class Seat:
     buttocks: Pad
     thigh: Pad
     hips: list[int]
-    behind: float
     normal: float = 0.0
     friction: float = 0.0
     power: float = 0.0
+    behind: float = 0.0
 
 
 def bearing_share(seat: Seat, forward: float) -> float:

@@ -66,7 +66,7 @@ class WalkNews:
         if status != self.status:
             before, self.status = self.status, status
             if status in _ENDINGS and before not in ("starting", "ended"):
-                told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
+                told = "; ".join([*(event["text"] for event in json.loads(line)["events"]), _ENDINGS[status]])
                 self._book.emit(Response.NOTE, told)
         recorder = self._book.recorder
         if recorder is not None and recorder.failure:
