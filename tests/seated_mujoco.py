@@ -20,8 +20,8 @@ TRUNK_LENGTH, GYRATION = 0.288, 0.496  # of head, arms and trunk (Winter 2009, t
 def free_spec(model: Any, patient: Any, *, fit_device: bool = True) -> mujoco.MjSpec:
     """Legs whose pelvis moves forwards and pitches too, with a trunk that turns."""
     spec = mujoco_legs.legs_spec(model, patient, fit_device=fit_device)
-    if model.pitch_index is None:  # the controller's
-        return spec
+    if model.pitch_index is None or any(joint.name == PITCH_JOINT for joint in spec.joints):
+        return spec  # the controller's, or free already
     pelvis = spec.joint(PELVIS_JOINT).parent
     pelvis.add_joint(name=FORWARD_JOINT, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
     pelvis.add_joint(name=PITCH_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])

@@ -36,7 +36,7 @@ def add_command(
 ) -> argparse.ArgumentParser:
     """Add a command whose help and description are the docstring of what runs it."""
     summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
-    text = summary[0].lower() + summary[1:].rstrip(".")
+    text = summary[:1].lower() + summary[1:].rstrip(".")
     parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=" ".join(rest.split()))
     parser.set_defaults(run=run)
     return parser
