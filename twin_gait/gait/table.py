@@ -359,7 +359,7 @@ class GaitTable(StateTable):
     scaling: Scaling = field(default_factory=Scaling)  # laws that adapt the table
     # cycles of phases that are meant; empty for the phases in their order
     cycles: tuple[tuple[str, ...], ...] = ()
-    postures: tuple[str, ...] = ()  # phases that a supervisor may send both legs into, modes
+    postures: tuple[str, ...] = ()  # phases into which a supervisor may send both legs
 
     def _check_phases(self) -> None:
         for mapping in (self.phases, *self.side_phases.values()):

@@ -65,6 +65,7 @@ from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN,
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
+# What is felt of a chair, by phase.
 FELT = {
     SIT: SITS,
     LEAN: LEANS,
@@ -72,7 +73,7 @@ FELT = {
     STRAIGHTEN: RISES,
     REACH_BACK: REACHES,
     LOWER: LOWERS,
-}  # of a chair, by phase
+}
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]
