@@ -19,7 +19,7 @@ MASSES, HEIGHTS = (55, 65, 75, 85, 95), (1.60, 1.70, 1.80, 1.90)
 TRIGGERS = "therapist", "trunk lean"
 START, EVERY = 1.0, 1.14  # [s]: when the wearer is told to walk, and how often the therapist asks for a step
 WAY, SPEEDS = 10.0, (0.2, 0.42)  # [m], [m/s]
-NOISE = 0.02  # [deg], of the encoders from tick to tick (an assumption)
+NOISE = 2e-5  # [rad], of the encoders from tick to tick: some three counts (an assumption, as in tuning)
 
 # What others give for people with a complete injury in an exoskeleton with crutches. "recalled" was not
 # found again, and is worth as much.
@@ -49,7 +49,7 @@ def experiment(mass: float, height: float, trigger: str) -> Experiment:
         f"requests=[{', '.join(requests)}]",
         f"patient.mass_kg={mass}",
         f"patient.height_m={height}",
-        f"sensors.angle_noise_deg={NOISE}",
+        f"sensors={{ideal: false, angle_noise_rad: {NOISE}}}",
         f"duration_s={duration}",
     ]
     return load_experiment("overground", settings).experiment

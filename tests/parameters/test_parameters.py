@@ -186,6 +186,12 @@ def test_wearer_weighs_at_most_what_the_device_carries() -> None:
     assert Patient(mass=110.0).mass == 110.0
 
 
+def test_noise_on_ideal_encoders_is_refused() -> None:
+    with pytest.raises(ParameterError, match="angle_noise: expected 0, or ideal: false"):
+        SensorParameters(angle_noise=1e-5)
+    assert SensorParameters(ideal=False, angle_noise=1e-5).angle_noise == 1e-5
+
+
 def test_gear_is_lossless_by_default() -> None:
     assert KNEE_ACTUATOR.gear_efficiency == HIP_ACTUATOR.gear_efficiency == 1.0
 

@@ -56,7 +56,7 @@ def walk(seed: int, seconds: float = 12.0) -> Experiment:
             f"requests=[{', '.join(requests)}]",
             f"faults=[{', '.join(faults)}]",
             "sensors.ideal=false",
-            "sensors.angle_noise_deg=0.02",
+            "sensors.angle_noise_rad=2e-5",
             f"patient.mass_kg={draw.uniform(55, 85):.1f}",
             f"patient.height_m={draw.uniform(1.65, 1.85):.2f}",
             f"seed={seed}",
@@ -197,7 +197,9 @@ def steps_by(pitch: np.ndarray, start: int, draw: np.random.Generator) -> tuple[
     swinging = swings(run)[ticks]
     told.restart()
     unit, supervisor = told.engine.episode.trunk_unit, told.supervisor
-    unit.pitch, names = 0.0, told.modes.phase_names
+    # Where a trunk that has been upright for long is measured.
+    unit.pitch = sensor.gyroscope_bias * sensor.time_constant - sensor.accelerometer_bias / 9.81
+    names = told.modes.phase_names
     supervisor.mode, place = names.index("walk_automatic"), list(told.modes.signals).index
     pitch_place, swing_place = place("trunk.pitch_deg"), place("legs_in_swing")
     beyond = 0
@@ -216,14 +218,14 @@ def steps_by(pitch: np.ndarray, start: int, draw: np.random.Generator) -> tuple[
 
 @pytest.mark.parametrize("seeds", [pytest.param(SAMPLE, id="sample"), every])
 def test_no_lean_makes_a_step_below_the_threshold_or_before_the_hold_time(seeds):
-    """As measured: accelerations of the hips put the pitch off by some degrees while the device walks."""
+    """Accelerations of the hips, noise and biases put the measured pitch off by less than a degree."""
     last, stepped = len(recorded().log) - 2500, 0
     for seed in seeds:
         draw = np.random.default_rng(seed)
         lean = draw.uniform(*[(0.0, 8.0), (8.0, 20.0)][seed // 50 % 2])
         steps, due = steps_by(leaning(lean, int(draw.integers(0, 800))), int(draw.integers(2000, last)), draw)
         assert steps == due
-        assert lean > 5.0 or not steps
+        assert lean > 7.0 or not steps
         stepped += steps
     assert stepped
 

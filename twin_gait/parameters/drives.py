@@ -28,6 +28,7 @@ from twin_gait.parameters.quantities import (
     TorqueConstant,
     UnitInside,
     Voltage,
+    require,
 )
 from twin_gait.vocabulary import JointName, Side
 
@@ -168,7 +169,9 @@ class TrunkSensorParameters(Parameters):
         accelerometer_noise: Standard deviation of a sample of each axis in [m] / [s²]; white.
         accelerometer_bias: What the axis forwards reads in excess in [m] / [s²] (an assumption: 5 mg,
             likewise).
-        time_constant: With which the pitch follows the accelerometer in [s] (an assumption).
+        time_constant: With which the pitch follows the accelerometer in [s] (an assumption: the steps of the
+            default walk on the floor shake it off by 0.8 deg then, by 4 deg with 0.5 s; the bias of the
+            gyroscope adds 0.3 deg).
     """
 
     height: Length = 0.2
@@ -177,7 +180,7 @@ class TrunkSensorParameters(Parameters):
     gyroscope_bias: AngularVelocity = 0.1 * DEGREE
     accelerometer_noise: Annotated[Acceleration, NOT_NEGATIVE] = ACCELEROMETER_NOISE
     accelerometer_bias: Acceleration = 0.005 * 9.81
-    time_constant: Annotated[Time, POSITIVE] = 0.5
+    time_constant: Annotated[Time, POSITIVE] = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,3 +210,8 @@ class SensorParameters(Parameters):
     decimation: Annotated[int, COUNT] = 10
     window: Annotated[int, COUNT] = 10
     trunk: TrunkSensorParameters = field(default_factory=TrunkSensorParameters)
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that noise is not asked of encoders that have none."""
+        super().__post_init__()
+        require(not self.ideal or self.angle_noise == 0.0, "angle_noise", "0, or ideal: false", self.angle_noise)
