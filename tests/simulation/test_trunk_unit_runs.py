@@ -15,7 +15,8 @@ from twin_gait.simulation.reference_engine import ReferenceEngine
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
 QUIET = "gyroscope_noise_rad_per_s: 0, accelerometer_noise_m_per_s2: 0"
-UNIT = f"sensors.trunk={{{QUIET}, gyroscope_bias_deg_per_s: 3}}"
+# With a filter that soon takes shaking for gravity.
+UNIT = f"sensors.trunk={{{QUIET}, gyroscope_bias_deg_per_s: 3, time_constant_s: 0.5}}"
 
 
 def problem(*settings: str) -> Problem:
