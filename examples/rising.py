@@ -60,13 +60,13 @@ PUBLISHED = {
     RISING.preset: (
         Mark("force / weight", 1.10, 1.25, "recalled: feet, peak"),
         Mark(
-            "extension torque per leg [N m/kg]",
+            "extension torque [N m/kg]",
             0.7,
             0.7,
             "published: hip, least without arms (Yoshioka 2007)",
         ),
         Mark(
-            "extension torque per leg [N m/kg]",
+            "extension torque [N m/kg]",
             0.9,
             0.9,
             "published: knee, least without arms (Yoshioka 2007)",
@@ -219,7 +219,7 @@ def curves_of(run: Run) -> dict[str, dict[str, np.ndarray]]:
         torques[str(joint)] = -0.5 * both * GRAVITY / weight
     return {
         "force / weight": {"seat": log["seat_force_N"].to_numpy() / weight, "feet": feet / weight},
-        "extension torque per leg [N m/kg]": torques,
+        "extension torque [N m/kg]": torques,
         "trunk pitch [°]": {"trunk": np.degrees(log["trunk_pitch_rad"].to_numpy())},
         "push of both arms / weight": {"arms": pushes(run)},
     }
