@@ -188,6 +188,7 @@ class Noted:
         return None
 
 
+@pytest.mark.nightly
 def test_sessions_run_in_turn_and_the_first_round_counts_for_nothing():
     notes: list[str] = []
     times = time_in_turn({name: (Noted(name, notes), 10) for name in "ab"}, 3)

@@ -97,6 +97,7 @@ def test_every_joule_belongs_to_a_switch(short: Run, side: str, joint: str) -> N
     assert_allclose(own["energy_J"].sum(), whole, atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_no_effect_in_the_summary_is_larger_than_that_of_a_switch(walks: dict[Blend, Run]) -> None:
     """By two ways: all switches of a leg here, those within the strides that count in the summary."""
     for run in walks.values():

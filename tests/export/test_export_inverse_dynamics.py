@@ -270,6 +270,7 @@ def test_the_model_of_rajagopal_bends_its_knee_the_other_way(walk, tmp_path):
     assert rms(found - other.moments["knee_angle_r_moment"]) < MOMENT_TOLERANCE
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("device", [False, True])
 def test_with_braces_the_bodies_are_the_wearers_or_the_devices(tmp_path, device):
     run = simulate(load_experiment("treadmill", ["interface=brace", "duration_s=2"]).experiment)

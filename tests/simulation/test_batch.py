@@ -53,6 +53,7 @@ def assert_same(ours: pd.DataFrame, theirs: pd.DataFrame) -> None:
     pd.testing.assert_frame_equal(ours, theirs, check_exact=True)
 
 
+@pytest.mark.nightly
 def test_two_workers_give_the_same_table(walk, alone):
     asked, counts = [], []
 

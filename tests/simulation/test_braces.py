@@ -189,7 +189,7 @@ def test_energy_that_the_braces_take_is_stored_or_dissipated(bench_run):
     assert_allclose(log["brace_work_J"], -stored - dissipated, atol=1e-3 * dissipated[-1])
 
 
-@pytest.mark.parametrize("run", ["bench_run", "walk"])
+@pytest.mark.parametrize("run", ["bench_run", pytest.param("walk", marks=pytest.mark.nightly)])
 def test_energy_of_both_changes_by_all_the_work(run, request):
     log = request.getfixturevalue(run).log
     energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()

@@ -362,7 +362,12 @@ PLAIN_CASES = {
 
 
 # Each compiles a loop of its own; a user's change breaks the others as soon.
-NIGHTLY_CASES = ("treadmill in braces, rk4", "treadmill, a path and adaptive help", "treadmill that starts")
+NIGHTLY_CASES = (
+    "treadmill in braces, rk4",
+    "treadmill, a path and adaptive help",
+    "treadmill that starts",
+    "a free trunk by an inertial unit, on crutches",
+)
 TRIED = [
     pytest.param(case, id=name, marks=[pytest.mark.nightly] if name in NIGHTLY_CASES else [])
     for name, case in PLAIN_CASES.items()

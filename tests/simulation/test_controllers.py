@@ -55,6 +55,7 @@ class FadingHelp(Controller):
                 device.joints[place].demand.stiffness *= memory.left[number]
 
 
+@pytest.mark.nightly
 def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
     settings = ["duration_s=4", "engine=pinocchio"]
     run = simulate(load_experiment("treadmill", settings).experiment, controller=FadingHelp())

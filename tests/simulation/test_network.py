@@ -58,7 +58,7 @@ def hold_tick(run: Run) -> int:
 # ------------------------------------------------------------------ one law, many engines
 
 
-@pytest.mark.parametrize("place", ["board", "ccu"])
+@pytest.mark.parametrize("place", ["board", pytest.param("ccu", marks=pytest.mark.nightly)])
 def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everything_happens(place):
     problem = problem_of(f"{{impedance: {place}, {WORST}}}", "duration_s=0.6")
     compiled = CompiledEngine(problem).run()
@@ -313,6 +313,7 @@ def test_without_a_monitor_nobody_minds_the_silence():
     assert (columns(run, "stiffness_Nm_per_rad")[:, 530:] > 0.0).any()
 
 
+@pytest.mark.nightly
 def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
     """A torque that runs away at 20 000 N m a second passes what is plausible within ticks."""
     run = walk(

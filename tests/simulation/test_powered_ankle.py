@@ -201,6 +201,7 @@ def test_a_file_with_an_ankle_is_written_and_read_back():
 # ------------------------------------------------------------------ fewer joints
 
 
+@pytest.mark.nightly
 def test_a_drive_that_the_table_does_not_control_keeps_friction_and_rotor_but_gets_no_current():
     driven, free = (problem("duration_s=0.4", *settings) for settings in ((), ("table=treadmill",)))
     place = free.world.model.index(Side.LEFT, JointName.ANKLE)
@@ -229,7 +230,9 @@ def controlling(joints: list[str], *settings: str) -> Experiment:
     return replace(base, table=table)
 
 
-@pytest.mark.parametrize("joints", [["hip"], ["knee"], ["knee", "ankle"]])
+@pytest.mark.parametrize(
+    "joints", [["hip"], ["knee"], pytest.param(["knee", "ankle"], marks=pytest.mark.nightly)]
+)
 def test_a_table_may_control_fewer_joints(joints):
     run = simulate(controlling(joints, PLAIN))
     log = run.log

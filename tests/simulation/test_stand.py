@@ -246,6 +246,7 @@ def test_both_engines_agree_from_stand_to_stand():
             assert_allclose(compiled.log[column], python.log[column], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_a_walk_in_pieces_follows_the_belt_too():
     problem = build_problem(load_experiment("treadmill_start_stop", commands(0.5, 3.0, 4)).experiment)
     run = SteppedRun(problem)

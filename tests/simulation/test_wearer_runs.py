@@ -249,6 +249,7 @@ def test_engines_agree_on_a_walk_with_an_active_wearer():
     assert (np.abs(logs[0].to_numpy() - logs[1].to_numpy()) / scale).max() < 1e-9
 
 
+@pytest.mark.nightly
 def test_condition_of_one_side_acts_on_that_side_alone():
     settings = ["patient.left={knee: {passive: 1}}", "duration_s=0.05"]
     log = simulate(load_experiment("treadmill", settings).experiment).log
