@@ -199,9 +199,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("tuned") / "out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "FINALISTS", 1)
-        patch.setattr(
-            together, "FEWEST_IN_ALL", math.inf
-        )  # alone, which the loop of lanes is proven to equal
+        # Alone, which the loop of lanes is proven to equal.
+        patch.setattr(together, "FEWEST_IN_ALL", math.inf)
         patch.setattr(stages, "robust_cases", lambda item: (NOMINAL, LOW))
         for module in (stages, outcome):
             patch.setattr(module, "search_cases", lambda item: (NOMINAL, LOW))
