@@ -32,6 +32,7 @@ def test_window_ends_with_the_blend_with_the_next_switch_or_with_the_record() ->
     windows = blend_windows(np.array([10, 30, 34, 98]), 5, 100)
     assert_array_equal(windows, [[10, 16], [30, 34], [34, 40], [98, 100]])
     assert_array_equal(blend_windows(np.array([10, 30]), 0, 100), [[10, 11], [30, 31]])
+    assert_array_equal(blend_windows(np.array([10, 30]), np.array([3, 0]), 100), [[10, 14], [30, 31]])
     assert blend_windows(np.zeros(0, dtype=int), 5, 100).shape == (0, 2)
 
 

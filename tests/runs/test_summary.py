@@ -169,6 +169,10 @@ def test_largest_jump_names_its_switch(walk: Run) -> None:
     assert (jump["side"], jump["joint"]) == ("right", "knee")
     assert (jump["from"], jump["to"]) == (switch.source, switch.target)
     assert jump["time_s"] == pytest.approx(switch.tick * TICK)
+    slow = {**walk.table.phases, switch.target: replace(walk.table.phases[switch.target], blending_ticks=90)}
+    table = replace(walk.table, phases=slow)
+    jump = summarise(replace(walk, log=log, table=table))["largest_torque_jump"]
+    assert jump["over_blending_Nm"] == 500.0  # a phase with a time of blending of its own
 
 
 def stiffness_and_equilibrium_by_phase(walk: Run, equilibrium: float) -> Run:

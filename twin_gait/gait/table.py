@@ -396,7 +396,9 @@ class GaitTable(StateTable):
         return "swing" in phase.lower() and phase not in (PRE_SWING, *self.scaling.stance_phases)
 
     def blend_ticks(self, phase: PhaseParameters) -> int:
-        """Length of the fade into a phase in ticks, whatever its law."""
+        """Length of the fade into a phase in ticks; 0 if its parameters step."""
+        if self.blending.law is BlendingLaw.NONE:
+            return 0
         return self.blending.duration_ticks if phase.blending_ticks is None else phase.blending_ticks
 
     def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:

@@ -119,15 +119,19 @@ class SwitchChanges(NamedTuple):
     over_blending: np.ndarray
 
 
-def changes_at_switches(torque: np.ndarray, switches: np.ndarray, blending_ticks: int) -> SwitchChanges:
+def changes_at_switches(
+    torque: np.ndarray, switches: np.ndarray, blending_ticks: np.ndarray | int
+) -> SwitchChanges:
     """How much a torque changes when the phase does.
 
     ``torque`` in [N m], shape ``(n,)``; ``switches``: first ticks of new phases, each above 0 and below n,
-    shape ``(m,)``; ``blending_ticks``: length of the fade; 0 without.
+    shape ``(m,)``; ``blending_ticks``: length of each fade, or of all; 0 without.
     """
     at_switch, over_blending = np.zeros(len(switches)), np.zeros(len(switches))
-    for number, tick in enumerate(switches):
-        change = np.abs(torque[tick : tick + blending_ticks + 1] - torque[tick - 1])
+    for number, (tick, ticks) in enumerate(
+        zip(switches, np.broadcast_to(blending_ticks, len(switches)), strict=True)
+    ):
+        change = np.abs(torque[tick : tick + ticks + 1] - torque[tick - 1])
         at_switch[number], over_blending[number] = change[0], change.max()
     return SwitchChanges(at_switch, over_blending)
 

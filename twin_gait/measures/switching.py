@@ -26,13 +26,13 @@ _KERNEL_REACH = 4.0
 # ---------------------------------------------------------------------- torque
 
 
-def blend_windows(switches: np.ndarray, blending_ticks: int, length: int) -> np.ndarray:
+def blend_windows(switches: np.ndarray, blending_ticks: np.ndarray | int, length: int) -> np.ndarray:
     """Ticks in which the parameters of a leg change: from each switch to the end of its blend.
 
     A switch during a blend ends it, because the next one begins from where the parameters are. ``switches``:
     first ticks of new phases of one leg, ascending, each below ``length``, shape ``(m,)``;
-    ``blending_ticks``: length of the blend; 0 without. Returns first tick of each window and first tick after
-    it, integers, shape ``(m, 2)``.
+    ``blending_ticks``: length of each blend, or of all; 0 without. Returns first tick of each window and
+    first tick after it, integers, shape ``(m, 2)``.
     """
     starts = np.asarray(switches, dtype=int)
     following = np.append(starts[1:], length)[: len(starts)]

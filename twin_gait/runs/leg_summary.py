@@ -1,13 +1,14 @@
 """One leg of a run in numbers, for the summary."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
-from twin_gait.gait.machine import POSTURE
-from twin_gait.gait.table import TICK, Blending, BlendingLaw
+from twin_gait.gait.machine import POSTURE, PhaseSwitch
+from twin_gait.gait.table import TICK
 from twin_gait.measures import switching
 from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
@@ -82,15 +83,15 @@ def side_in_brief(run: Run, side: Side) -> dict[str, Any]:
     }
 
 
-def blend_length(blending: Blending) -> int:
-    """Ticks until the parameters of a new phase are reached; 0 if they step."""
-    return 0 if blending.law is BlendingLaw.NONE else blending.duration_ticks
+def switches_of(run: Run, side: Side) -> list[PhaseSwitch]:
+    """Switches of a leg after the start."""
+    return [switch for switch in run.switches if switch.side is side and 0 < switch.tick < len(run.log)]
 
 
-def switch_ticks(run: Run, side: Side) -> np.ndarray:
-    """First ticks of the phases that a leg entered after the start, shape ``(n,)``."""
-    ticks = [switch.tick for switch in run.switches if switch.side is side]
-    return np.array([tick for tick in ticks if 0 < tick < len(run.log)], dtype=int)
+def blend_lengths(run: Run, switches: Sequence[PhaseSwitch]) -> np.ndarray:
+    """Ticks from each switch until the parameters of the new phase are reached, shape ``(n,)``."""
+    table = run.table
+    return np.array([table.blend_ticks(table.phases_of(item.side)[item.target]) for item in switches], int)
 
 
 def _mean(values: np.ndarray) -> float:
@@ -269,15 +270,15 @@ def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int)
     ``switch_torque_jump_Nm`` is its largest change in one tick of a blend, and ``switch_torque_change_Nm``
     the largest from before a switch to any tick of its blend.
     """
-    strides, ticks = record.strides(skip=skip), switch_ticks(run, record.side)
-    counted = np.array([tick for tick in ticks if _within(tick, strides)], dtype=int)
-    length = blend_length(run.table.blending)
+    strides = record.strides(skip=skip)
+    switches = [switch for switch in switches_of(run, record.side) if _within(switch.tick, strides)]
+    counted, lengths = np.array([switch.tick for switch in switches], int), blend_lengths(run, switches)
     command = run.log[f"{record.side}_{joint}_motor_command_torque_Nm"].to_numpy()
     return {
         "switch_torque_jump_Nm": _largest(
-            switching.torque_jumps(command, switching.blend_windows(counted, length, len(command)))
+            switching.torque_jumps(command, switching.blend_windows(counted, lengths, len(command)))
         ),
-        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, length).over_blending),
+        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, lengths).over_blending),
     }
 
 

@@ -21,7 +21,13 @@ from twin_gait.report.network_words import summary_of_traffic
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import with_units
 from twin_gait.runs.crutch_summary import crutch_summary
-from twin_gait.runs.leg_summary import blend_length, reference_error, side_in_brief, summarise_side
+from twin_gait.runs.leg_summary import (
+    blend_lengths,
+    reference_error,
+    side_in_brief,
+    summarise_side,
+    switches_of,
+)
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
@@ -179,13 +185,13 @@ def _largest_torque_jump(run: Run) -> dict[str, Any] | None:
     ``in_one_tick_Nm`` is the largest change from any tick to the next until the end of the blend,
     ``over_blending_Nm`` the largest from before the switch.
     """
-    ticks = blend_length(run.table.blending)
     largest: dict[str, Any] | None = None
     over_blending = in_one_tick = 0.0
     for side in run.sides:
-        switches = [item for item in run.switches if item.side is side and 0 < item.tick < len(run.log)]
+        switches = switches_of(run, side)
         if not switches:
             continue
+        ticks = blend_lengths(run, switches)
         starts = np.array([item.tick for item in switches])
         windows = blend_windows(starts, ticks, len(run.log))
         for joint in run.table.joints:

@@ -37,7 +37,7 @@ from twin_gait.measures.walk import ground_speed
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
-from twin_gait.runs.leg_summary import blend_length, summarise_side
+from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Outcome, Side
 
@@ -222,7 +222,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     shares = []
     for spell in phase_spells(codes)[1:-1]:
         asked = phases[spell.phase].joints[str(joint)].stiffness
-        settled = spell.end - spell.start > blend_length(run.table.blending)
+        settled = spell.end - spell.start > run.table.blend_ticks(phases[spell.phase])
         if spell.start >= since and settled and asked > 0.0:
             shares.append(given[spell.end - 1] / asked)
     return _mean(np.array(shares))
