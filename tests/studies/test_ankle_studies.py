@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -159,6 +160,7 @@ def test_faults_are_drawn_for_the_ankle_too_and_the_step_is_judged_by_it() -> No
 @pytest.mark.parametrize(
     ("errors", "told"),
     [({}, ""), ({"hip": 3.14}, "3.1° (hip)"), ({"hip": 3.0, "knee": 4.0}, "3.0° (hip) and 4.0° (knee)"),
+     ({"hip": math.nan, "knee": 4.0}, "4.0° (knee)"),
      ({"hip": 3.0, "knee": 4.0, "ankle": 5.0}, "3.0° (hip), 4.0° (knee) and 5.0° (ankle)")],
 )  # fmt: skip
 def test_errors_of_all_joints_are_told_in_one_line(errors: dict[str, float], told: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 from twin_gait.measures.strides import ErrorParts
 from twin_gait.measures.walk import WalkMeasures
@@ -106,7 +106,7 @@ def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _text(value: float | None, row: Row) -> str:
-    if value is None or not math.isfinite(value):
+    if not _is_known(value):
         return DASH
     text = f"{value * row.factor:.{row.places}f}"
     return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
@@ -135,8 +135,12 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
 def off_the_reference(leg: Mapping[str, Any], places: int) -> str:
     """RMS errors of the joints of a leg of a summary, as ``3.1° (hip) and 4.2° (knee)``; empty without."""
     errors = {joint: leg.get(f"rmse_{joint}_by_contact_deg") for joint in JointName}
-    told = [f"{error:.{places}f}° ({joint})" for joint, error in errors.items() if error is not None]
+    told = [f"{error:.{places}f}° ({joint})" for joint, error in errors.items() if _is_known(error)]
     return " and ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
+
+
+def _is_known(value: float | None) -> TypeGuard[float]:
+    return value is not None and math.isfinite(value)
 
 
 def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
