@@ -122,7 +122,7 @@ def test_many_episodes_of_mujoco_end_where_the_bare_step_ends(name, scenario, st
         np.testing.assert_array_equal(many.last_position(), bare.data.qpos)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_an_option_that_makes_another_motion_says_so(monkeypatch):
     pytest.importorskip("mujoco")
     from peers import options
@@ -139,7 +139,7 @@ def test_an_option_that_makes_another_motion_says_so(monkeypatch):
 # ---------------------------------------------------------------------- the batch
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_episodes_of_a_batch_differ_and_end_where_each_ends_alone():
     session = BatchSession(CASES["bench_leg", "Euler 1 ms"], 900, episodes=WIDTH + FEWEST, threads=2)
@@ -155,7 +155,7 @@ def test_episodes_of_a_batch_differ_and_end_where_each_ends_alone():
     assert len({tuple(switch.tick for switch in engine.phase_switches()) for engine in alone}) > WIDTH
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_an_episode_that_trips_is_no_measurement():
     case = CASES["bench_leg", "Euler 1 ms"]
@@ -188,7 +188,7 @@ class Noted:
         return None
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_sessions_run_in_turn_and_the_first_round_counts_for_nothing():
     notes: list[str] = []
     times = time_in_turn({name: (Noted(name, notes), 10) for name in "ab"}, 3)
@@ -287,7 +287,7 @@ def test_what_is_compared_is_there():
 # ---------------------------------------------------------------------- a case
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_a_case_tells_speed_and_accuracy():
     chosen = [OURS[name] for name in ("compiled", "compiled, log", "batch", "batch, log", "plain Python")]

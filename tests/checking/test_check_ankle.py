@@ -32,6 +32,7 @@ def changed_case(phase: str, **changes: float | None):
     return build_case(with_ankle(experiment.table, phase, **changes), experiment)
 
 
+@pytest.mark.slow
 def test_a_walk_with_a_driven_ankle_is_checked_as_a_whole() -> None:
     case = load_case(None, WALK)
     assert not [item for item in check(case) if item.severity is Severity.ERROR]

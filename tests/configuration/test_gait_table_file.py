@@ -794,6 +794,7 @@ def test_an_inline_table_extends_what_it_names_and_not_the_table_of_the_preset(t
     assert table.phases == load_gait_table("treadmill_start_stop").phases
 
 
+@pytest.mark.slow
 def test_a_changed_threshold_changes_the_walk(tmp_path: Path) -> None:
     """What an extending file says is what walks: the log is not the default's."""
     changed(tmp_path)

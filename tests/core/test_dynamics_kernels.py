@@ -130,6 +130,7 @@ print(len(told), log["right_knee_angle_rad"].iloc[-1].hex())
 """
 
 
+@pytest.mark.slow
 def test_two_processes_may_build_the_same_kernel_at_once(tmp_path, monkeypatch):
     """Both start from one empty cache at the same instant; a third finds it built."""
     monkeypatch.setenv(keeping.CACHE_VARIABLE, str(tmp_path / "cache"))

@@ -18,7 +18,7 @@ def test_without_casadi_one_line_says_what_to_install(monkeypatch, capsys):
     assert capsys.readouterr().err == "attainable_floor: needs casadi: pip install 'twin-gait[floor]'\n"
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_an_optimum_is_replayed_and_beats_the_table():
     pytest.importorskip("casadi", reason="needs casadi: pip install 'twin-gait[floor]'")
     settings = page.settings_of("vertical")

@@ -97,7 +97,7 @@ def test_every_joule_belongs_to_a_switch(short: Run, side: str, joint: str) -> N
     assert_allclose(own["energy_J"].sum(), whole, atol=1e-9)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_no_effect_in_the_summary_is_larger_than_that_of_a_switch(walks: dict[Blend, Run]) -> None:
     """By two ways: all switches of a leg here, those within the strides that count in the summary."""
     for run in walks.values():
@@ -125,6 +125,7 @@ def test_blends_hold_each_law_at_each_duration_once_and_the_shipped_one() -> Non
     assert (shipped.law, shipped.duration_ticks) in BLENDS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", ["hip", "knee"])
 def test_blending_tames_the_jump_within_a_tick(table: pd.DataFrame, joint: str) -> None:
     stepped = row(table, STEP)[f"{joint}_torque_jump_Nm"]

@@ -18,7 +18,7 @@ from twin_gait import JointName
 from twin_gait.identification import Processing
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_zero_phase_is_near_the_truth_and_another_seed_is_another_campaign():
     truth = np.array(list(true_parameters(JointName.KNEE).values()))
     first, second = (estimates(QUICK_TWO_WAY, (JointName.KNEE, seed)) for seed in (0, 1))

@@ -58,7 +58,7 @@ def rigidly(test: BenchJoint) -> BenchJoint:
 # ---------------------------------------------------------------------- all claims
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_predictions_of_the_controllers_hold_with_other_noise() -> None:
     seed, controls = 2, [bench.torque_control(gain, stiffness=STIFFNESS) for gain in bench.GAINS]
     released = [simulate_bench(bench.pushed_and_let_go(each), seed=seed) for each in controls]

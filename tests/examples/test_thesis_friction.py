@@ -181,7 +181,7 @@ def test_falls_come_in_the_order_of_the_protocol_up_to_the_stop() -> None:
         assert math.degrees(fall.angle[-1]) == pytest.approx(125.0, abs=0.1)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_statistics_of_the_falls_are_those_of_their_residuals() -> None:
     fit = fit_campaign(KNEE, FALLS, LATE, forward=True)
     assert fit.velocity.min() > 0.0
@@ -198,7 +198,7 @@ def test_statistics_of_the_falls_are_those_of_their_residuals() -> None:
             assert ((fit.torque - rotational(fit.velocity, *moved)) ** 2).sum() > fit.goodness.sse
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_thesis_processing_scatters_the_falls_and_a_filter_without_delay_does_not() -> None:
     late, prompt = (fit_campaign(KNEE, FALLS, processing, forward=True) for processing in (LATE, PROMPT))
     truth = TABLE[KNEE]
@@ -207,7 +207,7 @@ def test_thesis_processing_scatters_the_falls_and_a_filter_without_delay_does_no
     assert prompt.goodness.r_squared > 0.8 > late.goodness.r_squared
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_falls_are_no_sine_and_the_closed_form_of_motor_driven_tests_refuses_them() -> None:
     late, prompt = (fit_campaign(KNEE, FALLS, processing, forward=True) for processing in (LATE, PROMPT))
     verdicts = {}
@@ -218,7 +218,7 @@ def test_falls_are_no_sine_and_the_closed_form_of_motor_driven_tests_refuses_the
     assert verdicts == {DRIVEN: [IN_BAND], FALLS: [OUT_OF_BAND]}
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_the_lightest_weight_is_the_roughest() -> None:
     numbers = fall_numbers(1.0)
     pairs = zip(falls_of(1.0), falls_of(1.5), strict=True)

@@ -39,6 +39,7 @@ def test_the_double_pendulum_keeps_its_energy_by_itself(experiment):
     np.testing.assert_allclose([energy(state) for state in states[1:]], energy(states[0]), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_another_gravity_on_paper_is_noticed(monkeypatch):
     original = checks.pendulum_of
     assert checks.pendulum_error() <= ROUNDING
@@ -81,7 +82,7 @@ def test_another_plant_is_noticed_by_the_replay_in_mujoco(settings, experiment):
     assert checks.replay_difference(replace(changed, experiment=run.experiment)) > SAME_MOTION
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_other_engines_and_other_switches_are_noticed(monkeypatch):
     def shorter(experiment):
         run = simulate(experiment)

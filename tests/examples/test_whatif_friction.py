@@ -68,7 +68,7 @@ def table_friction(w: np.ndarray) -> np.ndarray:
 # ---------------------------------------------------------------------- bench
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("decimation,window", FILTERS)
 def test_mean_delay_is_what_the_slow_velocity_lags_behind_a_steady_acceleration(
     decimation: int, window: int

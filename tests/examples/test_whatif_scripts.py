@@ -13,7 +13,7 @@ from whatif_inertia import of_stability
 from whatif_temperature import largest_safe_gain
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_counts_of_the_map_follow_the_table() -> None:
     table = pd.DataFrame([map_row(setting) for setting in map_settings(quick=True)])
     found = of_the_map(table)

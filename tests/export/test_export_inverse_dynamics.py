@@ -166,7 +166,7 @@ def torque_behind_gear(run, side, joint):
     return (motor + others).to_numpy() - rotor * np.gradient(log[f"{name}_velocity_rad_per_s"], TICK)
 
 
-@pytest.mark.parametrize("way", ["walk", "downhill"])
+@pytest.mark.parametrize("way", ["walk", pytest.param("downhill", marks=pytest.mark.slow)])
 def test_inverse_dynamics_of_the_files_finds_the_torques_of_the_log(way, request):
     walk = request.getfixturevalue(way)
     found = inverse_dynamics(walk)
@@ -198,7 +198,7 @@ def test_inverse_dynamics_finds_motor_and_orthosis_of_a_powered_ankle(powered_an
         assert rms(powered_ankle.moments[f"{coordinate}_moment"] - expected) < 1e-9
 
 
-@pytest.mark.parametrize("way", ["walk", "downhill"])
+@pytest.mark.parametrize("way", ["walk", pytest.param("downhill", marks=pytest.mark.slow)])
 def test_loads_and_weight_move_the_centre_of_mass(way, request):
     """Newton's second law for the whole body: nothing acts that is not in the files."""
     walk = request.getfixturevalue(way)
@@ -241,6 +241,7 @@ def test_the_ground_carries_each_foot_within_its_sole(walk):
         assert np.isfinite(data).all(axis=None)
 
 
+@pytest.mark.slow
 def test_on_a_slope_the_ground_acts_at_points_of_the_belt_and_by_the_columns_of_the_log(downhill):
     log, data, slope = downhill.run.log, downhill.table("external_loads.mot"), math.radians(-4.0)
     along, away = np.array([math.cos(slope), math.sin(slope)]), np.array([-math.sin(slope), math.cos(slope)])
@@ -270,7 +271,7 @@ def test_the_model_of_rajagopal_bends_its_knee_the_other_way(walk, tmp_path):
     assert rms(found - other.moments["knee_angle_r_moment"]) < MOMENT_TOLERANCE
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("device", [False, True])
 def test_with_braces_the_bodies_are_the_wearers_or_the_devices(tmp_path, device):
     run = simulate(load_experiment("treadmill", ["interface=brace", "duration_s=2"]).experiment)

@@ -64,7 +64,7 @@ def frames_of(name: str, count: int) -> np.ndarray:
     return frames.view("<u4")
 
 
-@pytest.mark.parametrize("count", [1_000, pytest.param(70_000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("count", [1_000, pytest.param(70_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", MESSAGES)
 def test_the_printed_codec_gives_the_bits_of_python(double, name, count):
     """15 messages of 70 000 random frames each: 1.05 million."""

@@ -153,7 +153,7 @@ def fuzz(project: Project, folder: Path, count: int, *more: str) -> None:
     assert episodes == count // 1000 and trips > 0.8 * episodes
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
 def test_a_million_wild_inputs_do_nothing_undefined(treadmill, tmp_path, more):
     treadmill.write_linked(tmp_path)

@@ -68,7 +68,7 @@ def assert_proven(found: Verification) -> None:
 # ------------------------------------------------------------------------- the shipped tables
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "treadmill" else []) for name in TABLES]
 )

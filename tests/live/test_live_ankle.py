@@ -56,6 +56,7 @@ def test_the_monitor_drives_the_ankle(panel: Panel) -> None:
     assert refusal(check_settings(panel.preset), frozenset()) == ""
 
 
+@pytest.mark.slow
 def test_a_push_on_the_ankle_moves_it(panel: Panel) -> None:
     actions = Actions(panel.problem)
     assert actions.joint_names[2] == "left_ankle"

@@ -32,7 +32,7 @@ from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
 from twin_gait.vocabulary import Side
 
-pytestmark = [pytest.mark.nightly, pytest.mark.browser]
+pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 if CHROMIUM is None:

@@ -31,7 +31,7 @@ from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import parse_fault
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.slow
 
 MOST_LOST = 1000  # ticks: a second
 KILLS = 3

@@ -604,7 +604,7 @@ def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):
     assert left and 6000 <= left[0] <= 6000 + 2 * BLOCK_TICKS
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_with_it(
     treadmill_panel, monkeypatch
 ):

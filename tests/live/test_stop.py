@@ -149,7 +149,7 @@ def test_without_belt_and_harness_a_stop_is_a_fall():
 # ---------------------------------------------------------------------- the harness
 
 
-@pytest.mark.parametrize("engine", ["compiled", pytest.param("pinocchio", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("engine", ["compiled", pytest.param("pinocchio", marks=pytest.mark.slow)])
 def test_the_harness_is_a_spring_that_only_pulls_up_and_the_energy_is_accounted_for(engine):
     # So little support, and so long, that the wearer sinks into the harness from whichever phase.
     settings = [

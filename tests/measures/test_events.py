@@ -65,6 +65,7 @@ def test_a_run_that_went_well_has_no_events(status, kinds):
     assert held_from(events) is None
 
 
+@pytest.mark.slow
 def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tmp_path):
     given = "faults=['supply_dip@1.4s']"  # later than the end of the walk
     problem = build_problem(load_experiment("bench_leg", [given, "duration_s=1.5"]).experiment)

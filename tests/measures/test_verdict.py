@@ -121,7 +121,10 @@ NEARLY_ALL = f"table={FIVE_PHASES}", "scenario.support.share=0.95"
 ALL = "control.mode=position", "scenario.support.share=1.0"  # along a path that a foot in the air follows too
 
 
-@pytest.mark.parametrize("settings, outcome", [((), "walked"), (NEARLY_ALL, "hung"), (ALL, "hung")])
+@pytest.mark.parametrize(
+    "settings, outcome",
+    [((), "walked"), (NEARLY_ALL, "hung"), pytest.param(ALL, "hung", marks=pytest.mark.slow)],
+)
 def test_a_wearer_who_hangs_in_the_harness_does_not_walk(settings, outcome):
     run = simulate(load_experiment("treadmill", ["duration_s=12", *settings]).experiment)
     assert run.status is RunStatus.COMPLETED

@@ -34,7 +34,7 @@ def bounds(message: str, signal: str) -> tuple[float, float]:
 # ------------------------------------------------------------------------------- against cantools
 
 
-@pytest.mark.parametrize("count", [1_000, pytest.param(70_000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("count", [1_000, pytest.param(70_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", MESSAGES)
 def test_the_codec_and_cantools_read_and_write_the_same_frames(name, count):
     """15 messages of 70 000 random frames each: 1.05 million."""

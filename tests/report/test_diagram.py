@@ -160,7 +160,7 @@ LONG = ("overground", "treadmill_start_stop")
 @pytest.mark.parametrize(
     "table",
     [
-        pytest.param(table, id=name, marks=[pytest.mark.nightly] if name in LONG else [])
+        pytest.param(table, id=name, marks=[pytest.mark.slow] if name in LONG else [])
         for name, table in TABLES.items()
     ],
 )

@@ -53,7 +53,7 @@ def assert_same(ours: pd.DataFrame, theirs: pd.DataFrame) -> None:
     pd.testing.assert_frame_equal(ours, theirs, check_exact=True)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_two_workers_give_the_same_table(walk, alone):
     asked, counts = [], []
 
@@ -150,7 +150,7 @@ simulate_batch(experiment, [{"seed": seed} for seed in range(EPISODES)], workers
 """
 
 
-@pytest.mark.parametrize("episodes", [2, pytest.param(5, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("episodes", [2, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED.replace("EPISODES", str(episodes)))

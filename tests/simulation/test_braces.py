@@ -189,7 +189,7 @@ def test_energy_that_the_braces_take_is_stored_or_dissipated(bench_run):
     assert_allclose(log["brace_work_J"], -stored - dissipated, atol=1e-3 * dissipated[-1])
 
 
-@pytest.mark.parametrize("run", ["bench_run", pytest.param("walk", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("run", ["bench_run", pytest.param("walk", marks=pytest.mark.slow)])
 def test_energy_of_both_changes_by_all_the_work(run, request):
     log = request.getfixturevalue(run).log
     energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
@@ -201,6 +201,7 @@ def test_energy_of_both_changes_by_all_the_work(run, request):
     assert without.relative_residual > 1e-3
 
 
+@pytest.mark.slow
 def test_the_brace_at_the_pelvis_carries_the_weight_of_the_device(walk):
     assert walk.status == "completed"
     world = walk.experiment.build_world()

@@ -174,7 +174,7 @@ def ends_as_asked(preset: str, case: tuple[float, float, float], angle: float, s
     return run.reason == "" and not stopped and there
 
 
-@pytest.mark.nightly  # 54 runs of 16 s
+@pytest.mark.slow  # 54 runs of 16 s
 @pytest.mark.parametrize(
     ("preset", "angle", "sign", "least"), [("sit_to_stand", 35.0, -1, 20), ("stand_to_sit", 60.0, 1, 20)]
 )

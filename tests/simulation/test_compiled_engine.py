@@ -179,7 +179,14 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+@pytest.mark.parametrize(
+    "case",
+    [
+        # That commands come late on a slope is checked over MuJoCo too.
+        pytest.param(case, id=name, marks=[pytest.mark.slow] if name == "uphill, commands late" else [])
+        for name, case in CASES.items()
+    ],
+)
 def test_engines_agree_in_every_column(case):
     name, *changes = case
     ours = simulate(load_experiment(name, [*changes, "engine=compiled"]).experiment)
@@ -195,7 +202,7 @@ def test_engines_agree_in_every_column(case):
             )
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_engines_agree_over_the_default_walk():
     """Twenty seconds on the belt: angles to 1e-9 rad and every switch in the same tick."""
     ours = simulate(load_experiment("treadmill", [EULER, "engine=compiled"]).experiment)
@@ -205,7 +212,7 @@ def test_engines_agree_over_the_default_walk():
         np.testing.assert_allclose(ours.log[column], theirs.log[column], atol=1e-9, rtol=0, err_msg=column)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_engines_pass_the_same_phases_with_quantised_sensors():
     """Five strides of either leg: a count of the encoder may flip, a phase may not."""
     changes = ["duration_s=12", EULER, "sensors.ideal=false"]
@@ -259,7 +266,7 @@ print(repr(float(run.log["right_knee_impedance_torque_Nm"].iloc[-1])))
 """
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     """A copy of the package is edited between two runs that share one cache."""
     source = Path(twin_gait.__file__).parent
@@ -362,14 +369,14 @@ PLAIN_CASES = {
 
 
 # Each compiles a loop of its own; a user's change breaks the others as soon.
-NIGHTLY_CASES = (
+SLOW_CASES = (
     "treadmill in braces, rk4",
     "treadmill, a path and adaptive help",
     "treadmill that starts",
     "a free trunk by an inertial unit, on crutches",
 )
 TRIED = [
-    pytest.param(case, id=name, marks=[pytest.mark.nightly] if name in NIGHTLY_CASES else [])
+    pytest.param(case, id=name, marks=[pytest.mark.slow] if name in SLOW_CASES else [])
     for name, case in PLAIN_CASES.items()
 ]
 
@@ -421,9 +428,7 @@ def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
 def test_the_cases_above_change_phase(preset):
     cases = [
-        changes
-        for case, (name, *changes) in PLAIN_CASES.items()
-        if name == preset and case not in NIGHTLY_CASES
+        changes for case, (name, *changes) in PLAIN_CASES.items() if name == preset and case not in SLOW_CASES
     ]
     runs = [simulate(load_experiment(preset, ["duration_s=0.3", *changes]).experiment) for changes in cases]
     assert any(run.switches for run in runs)

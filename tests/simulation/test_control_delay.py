@@ -43,7 +43,7 @@ def test_the_drives_are_asked_for_what_was_wanted_so_many_ticks_before(ticks):
     assert_late(late, simulate(late).log, ticks)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_hold_comes_as_late_as_a_walk():
     settings = ("duration_s=0.6", "control.delay_ms=7", "faults=['encoder_missing:right_knee@0.2s']")
     late = bench_leg(*settings)

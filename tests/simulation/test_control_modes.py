@@ -194,7 +194,7 @@ def test_other_modes_begin_where_the_scenario_says():
     }
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_position_tracking_walks_a_minute():
     """The default wearer in the soft harness, limits and the monitor as they are; no fall, no trip, a walk.
@@ -259,6 +259,7 @@ def test_a_share_of_the_springs_is_what_is_left_of_those_of_the_table():
         assert log[f"left_{joint}_stiffness_Nm_per_rad"].iloc[0] == pytest.approx(share * full, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_help_of_a_walk_is_the_law_of_the_errors_in_its_log():
     """By brute force from the log: errors of every stride, the law, and the stiffness that came of it."""
     asked = experiment("control.assistance.adaptive=true", "duration_s=10")
@@ -295,7 +296,10 @@ def test_help_of_a_walk_is_the_law_of_the_errors_in_its_log():
 @pytest.mark.parametrize(
     "mode",
     # A share of the springs is a part of assistance as needed, and its own loop.
-    [pytest.param(mode, marks=[pytest.mark.nightly] if mode == "twincare" else []) for mode in MODES],
+    [
+        pytest.param(mode, marks=[pytest.mark.slow] if mode in ("position", "twincare") else [])
+        for mode in MODES
+    ],
 )
 def test_engines_agree_on_every_mode(mode):
     """0.3 s in all columns; Runge-Kutta, as the walks of the other tests, so that one compilation serves."""

@@ -55,7 +55,7 @@ class FadingHelp(Controller):
                 device.joints[place].demand.stiffness *= memory.left[number]
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
     settings = ["duration_s=4", "engine=pinocchio"]
     run = simulate(load_experiment("treadmill", settings).experiment, controller=FadingHelp())
@@ -97,7 +97,7 @@ def test_a_controller_of_ones_own_acts_in_both_engines():
         np.testing.assert_allclose(compiled.log[column], stepped.log[column], atol=1e-9)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_assistance_takes_its_share_of_what_the_controller_asks_for():
     run = simulate(bench("control.assistance.knee=0.5"), controller=Weaker())
     full = build_problem(bench()).phase_rows[0, :, [0, 4]]

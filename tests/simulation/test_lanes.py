@@ -199,7 +199,7 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
@@ -269,7 +269,7 @@ RUNS: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.nightly] if "start_stop" in name else []) for name in RUNS]
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if "start_stop" in name else []) for name in RUNS]
 )
 def test_no_tick_changes_a_field_that_lanes_share(name):
     preset, *settings = RUNS[name]
@@ -524,7 +524,7 @@ def bench_and_treadmill() -> dict[str, Problem]:
     }
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 @pytest.mark.parametrize("name", ["bench", "treadmill"])
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):

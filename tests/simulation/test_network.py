@@ -58,7 +58,8 @@ def hold_tick(run: Run) -> int:
 # ------------------------------------------------------------------ one law, many engines
 
 
-@pytest.mark.parametrize("place", ["board", pytest.param("ccu", marks=pytest.mark.nightly)])
+@pytest.mark.slow
+@pytest.mark.parametrize("place", ["board", pytest.param("ccu", marks=pytest.mark.slow)])
 def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everything_happens(place):
     problem = problem_of(f"{{impedance: {place}, {WORST}}}", "duration_s=0.6")
     compiled = CompiledEngine(problem).run()
@@ -71,7 +72,7 @@ def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everyth
     np.testing.assert_allclose(compiled.rows, reference.rows, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_lanes_are_their_episodes_alone():
     def problem(number: int) -> Problem:
         draw = np.random.default_rng(number)
@@ -220,7 +221,7 @@ def test_the_springs_on_the_gait_controller_leave_friction_compensation_on_the_b
 # ------------------------------------------------------------------ silence, reboots, bus-off
 
 
-@pytest.mark.parametrize("count", [60, pytest.param(1_000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("count", [60, pytest.param(1_000, marks=pytest.mark.slow)])
 def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count):
     """Silence that is borne plus a cycle: 22 ms after the silence began, whenever that is."""
     problem = problem_of("{outages: ['silence@1s']}", "duration_s=2.5")
@@ -313,7 +314,7 @@ def test_without_a_monitor_nobody_minds_the_silence():
     assert (columns(run, "stiffness_Nm_per_rad")[:, 530:] > 0.0).any()
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
     """A torque that runs away at 20 000 N m a second passes what is plausible within ticks."""
     run = walk(

@@ -120,7 +120,7 @@ def test_orthosis_and_motor_act_in_parallel():
 
 @pytest.mark.parametrize(
     "settings",
-    [pytest.param((), marks=pytest.mark.nightly, id="plain"), pytest.param(HARD, id="all that is shared")],
+    [pytest.param((), marks=pytest.mark.slow, id="plain"), pytest.param(HARD, id="all that is shared")],
 )
 def test_the_reference_engine_agrees_with_the_compiled_one(settings):
     laid_out = problem("duration_s=0.8", *settings)
@@ -157,7 +157,7 @@ def test_the_second_loop_moves_three_joints_alike():
     assert ours.switches
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
     monkeypatch.setattr(lane_engine, "FEWEST", 2)
@@ -201,7 +201,7 @@ def test_a_file_with_an_ankle_is_written_and_read_back():
 # ------------------------------------------------------------------ fewer joints
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_drive_that_the_table_does_not_control_keeps_friction_and_rotor_but_gets_no_current():
     driven, free = (problem("duration_s=0.4", *settings) for settings in ((), ("table=treadmill",)))
     place = free.world.model.index(Side.LEFT, JointName.ANKLE)
@@ -231,7 +231,7 @@ def controlling(joints: list[str], *settings: str) -> Experiment:
 
 
 @pytest.mark.parametrize(
-    "joints", [["hip"], ["knee"], pytest.param(["knee", "ankle"], marks=pytest.mark.nightly)]
+    "joints", [["hip"], ["knee"], pytest.param(["knee", "ankle"], marks=pytest.mark.slow)]
 )
 def test_a_table_may_control_fewer_joints(joints):
     run = simulate(controlling(joints, PLAIN))
@@ -242,10 +242,11 @@ def test_a_table_may_control_fewer_joints(joints):
     assert summarise(run)["sides"]["left"]["joints"].keys() == set(joints)
 
 
+@pytest.mark.slow
 @pytest.mark.compile
 @pytest.mark.parametrize(
     "joints",
-    [["hip"], *(pytest.param(item, marks=pytest.mark.nightly) for item in (["knee"], ["knee", "ankle"]))],
+    [["hip"], *(pytest.param(item, marks=pytest.mark.slow) for item in (["knee"], ["knee", "ankle"]))],
 )
 def test_engines_agree_on_fewer_joints(joints):
     laid_out = build_problem(controlling(joints))

@@ -27,8 +27,8 @@ TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 ALL, SAMPLE, WALKS, FEW_WALKS = range(1000), range(0, 1000, 50), range(24), range(2)
 DEGREE = math.pi / 180.0
 
-every_walk = pytest.param(WALKS, marks=pytest.mark.nightly, id="all")
-every = pytest.param(ALL, marks=pytest.mark.nightly, id="all")
+every_walk = pytest.param(WALKS, marks=pytest.mark.slow, id="all")
+every = pytest.param(ALL, marks=pytest.mark.slow, id="all")
 
 
 # ------------------------------------------------------------------ whole walks

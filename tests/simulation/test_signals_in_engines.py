@@ -50,7 +50,7 @@ def reference(given: Problem) -> Any:
     return engine.episode.controller
 
 
-@pytest.mark.parametrize("engine", [compiled, in_lanes, reference])
+@pytest.mark.parametrize("engine", [compiled, pytest.param(in_lanes, marks=pytest.mark.slow), reference])
 def test_signals_stand_where_they_are_declared(engine):
     """After a tick as the right leg, which is the last one, has read them."""
     given = problem()

@@ -127,7 +127,7 @@ LIVELY = (
 )
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "order"), [(IntegrationMethod.SEMI_IMPLICIT_EULER, 1.0), (IntegrationMethod.RK4, 4.0)]
 )

@@ -197,7 +197,7 @@ PEOPLE = {
     "settings",
     [
         *(pytest.param(settings, id=name) for name, settings in PEOPLE.items()),
-        pytest.param(("patient=healthy",), marks=pytest.mark.nightly, id="with an own effort"),
+        pytest.param(("patient=healthy",), marks=pytest.mark.slow, id="with an own effort"),
     ],
 )
 @pytest.mark.parametrize("stop", [6.0, 6.7])
@@ -246,7 +246,7 @@ def test_both_engines_agree_from_stand_to_stand():
             assert_allclose(compiled.log[column], python.log[column], rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_walk_in_pieces_follows_the_belt_too():
     problem = build_problem(load_experiment("treadmill_start_stop", commands(0.5, 3.0, 4)).experiment)
     run = SteppedRun(problem)
@@ -256,6 +256,7 @@ def test_a_walk_in_pieces_follows_the_belt_too():
     assert log_table(run.rows(), run.layout, problem.table).equals(whole.log)
 
 
+@pytest.mark.slow
 def test_another_speed_in_a_walk_in_pieces_keeps_the_ramps():
     experiment = load_experiment("treadmill_start_stop", commands(0.5, 9.0, 3)).experiment
     # Without scaling the table is the same at both speeds.

@@ -143,7 +143,7 @@ def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
 
 @pytest.mark.parametrize(
     ("count", "longest"),
-    [(1, 2.0), (7, 0.5), pytest.param(33, 2.0, marks=pytest.mark.nightly)],
+    [(1, 2.0), (7, 0.5), pytest.param(33, 2.0, marks=pytest.mark.slow)],
 )
 def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
     base = Base.of(walk)
@@ -156,7 +156,7 @@ def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
     assert count < 33 or outcomes == ({"completed", "fell"}, {True, False})
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize(("workers", "count"), [(1, 70), (2, 400)])
 def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
     rows = unlike(count, 5, 0.15)
@@ -199,7 +199,7 @@ def test_the_reference_engine_runs_beside_the_compiled_one(bench):
     assert len(found[0].log) == 100
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, monkeypatch, tmp_path):
     monkeypatch.setenv("TWIN_GAIT_CACHE", str(tmp_path))

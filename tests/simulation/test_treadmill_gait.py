@@ -18,7 +18,7 @@ from twin_gait.vocabulary import Outcome
 SIDES = ("left", "right")
 
 
-@pytest.fixture(scope="module", params=["compiled", pytest.param("pinocchio", marks=pytest.mark.nightly)])
+@pytest.fixture(scope="module", params=["compiled", pytest.param("pinocchio", marks=pytest.mark.slow)])
 def walk(request):
     """The default walk of each engine, at the engine's own integrator and step."""
     return simulate(load_experiment("treadmill", [f"engine={request.param}"]).experiment)

@@ -229,7 +229,7 @@ def test_work_of_the_wearer_is_his_torque_times_the_angle_turned():
     assert_allclose(log["patient_work_J"], work, rtol=0.0, atol=1e-9 * np.abs(work).max() + 1e-10)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_engines_agree_on_a_walk_with_an_active_wearer():
     """On the treadmill, ankles included: 0.3 s in all columns; every law of the wearer acts."""
     settings = [ALL, "patient.effort_delay_ms=40", "patient.effort_noise=0.1", "duration_s=0.3", "seed=5"]
@@ -249,7 +249,7 @@ def test_engines_agree_on_a_walk_with_an_active_wearer():
     assert (np.abs(logs[0].to_numpy() - logs[1].to_numpy()) / scale).max() < 1e-9
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_condition_of_one_side_acts_on_that_side_alone():
     settings = ["patient.left={knee: {passive: 1}}", "duration_s=0.05"]
     log = simulate(load_experiment("treadmill", settings).experiment).log
@@ -257,6 +257,7 @@ def test_condition_of_one_side_acts_on_that_side_alone():
     assert acting == {"left_knee_patient_torque_Nm"}
 
 
+@pytest.mark.slow
 def test_dorsiflexed_ankle_bends_the_knee():
     """The passive knee torque of the treadmill reckons with the ankle of the log, dorsiflexion positive."""
     settings = ["patient.both={knee: {passive: 1}}", "duration_s=0.2"]

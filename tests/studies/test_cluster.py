@@ -21,7 +21,7 @@ from twin_gait.studies.batch import Override, simulate_batch
 from twin_gait.studies.sweep.spec import load_sweep
 from twin_gait.studies.sweep.store import read_table
 
-pytestmark = [pytest.mark.nightly, pytest.mark.cluster]
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 MANY = 1000
 SETTING = "scenario.start.hip_deg"

@@ -200,7 +200,7 @@ def test_full_assistance_is_what_was_set(stroke):
     assert run_measures(stroke.runs["table"])["assistance_level"] == pytest.approx(1.0, abs=1e-12)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_assistance_in_part_is_what_was_set():
     partly = run_measures(simulate(CONTROLLERS["twincare"].change(walk("stroke_left", 20.0))))
@@ -246,7 +246,7 @@ def test_hemiparesis_shows_asymmetry_and_a_healthy_walk_none(stroke):
     assert lame.mean + lame.half_width < -(abs(sound.mean) + sound.half_width)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_more_effort_less_assistance_under_assist_as_needed():
     found = [
@@ -268,13 +268,13 @@ def test_more_effort_less_assistance_under_assist_as_needed():
 @pytest.mark.parametrize(
     ("settings", "walks"),
     [
-        pytest.param((), False, marks=pytest.mark.nightly, id="default"),
+        pytest.param((), False, marks=pytest.mark.slow, id="default"),
         pytest.param(("patient=healthy",), True, id="with effort"),
-        pytest.param((GUIDED,), True, marks=pytest.mark.nightly, id="guided"),
+        pytest.param((GUIDED,), True, marks=pytest.mark.slow, id="guided"),
         pytest.param(
             ("plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}",),
             True,
-            marks=pytest.mark.nightly,
+            marks=pytest.mark.slow,
             id="stiff orthosis",
         ),
     ],
@@ -290,7 +290,7 @@ def test_predetermined_path_is_walked_where_documentation_says(settings, walks):
         assert 1.5 < run.trip.time < 2.0
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_effort_changes_little_in_what_position_tracking_does():
     """Day by day: the path is predetermined, and a wearer who works disturbs it by some of the effort."""

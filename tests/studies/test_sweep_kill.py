@@ -16,7 +16,7 @@ from twin_gait.studies.sweep.spec import load_sweep
 from twin_gait.studies.sweep.store import read_table
 from twin_gait.studies.sweep.sweep import run_sweep
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.slow
 
 EPISODES = 1500  # in blocks, of which no kill sees the last
 

@@ -52,6 +52,7 @@ def interval(values: Iterable[float | None]) -> tuple[float, float]:
     return float(found.mean() - reach), float(found.mean() + reach)
 
 
+@pytest.mark.slow
 def test_legs_tuned_apart_walk_more_alike_after_a_stroke() -> None:
     """Against the table that it began with, and against itself with the numbers of one leg for both."""
     shares = {}

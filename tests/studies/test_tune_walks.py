@@ -220,6 +220,7 @@ def told(folder: Path) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.slow
 def test_the_folder_is_whole(folder: Path) -> None:
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert names == {

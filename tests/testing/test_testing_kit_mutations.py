@@ -21,7 +21,7 @@ from twin_gait.files import write_atomically
 from twin_gait.testing import transition_tests
 from twin_gait.testing.compiled import compiled_machines
 
-pytestmark = pytest.mark.nightly  # it grades the kit, not a table
+pytestmark = pytest.mark.slow  # it grades the kit, not a table
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "test_kit.md"
 BEGIN, END = "<!-- mutations: begin -->\n", "<!-- mutations: end -->\n"

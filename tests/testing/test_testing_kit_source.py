@@ -19,7 +19,7 @@ from twin_gait.gait import GaitStateMachine, machine, program
 from twin_gait.testing import transition_tests
 from twin_gait.vocabulary import Side
 
-pytestmark = pytest.mark.nightly  # it grades the kit, not a table
+pytestmark = pytest.mark.slow  # it grades the kit, not a table
 
 # What no test can notice: a part of the mutant's text, and why it behaves the same.
 EQUIVALENT = {

@@ -29,7 +29,7 @@ from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, Side
 
-pytestmark = [pytest.mark.nightly, pytest.mark.browser]
+pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 if CHROMIUM is None:

@@ -55,6 +55,7 @@ def broken(folder: Path, monkeypatch: pytest.MonkeyPatch, source: str, entry_poi
 # ---------------------------------------------------------------------- one that works
 
 
+@pytest.mark.slow
 def test_commands_take_a_world_that_a_package_registers_by_an_entry_point(tmp_path):
     install(tmp_path, "lab", FRAME_WALK)
     paths = (str(tmp_path), str(PLUGINS), os.environ.get("PYTHONPATH", ""))
@@ -102,7 +103,7 @@ def test_its_legs_start_as_it_says_and_meet_no_ground(frame_walk):
         load_experiment("frame_walk", ["faults=['foot_load_stuck:left_foot@1s']"])
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.compile
 def test_it_steps_with_both_legs_in_turn_and_slower_against_resistance(frame_walk):
     experiment = load_experiment("frame_walk").experiment
