@@ -69,6 +69,7 @@ def test_an_ankle_with_too_much_damping_is_unstable() -> None:
     assert "ankle 1" in found[0].suggestion and "(4000)" in found[0].suggestion
 
 
+@pytest.mark.slow
 def test_an_equilibrium_beyond_the_stop_of_the_ankle_is_found() -> None:
     case = changed_case("late_stance", equilibrium_angle=np.radians(35.0))
     reasons = [item.reason for item in check(case) if item.rule == "equilibrium_beyond_limits"]

@@ -214,6 +214,7 @@ def holding(*settings: str):
     return experiment, leg
 
 
+@pytest.mark.slow
 def test_the_engine_comes_to_rest_between_the_corners():
     settings = (
         "table.phases.early_stance.gravity_compensation=0",

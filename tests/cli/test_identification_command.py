@@ -182,6 +182,7 @@ def test_a_series_needs_no_option_but_the_column_names(tmp_path):
     assert document["models"][0]["cross_validation"][0]["left_out"] == "piece"
 
 
+@pytest.mark.slow
 def test_what_keeps_the_parameter_files_from_being_written_is_said(tmp_path, capsys):
     log = write_series(tmp_path / "arm.csv", 0)
     assert call(log, *COLUMNS, "--out", tmp_path / "a", "--no-pictures") == DONE

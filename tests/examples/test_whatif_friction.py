@@ -149,6 +149,7 @@ def test_pushed_joint_rests_below_s_and_not_above(kept: tuple[int, int], ratio: 
     assert rows[1]["ending"] != Ending.REST and rows[1]["growth_rate_at_rest_per_s"] > 0.0
 
 
+@pytest.mark.slow
 def test_late_torque_on_a_stiff_spring_raises_the_limit() -> None:
     stiff = Setting(spring=143.0, filter=FILTERS[3])
     assert linear_gain(stiff) > 1.1 * stiff.ratio

@@ -89,6 +89,7 @@ def test_some_seconds_of_the_treadmill_are_proven(bench):
 # ------------------------------------------------------------------------- vectors
 
 
+@pytest.mark.slow
 def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(bench):
     assert len(bench.vectors) == len(FaultKind)  # a walk without, and every kind but a controller's own
     tripped = missing = 0

@@ -47,6 +47,7 @@ def test_a_control_of_the_ankle_reaches_its_numbers_and_no_other(panel: Panel) -
     assert panel.revert(changed, "late_stance.ankle.stiffness") == panel.preset
 
 
+@pytest.mark.slow
 def test_the_monitor_drives_the_ankle(panel: Panel) -> None:
     driving = replace(panel.preset, mode=Mode.TORQUE)
     asked = panel.set(driving, "monitor.right.ankle.torque", -3.0)

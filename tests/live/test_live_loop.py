@@ -866,6 +866,7 @@ PARENT = """
 """
 
 
+@pytest.mark.slow
 def test_a_parent_that_is_killed_takes_the_loop_with_it_and_leaves_the_run(tmp_path):
     code = textwrap.dedent(PARENT)
     with subprocess.Popen(

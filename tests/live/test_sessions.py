@@ -166,6 +166,7 @@ def killed_after(database, delay):
     return number, max(changes.values(), default=time.monotonic()), changes
 
 
+@pytest.mark.slow
 def test_killed_at_a_random_moment_twenty_times_the_record_opens_is_whole_and_lacks_a_second_at_most(
     tmp_path,
 ):

@@ -87,6 +87,7 @@ def feet(run, tick):
     return found
 
 
+@pytest.mark.slow
 def test_forty_stops_spread_over_the_stride_end_in_no_fall(walk):
     for moment in range(3000, 3000 + STRIDE, STRIDE // STOPS):
         walk.restart()

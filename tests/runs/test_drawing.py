@@ -62,6 +62,7 @@ def test_processes_draw_what_this_one_would(
     assert all(process.returncode is not None for process in processes)
 
 
+@pytest.mark.slow
 def test_a_process_that_is_lost_is_done_without(
     walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here
 ) -> None:
@@ -74,6 +75,7 @@ def test_a_process_that_is_lost_is_done_without(
     assert drawn_here == [slice(1, None, 2)]
 
 
+@pytest.mark.slow
 def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
     walk: Run, tmp_path: Path, monkeypatch
 ) -> None:
@@ -93,6 +95,7 @@ def test_a_process_that_is_not_needed_is_ended(monkeypatch) -> None:
     assert process.returncode is not None
 
 
+@pytest.mark.slow
 def test_a_long_log_stays_in_this_process(walk: Run, tmp_path: Path, monkeypatch, drawn_here) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(drawing, "LARGEST_LOG", 1000)

@@ -215,6 +215,7 @@ def test_the_brace_at_the_pelvis_carries_the_weight_of_the_device(walk):
 # ---------------------------------------------------------------------- engines
 
 
+@pytest.mark.slow
 def test_both_engines_walk_the_same_walk():
     settings = ["interface=brace", "patient=stroke_left", "duration_s=0.8", "sensors.ideal=true"]
     compiled = load_experiment("treadmill", settings).experiment

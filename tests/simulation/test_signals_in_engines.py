@@ -87,6 +87,7 @@ def walk(text: str, **changes: Any) -> Experiment:
     return replace(experiment, table=guarded(experiment.table, text), **changes)
 
 
+@pytest.mark.slow
 def test_a_guard_on_the_guided_trunk_is_read_by_the_engines():
     plain = simulate(load_experiment("treadmill", ["duration_s=1.2"]).experiment)
     upright, bent = (simulate(walk(f"trunk.pitch_deg {text}")) for text in ("< 5", "> 5"))

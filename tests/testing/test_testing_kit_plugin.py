@@ -61,6 +61,7 @@ exec "{compiler}" "$@"
 """
 
 
+@pytest.mark.slow
 def test_the_machine_in_c_takes_the_same_tests_and_its_own_mistakes_are_caught(folder: Path) -> None:
     """The mistake is one of the compiler: it makes a comparison that is not strict."""
     require_tools("gcc")
