@@ -151,7 +151,7 @@ simulate_batch(experiment, [{"seed": seed} for seed in range(EPISODES)], workers
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("episodes", [2, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("episodes", [2, 5])
 def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED.replace("EPISODES", str(episodes)))

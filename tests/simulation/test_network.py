@@ -59,7 +59,7 @@ def hold_tick(run: Run) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", ["board", pytest.param("ccu", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("place", ["board", "ccu"])
 def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everything_happens(place):
     problem = problem_of(f"{{impedance: {place}, {WORST}}}", "duration_s=0.6")
     compiled = CompiledEngine(problem).run()

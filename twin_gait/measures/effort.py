@@ -128,10 +128,9 @@ def changes_at_switches(
     shape ``(m,)``; ``blending_ticks``: length of each fade, or of all; 0 without.
     """
     at_switch, over_blending = np.zeros(len(switches)), np.zeros(len(switches))
-    for number, (tick, ticks) in enumerate(
-        zip(switches, np.broadcast_to(blending_ticks, len(switches)), strict=True)
-    ):
-        change = np.abs(torque[tick : tick + ticks + 1] - torque[tick - 1])
+    ends = np.asarray(switches) + blending_ticks + 1
+    for number, (tick, end) in enumerate(zip(switches, ends, strict=True)):
+        change = np.abs(torque[tick:end] - torque[tick - 1])
         at_switch[number], over_blending[number] = change[0], change.max()
     return SwitchChanges(at_switch, over_blending)
 
