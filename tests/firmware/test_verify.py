@@ -69,9 +69,7 @@ def assert_proven(found: Verification) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "treadmill" else []) for name in TABLES]
-)
+@pytest.mark.parametrize("name", TABLES)
 def test_20_s_of_every_shipped_table_are_proven(name):
     require_tools("gcc", *TARGET_TOOLS)
     found = verify(experiment_of(name, 20.0))
