@@ -267,7 +267,7 @@ class Leg:
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
         self._normal = dict.fromkeys(self._frames, 0.0)
-        self.upper_body = UpperBody(problem, self._pressed) if world.arms else None
+        self.upper_body = UpperBody(problem, self._normal_force) if world.arms else None
         self._crutch, self._gravity = 0.0, given.gravity
         if world.arms:
             self._crutch = problem.experiment.scenario.crutches.mass  # type: ignore[attr-defined]
@@ -308,11 +308,16 @@ class Leg:
 
     def _pressed(self, height: float, along: float, up: float) -> tuple[float, float]:
         """Friction and normal force of the ground on a point."""
-        law = self.world.contact
+        law, normal = self.world.contact, self._normal_force(height, up)
         assert law is not None  # there are contact frames
-        normal = law.stiffness * max(-height, 0.0) ** 1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * up)
         slip = along + self.world.belt.cruise
         return -law.friction_coefficient * normal * np.tanh(slip / law.transition_velocity), normal
+
+    def _normal_force(self, height: float, up: float) -> float:
+        """Of the ground on a point."""
+        law = self.world.contact
+        assert law is not None
+        return law.stiffness * max(-height, 0.0) ** 1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * up)
 
     def _contact_forces(self, q: np.ndarray, v: np.ndarray) -> Any:
         pin.forwardKinematics(self.model, self.data, q, v)
@@ -376,6 +381,8 @@ def motion(problem: Problem, ticks: int) -> Motion:
         trace.q[tick], trace.motor[tick], trace.phases[tick] = q, motor, controller.phases()
         for _ in range(stepping.substeps):
             q, v = leg.step(q, v, motor, stepping.step, rk4)
+            if leg.upper_body is not None:
+                leg.upper_body.settle(q)
     return trace
 
 

@@ -15,19 +15,20 @@ from twin_gait.simulation.problem import Problem
 from twin_gait.worlds.overground import Overground
 
 SHOULDER = 0.288  # of the height above the hips: Winter (2009), figure 4.1
-Pressed = Callable[[float, float, float], tuple[float, float]]
+Pressed = Callable[[float, float], float]
 
 
 class UpperBody:
     """Trunk, harness, and two arms with their crutches; coordinates of the tips follow all others."""
 
     def __init__(self, problem: Problem, pressed: Pressed) -> None:
-        """Take the contact law, which gives friction and normal force."""
+        """Take the law of the normal force of the ground."""
         scenario, patient = problem.experiment.scenario, problem.experiment.patient
         assert isinstance(scenario, Overground) and scenario.crutches is not None and patient is not None
         self.habit, self.limits, self.pressed = scenario.arms, scenario.crutches, pressed
         model, self.harness, self.tall = problem.world.model, scenario.harness, patient.height
         self.weight = model.total_mass * problem.experiment.plant.gravity
+        self.rubbing = scenario.contact.friction_coefficient
         self.longest = self.limits.length * self.tall
         self.body = [model.forward_index, model.pelvis_index, model.pitch_index]
         q, self.tick, self.felt = problem.world.start_q, 0, []
@@ -38,6 +39,7 @@ class UpperBody:
                 tip=[tip, tip + 1], load=0.0, off=0.0, push=self.habit.push * self.weight, turn=0.0
             )
             arm.length, arm.held_angle, *_ = self._strut(q, arm.tip)
+            arm.stuck = q[tip]
             self._plant(arm)
             self.arms.append(arm)
         self.first_ahead = [self._ahead(q, arm) for arm in self.arms]
@@ -75,9 +77,18 @@ class UpperBody:
             stretched = limits.straight_stiffness * max(arm.length - self.longest, 0.0)
             found += (np.clip(push, -limits.pull_limit, limits.push_limit) - stretched) * growing
             found += np.clip(moment, -limits.moment_limit, limits.moment_limit) * turning
-            friction, arm.load = self.pressed(q[arm.tip[1]], *v[arm.tip])
-            found[arm.tip] += friction, arm.load
+            arm.load = self.pressed(q[arm.tip[1]], v[arm.tip[1]])
+            sheared = limits.tip_stiffness * (q[arm.tip[0]] - arm.stuck) + limits.tip_damping * v[arm.tip[0]]
+            most = self.rubbing * arm.load
+            found[arm.tip] += -np.clip(sheared, -most, most), arm.load
         return found
+
+    def settle(self, q: np.ndarray) -> None:
+        """End a step: a tip sticks where the rubber has not come beyond what friction holds."""
+        for arm in self.arms:
+            beyond = q[arm.tip[0]] - arm.stuck
+            reach = self.rubbing * arm.load / self.limits.tip_stiffness
+            arm.stuck += np.sign(beyond) * max(abs(beyond) - reach, 0.0)
 
     def _plant(self, arm: SimpleNamespace) -> None:
         habit = self.habit

@@ -55,6 +55,7 @@ HABIT = Habit(
     touch=15.0,
     longest=1.43,
     chair_tilt=0.3,
+    chair_reach=0.4,
     chair_push=20.0,
     chair_turn=30.0,
     risen=1.5,
@@ -320,17 +321,32 @@ def test_hands_of_who_sits_rest() -> None:
 
 
 @pytest.mark.parametrize(("load", "lifts"), [(14.9, True), (15.0, False)])
-def test_who_has_risen_straightens_the_arms_until_a_hand_feels_no_load(load: float, lifts: bool) -> None:
+def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load: float, lifts: bool) -> None:
     arm, other = planted(), planted(ticks=30)
     move_arm(HABIT, on_chair(RISES), arm, other, -0.2, 80.0)
-    before = arm.grip.length
-    for tick in range(1, 22):
+    for _ in range(21):
         move_arm(HABIT, on_chair(0.0), arm, other, -0.2, 80.0)
         assert arm.doing == BEHIND
-        assert_allclose(arm.grip.length, before + 0.00005 * tick, rtol=1e-12)
     move_arm(HABIT, on_chair(0.0), arm, other, -0.2, load)
     assert arm.doing == (SWUNG if lifts else BEHIND)
-    assert not lifts or arm.reach == HABIT.reach
+    assert not lifts or arm.reach == HABIT.chair_reach
+
+
+@pytest.mark.parametrize(("lean", "rate"), [(0.05, 0.0), (0.15, 0.4), (0.25, -0.2), (0.25, 0.0)])
+def test_crutches_behind_push_the_trunk_forwards_until_it_leans_over_the_feet(
+    lean: float, rate: float
+) -> None:
+    """K (0.2 - lean) - D rate, never a pull; the arms straighten by 0.05 m/s and yield by 1 % a tick."""
+    arm, other, sense = planted(), planted(ticks=30), on_chair(0.0)
+    arm.doing, arm.grip.length, sense.lean, sense.lean_rate = BEHIND, 1.45, lean, rate
+    for _ in range(50):
+        move_arm(HABIT, sense, arm, other, -0.2, 80.0)
+    assert_allclose(arm.grip.push, max(600.0 * (0.2 - lean) - 150.0 * rate, 0.0), rtol=1e-12)
+    straightened = 0.00005 / 0.01 * (1.0 - 0.99**50) if lean < 0.2 else 0.0
+    assert_allclose(arm.grip.length, 1.4 + 0.05 * 0.99**50 + straightened, rtol=1e-12)
+    arm.length = 1.5
+    move_arm(HABIT, sense, arm, other, -0.2, 80.0)
+    assert arm.grip.length == 1.5  # who is beyond it already does not lift the tip
 
 
 @pytest.mark.parametrize("what", [LEANS, REACHES])

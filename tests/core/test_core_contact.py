@@ -16,8 +16,10 @@ from scipy.optimize import brentq
 from twin_gait.core.contact import (
     Ground,
     along_slope,
+    anchored_friction_force,
     contact_friction_force,
     contact_normal_force,
+    dragged_anchor,
     ground_contact_force,
     mechanical_stop_torque,
     sloped_contact_force,
@@ -285,3 +287,39 @@ def test_joint_bounces_off_its_stop_slower_than_it_came() -> None:
     angle, velocity = end.y[:, -1]
     assert angle < UPPER
     assert -1.0 < velocity < -0.3
+
+
+STIFF, DAMPED, COEFFICIENT, WEIGHT, MASS = 20e3, 100.0, 0.8, 50.0, 0.5  # the tip of a crutch under 50 N
+
+
+def pulled(force: float, seconds: float) -> tuple[float, float, float]:
+    """Place, speed and anchor of a tip that a force along the ground has pulled from rest."""
+    place = speed = anchor = 0.0
+    step = 1e-5
+    for _ in range(round(seconds / step)):
+        friction = anchored_friction_force(place - anchor, speed, WEIGHT, COEFFICIENT, STIFF, DAMPED)
+        speed += step * (force + friction) / MASS
+        place += step * speed
+        anchor = dragged_anchor(anchor, place, WEIGHT, COEFFICIENT, STIFF)
+    return place, speed, anchor
+
+
+def test_tip_rests_under_less_than_friction_and_goes_back_no_farther_than_it_was_sheared() -> None:
+    """Where regularised friction would creep: F / k, at rest."""
+    place, speed, anchor = pulled(20.0, 0.5)
+    assert_allclose(place, 20.0 / STIFF, rtol=1e-9)
+    assert abs(speed) < 1e-12 and anchor == 0.0
+
+
+def test_tip_slides_under_more_than_friction_as_a_sledge_does() -> None:
+    """(F - mu N) / m, over a time in which the rubber has sheared as far as it does."""
+    early, late = pulled(60.0, 0.2), pulled(60.0, 0.4)
+    assert_allclose((late[1] - early[1]) / 0.2, (60.0 - COEFFICIENT * WEIGHT) / MASS, rtol=1e-6)
+    assert_allclose(late[0] - late[2], COEFFICIENT * WEIGHT / STIFF, rtol=1e-9)
+
+
+@given(stretch=st.floats(-1.0, 1.0), slip=rates, normal=st.floats(0.0, 500.0))
+def test_anchored_friction_stays_within_the_cone_and_a_tip_in_the_air_forgets(stretch, slip, normal) -> None:
+    force = anchored_friction_force(stretch, slip, normal, COEFFICIENT, STIFF, DAMPED)
+    assert abs(force) <= COEFFICIENT * normal
+    assert dragged_anchor(stretch, 0.3, 0.0, COEFFICIENT, STIFF) == 0.3

@@ -160,8 +160,10 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
         arm.grip.length += 0.25
         arm.grip.turn = 3.0
     grips = [arm.grip for arm in e.arms]
-    contact = problem.experiment.scenario.contact
-    heard = set()
+    contact, rubber = problem.experiment.scenario.contact, problem.experiment.scenario.crutches
+    stuck: dict[str, float] = {}
+    last: dict[str, float] = {}
+    heard, slid = set(), set()
 
     def all_forces(body: Body) -> np.ndarray:
         v, found = body.data.qvel, np.zeros(body.model.nv)
@@ -189,19 +191,25 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
             stretched = 2000.0 * max(length - 0.9 * 1.75, 0.0)
             found += (np.clip(push, -pull_limit, push_limit) - stretched) * of_length
             found += np.clip(moment, -moment_limit, moment_limit) * of_angle
-            found[tip] += pressed(*body.data.qpos[tip][1:], *v[tip])
+            found[tip] += pressed(side, *body.data.qpos[tip], *v[tip])
         return found
 
-    def pressed(height: float, along: float, up: float) -> np.ndarray:
-        depth = max(-height, 0.0)
-        normal = contact.stiffness * depth**1.5 * max(1.0 - 1.5 * contact.dissipation * up, 0.0)
-        return normal * np.array(
-            [-contact.friction_coefficient * np.tanh(along / contact.transition_velocity), 1.0]
-        )
+    def pressed(side: str, place: float, height: float, along: float, up: float) -> np.ndarray:
+        """Rubber that shears, and slides where it is asked for the forces of a step: that is once."""
+        normal = contact.stiffness * max(-height, 0.0) ** 1.5 * max(1.0 - 1.5 * contact.dissipation * up, 0.0)
+        # What slid in the step before has the normal force of that step.
+        reach = contact.friction_coefficient * last.get(side, 0.0) / rubber.tip_stiffness
+        stuck[side] = np.clip(stuck.get(side, place), place - reach, place + reach)
+        last[side] = normal
+        sheared = rubber.tip_stiffness * (place - stuck[side]) + rubber.tip_damping * along
+        most = contact.friction_coefficient * normal
+        slid.add(abs(sheared) > most > 0.0)
+        return np.array([-np.clip(sheared, -most, most), normal])
 
     body = assert_together(problem, e, advance, all_forces)
     assert min(point.height for point in e.points) > 0.0  # no foot has come down
     for beyond in map(set, zip(*heard, strict=True)):
         assert True not in beyond or limits[0] < 100.0
         assert beyond == {True, False} or limits[0] > 100.0
+    assert slid == {True, False} or limits[0] < 100.0
     assert abs(float(body.q[problem.world.model.forward_index])) > 0.01

@@ -19,8 +19,10 @@ from twin_gait.core.assistance import adapted_assistance
 from twin_gait.core.belt import belt_speed, belt_travel, treadmill_speed, treadmill_travel
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.contact import (
+    anchored_friction_force,
     contact_friction_force,
     contact_normal_force,
+    dragged_anchor,
     ground_contact_force,
     mechanical_stop_torque,
 )
@@ -60,6 +62,7 @@ __all__ = [
     "PlantFriction",
     "adapted_assistance",
     "advanced_deflection",
+    "anchored_friction_force",
     "angular_acceleration",
     "asymmetric_torque",
     "battery_power",
@@ -80,6 +83,7 @@ __all__ = [
     "damping_ratio_of",
     "dead_zone",
     "directional_viscous_torque",
+    "dragged_anchor",
     "drive_efficiency",
     "exponential",
     "first_order_gain",

@@ -65,6 +65,7 @@ class Habit:
         touch: Load at which a tip is felt to stand, in [N].
         longest: Length of arm and crutch in [m].
         chair_tilt: Of the struts from the vertical to which tips are swung behind, in [rad].
+        chair_reach: Likewise to which they are brought forwards after rising, in [rad].
         chair_push: On each crutch while the person rises or sits down, in [N].
         chair_turn: Moment of each shoulder that draws the body forwards meanwhile in [N m].
         risen: Length of the struts after rising in [m].
@@ -94,6 +95,7 @@ class Habit:
     touch: float
     longest: float
     chair_tilt: float
+    chair_reach: float
     chair_push: float
     chair_turn: float
     risen: float
@@ -165,7 +167,7 @@ def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, loa
     elif sense.chair > 0.0 or arm.doing == BEHIND:
         _use_behind(habit, sense, arm, other, ahead, load)
     else:
-        _lean_on(habit, sense, arm)
+        _lean_on(habit, sense, arm, other)
         if _may_lift(habit, sense, arm, other) and ahead < habit.lift_ahead:
             _lift(habit, sense, arm, habit.reach)
 
@@ -186,25 +188,45 @@ def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, 
         _lift(habit, sense, arm, -habit.chair_tilt)
         return
     if sense.chair == REACHES and arm.doing == PLANTED and ahead > 0.0:
-        _lean_on(habit, sense, arm)  # until its turn comes
+        _lean_on(habit, sense, arm, other)  # until its turn comes
         return
     if sense.chair != arm.felt or arm.doing == PLANTED:
         arm.felt = sense.chair
         arm.doing, arm.since, arm.first_length = BEHIND, 0, arm.length
-    _push_up(habit, sense, arm)
-    if sense.chair == 0.0 and load < habit.touch and _may_lift(habit, sense, arm, other):
-        _lift(habit, sense, arm, habit.reach)
+    if sense.chair > 0.0:
+        _push_up(habit, sense, arm)
+        return
+    _push_forwards(habit, sense, arm, load)
+    if load < habit.touch and _may_lift(habit, sense, arm, other):
+        _lift(habit, sense, arm, habit.chair_reach)
 
 
-def _lean_on(habit: Habit, sense: Sense, arm: Arm) -> None:
-    """Push on a planted crutch, with muscles that yield to what is slow."""
-    grip = arm.grip
+def _lean_on(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> None:
+    """Push back on a crutch in front, with muscles that yield to what is slow."""
+    push = 0.0 if other.doing == BEHIND else habit.push
     wanted = (
-        habit.push + habit.push_per_lean * (sense.lean - habit.lean) + habit.push_per_rate * sense.lean_rate
+        push + habit.push_per_lean * (sense.lean - habit.lean) + habit.push_per_rate * sense.lean_rate
     )
-    grip.push = held(wanted, 0.0, arm.push_limit)
-    grip.turn = -habit.turn
+    arm.grip.push = held(wanted, 0.0, arm.push_limit)
+    arm.grip.turn = -habit.turn
     _yield(habit, arm)
+
+
+def _push_forwards(habit: Habit, sense: Sense, arm: Arm, load: float) -> None:
+    """Straighten the arm on a crutch behind until the hand feels no load, as the weight is over the feet."""
+    grip = arm.grip
+    grip.push = held(-habit.push_per_rate * sense.lean_rate, 0.0, arm.push_limit)
+    grip.turn = -habit.turn
+    grip.stiffness, grip.damping = habit.stiffness, habit.damping
+    if load >= habit.touch:
+        grip.length += habit.straightening
+    _give_way(habit, arm)
+
+
+def _give_way(habit: Habit, arm: Arm) -> None:
+    """What would lift the tip gives way at once; what turns the arm, slowly."""
+    arm.grip.length = max(arm.grip.length, arm.length)
+    turn_grip(arm.grip, arm.grip.angle - habit.yielding * arm.aside / arm.length)
 
 
 def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
@@ -219,12 +241,9 @@ def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
         share = blend_share(arm.since / habit.chair_ticks, BLEND_MINIMUM_JERK)
         wanted = habit.risen if sense.chair == RISES else habit.seated
         grip.length = blend(arm.first_length, wanted, share)
-    elif sense.chair == REACHES:
-        grip.push = grip.turn = 0.0  # holds on
     else:
-        grip.length += habit.straightening
-    grip.length = max(grip.length, arm.length)  # what would lift the tip gives way at once
-    turn_grip(grip, grip.angle - habit.yielding * arm.aside / arm.length)
+        grip.push = grip.turn = 0.0  # holds on
+    _give_way(habit, arm)
 
 
 def _yield(habit: Habit, arm: Arm) -> None:

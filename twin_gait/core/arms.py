@@ -68,6 +68,9 @@ class Arm:
         moment_limit: Largest moment of the shoulder in [N m].
         longest: Length of the strut with a straight arm in [m].
         straight_stiffness: Of a straight arm, which the hand holds on to, in [N] / [m].
+        tip_stiffness: Of the rubber of the tip against shear, in [N] / [m].
+        tip_damping: Likewise in [N s] / [m].
+        anchor: Place on the ground where the tip sticks, in [m].
         grip: What the muscles do.
         length: Of the strut in [m], as it was last.
         aside: Way of the tip from where the grip would have it, against n, in [m].
@@ -95,6 +98,9 @@ class Arm:
     felt_load: DelayLine
     longest: float = math.inf
     straight_stiffness: float = 0.0
+    tip_stiffness: float = 1.0
+    tip_damping: float = 0.0
+    anchor: float = 0.0
     length: float = 0.0
     aside: float = 0.0
     push: float = 0.0

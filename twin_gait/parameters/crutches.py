@@ -40,6 +40,9 @@ class CrutchParameters(Parameters):
         slack: By which a hand may be farther from the shoulder before it lets go, in [m] (an assumption).
         straight_stiffness: Of a straight arm and the hand that holds on, in [N] / [m] (an assumption:
             shoulder girdle and wrist leave 5 to 15 kN/m of what the elbow has).
+        tip_stiffness: Of the rubber tip against shear, in [N] / [m] (an assumption: it gives by a centimetre
+            under 200 N). What stands rests, where regularised friction would creep.
+        tip_damping: Likewise in [N s] / [m] (an assumption: half of critical for the mass of the crutch).
         push_limit: Largest force of an arm along the strut in [N] (an assumption: paraplegic men push as hard
             as others, Kotajarvi et al. 2002; half the weight on each hand is what lifting oneself asks for).
         pull_limit: With which it lifts a crutch in [N] (an assumption).
@@ -50,6 +53,8 @@ class CrutchParameters(Parameters):
     length: Annotated[Ratio, Range(0.6, 1.1)] = 0.817
     slack: Annotated[Length, NOT_NEGATIVE] = 0.1
     straight_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 5.0e3
+    tip_stiffness: Annotated[LinearStiffness, POSITIVE] = 20.0e3
+    tip_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 100.0
     push_limit: Annotated[Force, NOT_NEGATIVE] = 400.0
     pull_limit: Annotated[Force, NOT_NEGATIVE] = 100.0
     moment_limit: Annotated[Torque, NOT_NEGATIVE] = 60.0
@@ -86,6 +91,7 @@ class ArmParameters(Parameters):
         touch: Load at which it is felt to stand in [N].
         chair_tilt: Of arms and crutches from the vertical to which they are swung for a chair, the tips
             behind the shoulders, in [rad].
+        chair_reach: Of them from the vertical to which they are swung forwards after rising, in [rad].
         chair_push: On each crutch while the person rises or sits down, as a share of the weight.
         chair_turn: Moment of each shoulder in [N m] that draws the body forwards meanwhile.
         risen_length: Of arm and crutch when the person has risen, over that of a straight arm.
@@ -115,6 +121,7 @@ class ArmParameters(Parameters):
     lowering: Annotated[Speed, POSITIVE] = 0.25
     touch: Annotated[Force, POSITIVE] = 15.0
     chair_tilt: Annotated[Angle, LEANS] = 10.0 * DEGREE
+    chair_reach: Annotated[Angle, LEANS] = 18.0 * DEGREE
     chair_push: Annotated[Ratio, NOT_NEGATIVE] = 0.05
     chair_turn: Torque = 0.0
     risen_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.98

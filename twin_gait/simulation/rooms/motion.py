@@ -16,7 +16,13 @@ from twin_gait.simulation.interface import (
     lanes,
     side_by_side,
 )
-from twin_gait.simulation.rooms.upper_body import move_tips, press_seat, pull_harness, push_crutches
+from twin_gait.simulation.rooms.upper_body import (
+    drag_tips,
+    move_tips,
+    press_seat,
+    pull_harness,
+    push_crutches,
+)
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -132,6 +138,7 @@ def _euler_step(e: Episode, time: float, known: bool) -> None:
             one.v[i] = velocity + e.step * one.a[i]
             one.stages.v[i] = 0.5 * (velocity + one.v[i])
             _move(one, i, e.step * one.v[i])
+    _end_step(e)
     if e.recording.on:
         for one in lanes(e):
             contact = 0.5 * (one.contact_power + one.last_contact_power)
@@ -173,6 +180,7 @@ def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
         for one in lanes(e):
             one.v[i] += step * one.stages.sum_a[i]
             _move(one, i, step * one.stages.sum_v[i])
+    _end_step(e)
 
 
 def _move(e: Episode, place: int, displacement: float) -> None:
@@ -181,6 +189,13 @@ def _move(e: Episode, place: int, displacement: float) -> None:
     if OTHER_LAWS:
         plant = e.plant[place]
         plant.deflection = advanced_deflection(plant.friction, displacement, e.v[place], plant.deflection)
+
+
+def _end_step(e: Episode) -> None:
+    """What follows the coordinates of a whole step."""
+    if CRUTCHES > 0:
+        for one in lanes(e):
+            drag_tips(one)
 
 
 def _add_work(e: Episode, duration: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from twin_gait.core.arm_policy import REACHES, move_arm
 from twin_gait.core.arms import Arm, arm_force
-from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.contact import anchored_friction_force, contact_normal_force, dragged_anchor
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import delayed_sample
 from twin_gait.core.seat import seat_the_hips, seat_the_thigh
@@ -81,10 +81,29 @@ def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
         place = arm.place
         tip = arm.tip
         tip.height = q[place + 1]
-        tip.forward, tip.upward = ground_contact_force(e.ground, tip.height, v[place], v[place + 1])
+        tip.upward = contact_normal_force(
+            -tip.height, -v[place + 1], e.ground.stiffness, e.ground.dissipation
+        )
+        tip.forward = anchored_friction_force(
+            q[place] - arm.anchor,
+            v[place],
+            tip.upward,
+            e.ground.friction_coefficient,
+            arm.tip_stiffness,
+            arm.tip_damping,
+        )
         e.a[place] = (e.torque[place] + tip.forward) / arm.mass
         e.a[place + 1] = (e.torque[place + 1] + tip.upward) / arm.mass - e.gravity
         e.contact_power += tip.forward * v[place] + tip.upward * v[place + 1]
+
+
+def drag_tips(e: Episode) -> None:
+    """End a step of the tips: what slides takes the place with it where it sticks."""
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        arm.anchor = dragged_anchor(
+            arm.anchor, e.q[arm.place], arm.tip.upward, e.ground.friction_coefficient, arm.tip_stiffness
+        )
 
 
 def use_crutches(e: Episode, tick: int) -> None:
