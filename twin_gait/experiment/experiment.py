@@ -161,6 +161,7 @@ class Experiment(Parameters):
             actuators=plant.actuators,
             stops=plant.stops,
             ankle=plant.ankle,
+            gravity=plant.gravity,
         )
         world = self.scenario.build(model, plant=rows, ankle_rest=plant.ankle.rest, gravity=plant.gravity)
         if self.interface is not None:

@@ -98,6 +98,9 @@ class AnkleParameters(Parameters):
         stiffness: In [N m] / [rad]. Thirteen commercial orthoses of carbon composite have 33 to 210 (0.58 to
             3.66 N m / deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of the device is
             not published; the default was found together with the default gait table.
+        relative_stiffness: What an orthosis that is fitted to the wearer adds to the stiffness, over the
+            weight of wearer and device times the height of the wearer. A stiff body stands by itself on two
+            that have 0.25 each.
         damping: In [N m s] / [rad] (an assumption: at strides of 1.75 s the default takes a third of what the
             spring stores, and in the air the foot does not swing, with ζ about 1.7).
         rest: Dorsiflexion in [rad] at which the spring is slack, within the stops of ±30°; 0 is a right angle
@@ -105,6 +108,7 @@ class AnkleParameters(Parameters):
     """
 
     stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 75.0
+    relative_stiffness: Annotated[Ratio, NOT_NEGATIVE] = 0.0
     damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 6.0
     rest: Annotated[Angle, ANKLE_REST] = math.radians(7.0)
 

@@ -185,16 +185,19 @@ def build_plant(
     actuators: Mapping[JointName, ActuatorParameters],
     stops: StopParameters,
     ankle: AnkleParameters,
+    gravity: float,
 ) -> tuple[Plant, ...]:
     """Friction, stops and ankle springs of every coordinate."""
     result = tuple(free_coordinate() for _ in range(model.nv))
+    tall = 0.0 if model.patient is None else model.patient.height
+    stiffness = ankle.stiffness + ankle.relative_stiffness * model.total_mass * gravity * tall
     for side, leg in model.legs.items():
         for joint, _ in leg.items():
             plant = result[model.index(side, joint)]
             plant.stop.lower, plant.stop.upper = model.position_limits(side, joint)
             plant.stop.stiffness, plant.stop.dissipation = stops.stiffness, stops.dissipation
             if joint is JointName.ANKLE:
-                plant.spring = Spring(ankle.stiffness, ankle.damping, ankle.stiffness * ankle.rest)
+                plant.spring = Spring(stiffness, ankle.damping, stiffness * ankle.rest)
             if joint in actuators:
                 plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
                 plant.armature = actuators[joint].armature
