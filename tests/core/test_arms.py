@@ -332,21 +332,29 @@ def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load
     assert not lifts or arm.reach == HABIT.chair_reach
 
 
-@pytest.mark.parametrize(("lean", "rate"), [(0.05, 0.0), (0.15, 0.4), (0.25, -0.2), (0.25, 0.0)])
-def test_crutches_behind_push_the_trunk_forwards_until_it_leans_over_the_feet(
-    lean: float, rate: float
-) -> None:
-    """K (0.2 - lean) - D rate, never a pull; the arms straighten by 0.05 m/s and yield by 1 % a tick."""
+@pytest.mark.parametrize("rate", [-0.3, 0.0, 0.4])
+def test_crutches_behind_straighten_until_a_hand_feels_no_load_and_stop_a_fall_backwards(rate: float) -> None:
+    """Longer by 0.05 m/s; 150 N s/rad against a trunk that tips backwards, nothing against one that leans."""
     arm, other, sense = planted(), planted(ticks=30), on_chair(0.0)
-    arm.doing, arm.grip.length, sense.lean, sense.lean_rate = BEHIND, 1.45, lean, rate
+    arm.doing, arm.grip.length, sense.lean_rate = BEHIND, 1.45, rate
     for _ in range(50):
-        move_arm(HABIT, sense, arm, other, -0.2, 80.0)
-    assert_allclose(arm.grip.push, max(600.0 * (0.2 - lean) - 150.0 * rate, 0.0), rtol=1e-12)
-    straightened = 0.00005 / 0.01 * (1.0 - 0.99**50) if lean < 0.2 else 0.0
-    assert_allclose(arm.grip.length, 1.4 + 0.05 * 0.99**50 + straightened, rtol=1e-12)
+        move_arm(HABIT, sense, arm, other, -0.2, 15.0)
+    assert_allclose(arm.grip.push, max(-150.0 * rate, 0.0), rtol=1e-12)
+    assert_allclose(arm.grip.length, 1.45 + 50 * 0.00005, rtol=1e-12)
+    other.doing, other.since = SWUNG, 0
+    move_arm(HABIT, sense, arm, other, -0.2, 14.0)
+    assert_allclose(arm.grip.length, 1.45 + 50 * 0.00005, rtol=1e-12)
     arm.length = 1.5
-    move_arm(HABIT, sense, arm, other, -0.2, 80.0)
+    move_arm(HABIT, sense, arm, other, -0.2, 14.0)
     assert arm.grip.length == 1.5  # who is beyond it already does not lift the tip
+
+
+def test_a_crutch_in_front_has_no_push_of_its_own_while_the_other_is_behind() -> None:
+    """K (lean - 0.1) + D rate alone: with more, it would push the trunk back on the one behind."""
+    arm, other, sense = planted(), planted(), sense_of(0.15, 0.1)
+    other.doing = BEHIND
+    move_arm(HABIT, sense, arm, other, 0.3, 80.0)
+    assert_allclose(arm.grip.push, 600.0 * 0.05 + 150.0 * 0.1, rtol=1e-12)
 
 
 @pytest.mark.parametrize("what", [LEANS, REACHES])

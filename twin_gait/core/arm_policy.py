@@ -204,9 +204,7 @@ def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, 
 def _lean_on(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> None:
     """Push back on a crutch in front, with muscles that yield to what is slow."""
     push = 0.0 if other.doing == BEHIND else habit.push
-    wanted = (
-        push + habit.push_per_lean * (sense.lean - habit.lean) + habit.push_per_rate * sense.lean_rate
-    )
+    wanted = push + habit.push_per_lean * (sense.lean - habit.lean) + habit.push_per_rate * sense.lean_rate
     arm.grip.push = held(wanted, 0.0, arm.push_limit)
     arm.grip.turn = -habit.turn
     _yield(habit, arm)
