@@ -31,7 +31,7 @@ class UpperBody:
         self.rubbing = scenario.contact.friction_coefficient
         self.longest = self.limits.length * self.tall
         self.body = [model.forward_index, model.pelvis_index, model.pitch_index]
-        q, self.tick, self.felt = problem.world.start_q, 0, []
+        q, self.tick, self.still, self.felt = problem.world.start_q, 0, 0, []
         self.first_lean = float(q[self.body[2]])
         self.arms = []
         for tip in (model.nv, model.nv + 2):
@@ -105,6 +105,7 @@ class UpperBody:
         nothing = (self.first_lean, 0.0, False, self.first_ahead, [0.0, 0.0])
         lean, rate, swinging, aheads, loads = self.felt[late] if late >= 0 else nothing
         self.tick += 1
+        self.still = 0 if swinging else self.still + 1
         for arm, other, ahead, load in zip(self.arms, self.arms[::-1], aheads, loads, strict=True):
             arm.since += 1
             getattr(self, f"_{arm.doing}")(arm, other, lean, rate, swinging, ahead, load)
@@ -117,8 +118,12 @@ class UpperBody:
         arm.held += share * (arm.length - arm.held)
         arm.held_angle -= share * arm.off / arm.length
         stand = min(arm.since, other.since) > rest and other.doing == "planted"
-        if stand and not swinging and ahead < habit.lift_ahead:
+        comes, away = ahead < habit.lift_ahead, abs(ahead - self.longest * np.sin(habit.stand_reach))
+        still = min(self.still, arm.since, other.since) > habit.still / TICK
+        replaces = still and away > habit.stand_slack
+        if stand and not swinging and (comes or replaces):
             arm.doing, arm.since, arm.begin = "swung", 0, arm.held_angle - lean
+            arm.reach = habit.reach if comes else habit.stand_reach
             arm.push, arm.turn, arm.held = 0.0, 0.0, arm.length - habit.clearance
             arm.k = arm.kt = habit.swing_stiffness
             arm.b = arm.bt = habit.swing_damping
@@ -126,11 +131,14 @@ class UpperBody:
     def _swung(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
         s = min(arm.since * TICK / self.habit.swing, 1.0)
         share = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5
-        arm.held_angle = arm.begin + share * (self.habit.reach - arm.begin) + lean
+        arm.held_angle = arm.begin + share * (arm.reach - arm.begin) + lean
         if s >= 1.0 - 1e-9:
             arm.doing, arm.since = "lowered", 0
 
     def _lowered(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
-        arm.held = min(arm.held + self.habit.lowering * TICK, self.longest)
+        if arm.held < self.longest:
+            arm.held = min(arm.held + self.habit.lowering * TICK, self.longest)
+        else:
+            arm.held_angle -= np.sign(arm.reach) * self.habit.lowering * TICK / self.longest
         if load > self.habit.touch:
             self._plant(arm)

@@ -55,7 +55,10 @@ HABIT = Habit(
     touch=15.0,
     longest=1.43,
     chair_tilt=0.3,
-    chair_reach=0.4,
+    stand_reach=0.4,
+    stand_ahead=0.55,
+    stand_slack=0.3,
+    still_ticks=1000,
     chair_push=20.0,
     chair_turn=30.0,
     risen=1.5,
@@ -271,12 +274,35 @@ def test_a_crutch_is_lowered_at_its_speed_and_planted_as_it_is_when_it_carries()
     assert (arm.grip.stiffness, arm.grip.turning_damping) == (4000.0, 12.0)
 
 
-def test_no_crutch_is_lowered_beyond_the_length_of_the_arm() -> None:
+@pytest.mark.parametrize("reach", [0.4, -0.3])
+def test_a_crutch_that_does_not_reach_the_ground_is_drawn_nearer(reach: float) -> None:
+    """The tip goes as fast towards the vertical as it was lowered, from in front or from behind."""
     arm, other = planted(), planted()
-    arm.doing, arm.grip.length = LOWERED, 1.4299
-    for _ in range(5):
+    arm.doing, arm.grip.length, arm.reach = LOWERED, 1.4299, reach
+    before = arm.grip.angle
+    for _ in range(6):
         move_arm(HABIT, sense_of(), arm, other, FAR, 0.0)
     assert arm.grip.length == 1.43
+    assert_allclose(arm.grip.angle, before - math.copysign(5 * 0.00025 / 1.43, reach), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "still", "brought"), [(0.2, 1001, True), (0.3, 1001, False), (0.2, 1000, False)]
+)
+def test_who_stands_has_the_crutches_where_they_like_them(ahead: float, still: int, brought: bool) -> None:
+    """0.3 m about a place 0.55 m in front of the shoulder, after a second without a step."""
+    arm, other, sense = planted(ticks=2000), planted(ticks=2000), sense_of()
+    sense.still = still
+    move_arm(HABIT, sense, arm, other, ahead, 80.0)
+    assert arm.doing == (SWUNG if brought else PLANTED)
+    assert not brought or arm.reach == HABIT.stand_reach
+
+
+def test_of_two_crutches_in_front_one_is_brought_behind_to_sit_down() -> None:
+    arm, other, sense = planted(ticks=30), planted(ticks=30), on_chair(REACHES)
+    other.doing = BEHIND
+    move_arm(HABIT, sense, arm, other, 0.3, 80.0)
+    assert arm.doing == PLANTED
 
 
 def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
@@ -329,7 +355,7 @@ def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load
         assert arm.doing == BEHIND
     move_arm(HABIT, on_chair(0.0), arm, other, -0.2, load)
     assert arm.doing == (SWUNG if lifts else BEHIND)
-    assert not lifts or arm.reach == HABIT.chair_reach
+    assert not lifts or arm.reach == HABIT.stand_reach
 
 
 @pytest.mark.parametrize("rate", [-0.3, 0.0, 0.4])

@@ -10,11 +10,12 @@ by the delay of a reaction. An arm whose crutch is planted pushes with
 
 and its muscles are stiff for a moment only: length and angle that they hold follow those of the arm with the
 time constant of yielding. When both legs stand, a tip that has come near is lifted, swung to
-where the person reaches, and lowered until it is felt to carry; the other stays planted meanwhile.
+where the person reaches, and lowered until it is felt to carry, nearer if the arm is too short; the other
+stays planted meanwhile. Who has stood still for a while brings a tip that is elsewhere in the same way to
+where they like it.
 
-A chair asks for both behind. When the device announces that it is about to sit down, one tip after the
-other is swung back to a tilt φ against the vertical, while the other one is leant on or holds what it has;
-likewise before rising if they do not stand there.
+A chair asks for crutches behind. When the device announces that it is about to sit down, one is swung back to
+a tilt φ against the vertical, and the other leant on; both, before rising, if they do not stand there.
 While the person sits, the hands rest. While they rise or sit down, the arms do as the legs do: the muscles
 push, with the stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen
 or of seated arms,
@@ -23,8 +24,9 @@ or of seated arms,
 
     P_0 = P_c, \qquad \ell_0(t) = \ell(0) + (\ell_c - \ell(0))\,s(t / T_c), \qquad M_0 = -M_c
 
-and an arm that is longer than that gives way. When the person has risen the arms straighten slowly, until the
-weight is over the feet and a hand feels no load; then one crutch after the other is brought forwards.
+and an arm that is longer than that gives way. When the person has risen, arms that still carry straighten slowly
+and push against a trunk that tips backwards, :math:`P_0 = -D\,\dot\theta`; a hand that feels no load brings its
+crutch forwards, one after the other. Until the second comes, the first in front has no push P of its own.
 """
 
 from __future__ import annotations
@@ -65,7 +67,10 @@ class Habit:
         touch: Load at which a tip is felt to stand, in [N].
         longest: Length of arm and crutch in [m].
         chair_tilt: Of the struts from the vertical to which tips are swung behind, in [rad].
-        chair_reach: Likewise to which they are brought forwards after rising, in [rad].
+        stand_reach: To which they are brought in front of who stands, in [rad].
+        stand_ahead: Way in front of the shoulder of a tip that stands there, in [m].
+        stand_slack: By which it may stand elsewhere in [m].
+        still_ticks: For how long no leg has swung where somebody stands.
         chair_push: On each crutch while the person rises or sits down, in [N].
         chair_turn: Moment of each shoulder that draws the body forwards meanwhile in [N m].
         risen: Length of the struts after rising in [m].
@@ -95,7 +100,10 @@ class Habit:
     touch: float
     longest: float
     chair_tilt: float
-    chair_reach: float
+    stand_reach: float
+    stand_ahead: float
+    stand_slack: float
+    still_ticks: int
     chair_push: float
     chair_turn: float
     risen: float
@@ -112,6 +120,7 @@ class Sense:
         lean: Of the trunk in [rad].
         lean_rate: In [rad] / [s].
         stepping: 1 while a leg swings.
+        still: Ticks since the last one did.
         chair: ``SITS``, ``LEANS``, ``RISES``, ``REACHES``, ``LOWERS`` or 0.
         felt_lean: On its way to the mind.
         felt_rate: Likewise.
@@ -126,6 +135,7 @@ class Sense:
     lean: float = 0.0
     lean_rate: float = 0.0
     stepping: float = 0.0
+    still: int = 0
     chair: float = 0.0
 
 
@@ -161,15 +171,29 @@ def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, loa
         if arm.since >= habit.swing_ticks:
             arm.doing, arm.since = LOWERED, 0
     elif arm.doing == LOWERED:
-        arm.grip.length = min(arm.grip.length + habit.lowering, habit.longest)
+        _lower(habit, arm)
         if load > habit.touch:
             plant_crutch(habit, arm)
     elif sense.chair > 0.0 or arm.doing == BEHIND:
         _use_behind(habit, sense, arm, other, ahead, load)
     else:
         _lean_on(habit, sense, arm, other)
-        if _may_lift(habit, sense, arm, other) and ahead < habit.lift_ahead:
+        if not _may_lift(habit, sense, arm, other):
+            return
+        if ahead < habit.lift_ahead:
             _lift(habit, sense, arm, habit.reach)
+        elif _stands(habit, sense, arm, other) and abs(ahead - habit.stand_ahead) > habit.stand_slack:
+            _lift(habit, sense, arm, habit.stand_reach)
+
+
+def _lower(habit: Habit, arm: Arm) -> None:
+    """Lengthen the strut towards the ground; one that is too short for it is drawn nearer."""
+    grip = arm.grip
+    if grip.length < habit.longest:
+        grip.length = min(grip.length + habit.lowering, habit.longest)
+    else:
+        nearer = habit.lowering / habit.longest
+        turn_grip(grip, grip.angle - (nearer if arm.reach > 0.0 else -nearer))
 
 
 def _may_lift(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> bool:
@@ -181,9 +205,16 @@ def _rested(habit: Habit, arm: Arm) -> bool:
     return (arm.doing == PLANTED or arm.doing == BEHIND) and arm.since > habit.planted_ticks
 
 
+def _stands(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> bool:
+    """Whether the person has stood still on both crutches, in front, for a while."""
+    shortest = min(sense.still, arm.since, other.since)
+    return other.doing == PLANTED and shortest > habit.still_ticks
+
+
 def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
     """Bring a crutch behind for a chair, rest the hand, push, hold on, or bring the crutch forwards again."""
-    readies = sense.chair == LEANS or sense.chair == REACHES
+    # To sit down one is enough behind; the other one is leant on.
+    readies = sense.chair == LEANS or (sense.chair == REACHES and other.doing == PLANTED)
     if readies and ahead > 0.0 and _may_lift(habit, sense, arm, other):
         _lift(habit, sense, arm, -habit.chair_tilt)
         return
@@ -198,7 +229,7 @@ def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, 
         return
     _push_forwards(habit, sense, arm, load)
     if load < habit.touch and _may_lift(habit, sense, arm, other):
-        _lift(habit, sense, arm, habit.chair_reach)
+        _lift(habit, sense, arm, habit.stand_reach)
 
 
 def _lean_on(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> None:

@@ -91,7 +91,9 @@ class ArmParameters(Parameters):
         touch: Load at which it is felt to stand in [N].
         chair_tilt: Of arms and crutches from the vertical to which they are swung for a chair, the tips
             behind the shoulders, in [rad].
-        chair_reach: Of them from the vertical to which they are swung forwards after rising, in [rad].
+        stand_reach: Angle from the vertical at which who stands has the crutches, in [rad].
+        stand_slack: By which a tip may be away from there before it is brought there, in [m].
+        still: For so long no leg has swung when somebody stands, in [s].
         chair_push: On each crutch while the person rises or sits down, as a share of the weight.
         chair_turn: Moment of each shoulder in [N m] that draws the body forwards meanwhile.
         risen_length: Of arm and crutch when the person has risen, over that of a straight arm.
@@ -121,7 +123,9 @@ class ArmParameters(Parameters):
     lowering: Annotated[Speed, POSITIVE] = 0.25
     touch: Annotated[Force, POSITIVE] = 15.0
     chair_tilt: Annotated[Angle, LEANS] = 10.0 * DEGREE
-    chair_reach: Annotated[Angle, LEANS] = 18.0 * DEGREE
+    stand_reach: Annotated[Angle, LEANS] = 18.0 * DEGREE
+    stand_slack: Annotated[Length, NOT_NEGATIVE] = 0.1
+    still: Annotated[Time, NOT_NEGATIVE] = 1.0
     chair_push: Annotated[Ratio, NOT_NEGATIVE] = 0.05
     chair_turn: Torque = 0.0
     risen_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.98

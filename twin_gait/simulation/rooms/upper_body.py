@@ -116,6 +116,7 @@ def use_crutches(e: Episode, tick: int) -> None:
     sense.lean = delayed_sample(sense.felt_lean, tick, e.q[PITCH])
     sense.lean_rate = delayed_sample(sense.felt_rate, tick, e.v[PITCH])
     sense.stepping = delayed_sample(sense.felt_stepping, tick, stepping)
+    sense.still = 0 if sense.stepping > 0.0 else sense.still + 1
     sense.chair = delayed_sample(sense.felt_chair, tick, chair)
     sine, _ = sine_cosine(e.q[PITCH])
     shoulder = e.q[FORWARD] + e.trunk.shoulder * sine
