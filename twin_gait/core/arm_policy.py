@@ -24,9 +24,9 @@ or of seated arms,
 
     P_0 = P_c, \qquad \ell_0(t) = \ell(0) + (\ell_c - \ell(0))\,s(t / T_c), \qquad M_0 = -M_c
 
-and an arm that is longer than that gives way. When the person has risen, arms that still carry straighten slowly
-and push against a trunk that tips backwards, :math:`P_0 = -D\,\dot\theta`; a hand that feels no load brings its
-crutch forwards, one after the other. Until the second comes, the first in front has no push P of its own.
+and an arm that is longer than that gives way. When the person has risen, arms that still carry straighten
+slowly and push against a trunk that tips backwards, :math:`P_0 = -D\,\dot\theta`; a hand that feels no load
+brings its crutch forwards, one after the other. Until the second comes, the first has no push P of its own.
 """
 
 from __future__ import annotations
