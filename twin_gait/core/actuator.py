@@ -11,28 +11,18 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Motor:
-    """Motor and gear of a joint.
+    """Motor and gear of a joint."""
 
-    Attributes:
-        torque_constant: K_t in [N m] / [A].
-        gear_ratio: Motor turns per joint turn.
-        resistance: Of winding, switches and shunt, line to line, in [Ω].
-    """
-
-    torque_constant: float
-    gear_ratio: float
-    resistance: float
+    torque_constant: float  # K_t in [N m] / [A].
+    gear_ratio: float  # Motor turns per joint turn.
+    resistance: float  # Of winding, switches and shunt, line to line, in [Ω].
 
 
 def saturate(value: float, limit: float) -> float:
     """Limit a value symmetrically to ``[-limit, limit]``.
 
-    Args:
-        value: Any value; NaN passes through so that a guard above can see it.
-        limit: Positive bound in the unit of the value.
-
-    Returns:
-        The bounded value.
+    ``value``: any value; NaN passes through so that a guard above can see it. ``limit``: positive bound in
+    the unit of the value.
     """
     if value > limit:
         return limit
@@ -47,13 +37,8 @@ def torque_to_current(joint_torque: float, torque_constant: float, gear_ratio: f
     The firmware knows nothing of what the gear loses on the way
     (:func:`twin_gait.core.friction.gear_loss_torque`).
 
-    Args:
-        joint_torque: :math:`T` in [N m].
-        torque_constant: :math:`K_t` in [N m] / [A].
-        gear_ratio: :math:`\tau`.
-
-    Returns:
-        Current in [A].
+    ``joint_torque``: :math:`T` in [N m]. ``torque_constant``: :math:`K_t` in [N m] / [A]. ``gear_ratio``:
+    :math:`\tau`. Returns the current in [A].
     """
     return joint_torque / (torque_constant * gear_ratio)
 
@@ -61,13 +46,8 @@ def torque_to_current(joint_torque: float, torque_constant: float, gear_ratio: f
 def current_to_torque(current: float, torque_constant: float, gear_ratio: float) -> float:
     """Motor torque seen at the joint, before the losses of the gear; inverts :func:`torque_to_current`.
 
-    Args:
-        current: Motor current in [A].
-        torque_constant: In [N m] / [A].
-        gear_ratio: Motor turns per joint turn.
-
-    Returns:
-        Torque in [N m].
+    ``current``: motor current in [A]. ``torque_constant``: in [N m] / [A]. ``gear_ratio``: motor turns per
+    joint turn. Returns the torque in [N m].
     """
     return current * torque_constant * gear_ratio
 
@@ -88,16 +68,9 @@ def voltage_limited_current(
 
     with :math:`K_e = K_t` in SI units.
 
-    Args:
-        current: Wanted current in [A].
-        joint_velocity: :math:`\omega` at the joint in [rad] / [s].
-        bus_voltage: :math:`V_{bus}` in [V].
-        resistance: :math:`R`, line to line, in [Ω].
-        torque_constant: :math:`K_t` in [N m] / [A].
-        gear_ratio: :math:`\tau`.
-
-    Returns:
-        Current in [A].
+    ``current``: wanted current in [A]. ``joint_velocity``: :math:`\omega` at the joint in [rad] / [s].
+    ``bus_voltage``: :math:`V_{bus}` in [V]. ``resistance``: :math:`R`, line to line, in [Ω].
+    ``torque_constant``: :math:`K_t` in [N m] / [A]. ``gear_ratio``: :math:`\tau`. Returns the current in [A].
     """
     back_emf = torque_constant * gear_ratio * joint_velocity
     highest = (bus_voltage - back_emf) / resistance
@@ -112,14 +85,9 @@ def voltage_limited_current(
 def winding_voltage(current: float, joint_velocity: float, resistance: float, emf_constant: float) -> float:
     r"""Voltage on a winding that carries a steady current: :math:`U = R I + K_e\,\tau\,\omega`.
 
-    Args:
-        current: :math:`I` in [A].
-        joint_velocity: :math:`\omega` at the joint in [rad] / [s].
-        resistance: :math:`R`, line to line, in [Ω].
-        emf_constant: :math:`K_e\,\tau` at the joint in [V s] / [rad].
-
-    Returns:
-        Voltage in [V].
+    ``current``: :math:`I` in [A]. ``joint_velocity``: :math:`\omega` at the joint in [rad] / [s].
+    ``resistance``: :math:`R`, line to line, in [Ω]. ``emf_constant``: :math:`K_e\,\tau` at the joint in [V s]
+    / [rad]. Returns the voltage in [V].
     """
     return resistance * current + emf_constant * joint_velocity
 
@@ -135,15 +103,8 @@ def motor_electrical_power(
 
     :math:`P = R I^2 + K_e\,\tau\,\omega\,I`, negative while the motor brakes and feeds the bus.
 
-    Args:
-        current: In [A].
-        joint_velocity: At the joint in [rad] / [s].
-        resistance: In [Ω].
-        torque_constant: In [N m] / [A].
-        gear_ratio: Motor turns per joint turn.
-
-    Returns:
-        Power in [W].
+    ``current``: in [A]. ``joint_velocity``: at the joint in [rad] / [s]. ``resistance``: in [Ω].
+    ``torque_constant``: in [N m] / [A]. ``gear_ratio``: motor turns per joint turn. Returns the power in [W].
     """
     return resistance * current * current + torque_constant * gear_ratio * joint_velocity * current
 
@@ -158,13 +119,9 @@ def battery_power(motor_power: float, constant_power: float, regeneration: float
     What a braking motor feeds into the bus serves the other motors and the electronics first; of the rest the
     share :math:`\rho` comes back to the battery, and a brake chopper burns what does not.
 
-    Args:
-        motor_power: :math:`P_m` of all motors in [W]; negative while they feed the bus.
-        constant_power: :math:`P_0` of inverters and electronics in [W].
-        regeneration: :math:`\rho` in [0, 1].
-
-    Returns:
-        Power in [W]; negative charges.
+    ``motor_power``: :math:`P_m` of all motors in [W]; negative while they feed the bus. ``constant_power``:
+    :math:`P_0` of inverters and electronics in [W]. ``regeneration``: :math:`\rho` in [0, 1]. Returns the
+    power in [W]; negative charges.
     """
     power = motor_power + constant_power
     return power if power >= 0.0 else regeneration * power
@@ -178,13 +135,8 @@ def sagged_bus_voltage(
     ``V = V_oc - R_i P / V_before``: the current is taken at the last voltage, so that no algebraic
     loop has to be solved; at 1 kHz the difference is far below the sag itself.
 
-    Args:
-        open_circuit_voltage: In [V].
-        internal_resistance: Of the pack in [Ω].
-        battery_power: From :func:`battery_power` in the last tick in [W]; negative feeds the pack.
-        bus_voltage: Voltage of the last tick in [V], positive.
-
-    Returns:
-        Bus voltage in [V].
+    ``open_circuit_voltage``: in [V]. ``internal_resistance``: of the pack in [Ω]. ``battery_power``: from
+    :func:`battery_power` in the last tick in [W]; negative feeds the pack. ``bus_voltage``: voltage of the
+    last tick in [V], positive. Returns the bus voltage in [V].
     """
     return open_circuit_voltage - internal_resistance * battery_power / bus_voltage

@@ -8,12 +8,9 @@ from dataclasses import dataclass
 def cycle_place(progress: float, samples: int) -> tuple[int, float]:
     """Where an instant of the gait cycle falls among evenly spaced samples of a path that closes.
 
-    Args:
-        progress: Share of the cycle that has gone by; whole cycles do not matter.
-        samples: Of the path over one cycle; the last is the first of the next cycle.
-
-    Returns:
-        Number of the sample before the instant, and the share of the next one.
+    ``progress``: share of the cycle that has gone by; whole cycles do not matter. ``samples``: of the path
+    over one cycle; the last is the first of the next cycle. Returns the number of the sample before the
+    instant, and the share of the next one.
     """
     place = (progress - int(progress)) * (samples - 1)
     before = min(int(place), samples - 2)
@@ -22,19 +19,12 @@ def cycle_place(progress: float, samples: int) -> tuple[int, float]:
 
 @dataclass(slots=True)
 class Adaptation:
-    """How the assistance level follows the tracking error.
+    """How the assistance level follows the tracking error."""
 
-    Attributes:
-        forgetting: f, from 0 to 1.
-        gain: g in 1 / [rad].
-        allowance: e_0 in [rad].
-        least: α_min.
-    """
-
-    forgetting: float
-    gain: float
-    allowance: float
-    least: float
+    forgetting: float  # f, from 0 to 1.
+    gain: float  # g in 1 / [rad].
+    allowance: float  # e_0 in [rad].
+    least: float  # α_min.
 
 
 def adapted_assistance(adaptation: Adaptation, assistance: float, error: float) -> float:
@@ -48,13 +38,8 @@ def adapted_assistance(adaptation: Adaptation, assistance: float, error: float) 
     J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement training as an optimization problem,
     IEEE ICORR (2005) 307-312.
 
-    Args:
-        adaptation: f, g, e_0 and α_min.
-        assistance: α_n, from 0 to 1.
-        error: e_n, mean absolute error of the last stride in [rad].
-
-    Returns:
-        α_{n+1}.
+    ``adaptation``: f, g, e_0 and α_min. ``assistance``: α_n, from 0 to 1. ``error``: e_n, mean absolute error
+    of the last stride in [rad]. Returns α_{n+1}.
     """
     excess = max(0.0, error - adaptation.allowance)
     wanted = adaptation.forgetting * assistance + adaptation.gain * excess

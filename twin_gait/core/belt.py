@@ -13,23 +13,14 @@ from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend_share
 
 @dataclass(slots=True)
 class Belt:
-    """What sets the speed of a treadmill.
+    """What sets the speed of a treadmill."""
 
-    Attributes:
-        cruise: Speed between the ramps in [m] / [s].
-        start: Begin of the command to walk in [s].
-        stop: Its end in [s].
-        ramp: Length of a ramp in [s]; 0 for a belt that runs evenly.
-        delay: From a command until the belt follows it in [s].
-        stop_ramp: Time to rest after a trip in [s]; infinite for a belt that runs on.
-    """
-
-    cruise: float = 0.0
-    start: float = 0.0
-    stop: float = math.inf
-    ramp: float = 0.0
-    delay: float = 0.0
-    stop_ramp: float = math.inf
+    cruise: float = 0.0  # Speed between the ramps in [m] / [s].
+    start: float = 0.0  # Begin of the command to walk in [s].
+    stop: float = math.inf  # Its end in [s].
+    ramp: float = 0.0  # Length of a ramp in [s]; 0 for a belt that runs evenly.
+    delay: float = 0.0  # From a command until the belt follows it in [s].
+    stop_ramp: float = math.inf  # Time to rest after a trip in [s]; infinite for a belt that runs on.
 
 
 def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: float) -> float:
@@ -42,15 +33,10 @@ def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: floa
     with :func:`~twin_gait.core.blending.blend_share` as s: speed and acceleration are continuous, and the
     belt does not run before ``start`` or after ``stop + ramp``.
 
-    Args:
-        time: In [s].
-        cruise: Speed u_c between the ramps in [m] / [s].
-        start: t_1, at which the belt begins to move, in [s].
-        stop: t_2, at which it begins to slow down, not before ``start``, in [s]; infinite if it never does.
-        ramp: Length T of each ramp in [s], positive.
-
-    Returns:
-        Speed in [m] / [s], backwards positive.
+    ``time``: in [s]. ``cruise``: speed u_c between the ramps in [m] / [s]. ``start``: t_1, at which the belt
+    begins to move, in [s]. ``stop``: t_2, at which it begins to slow down, not before ``start``, in [s];
+    infinite if it never does. ``ramp``: length T of each ramp in [s], positive. Returns the speed in [m] /
+    [s], backwards positive.
     """
     up = blend_share((time - start) / ramp, BLEND_MINIMUM_JERK)
     return cruise * (up - blend_share((time - stop) / ramp, BLEND_MINIMUM_JERK))
@@ -66,15 +52,8 @@ def belt_travel(time: float, cruise: float, start: float, stop: float, ramp: flo
 
     on the ramp, :math:`S = p - \tfrac{1}{2}` behind it, 0 before.
 
-    Args:
-        time: In [s].
-        cruise: As in :func:`belt_speed`.
-        start: Likewise, 0 or later.
-        stop: Likewise.
-        ramp: Likewise.
-
-    Returns:
-        Way in [m], backwards positive.
+    ``time``: in [s]. ``cruise``: as in :func:`belt_speed`. ``start``: likewise, 0 or later. ``stop``:
+    likewise. ``ramp``: likewise. Returns the way in [m], backwards positive.
     """
     return cruise * ramp * (_ramp_way((time - start) / ramp) - _ramp_way((time - stop) / ramp))
 
@@ -86,13 +65,8 @@ def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
 
         u(t) = u(t_0)\,\Bigl[1 - s\Bigl(\frac{t - t_0}{T_0}\Bigr)\Bigr] \quad\text{for}\quad t > t_0
 
-    Args:
-        belt: Its profile; :math:`T_0` is ``stop_ramp``.
-        time: In [s].
-        trip_time: :math:`t_0` of the trip in [s]; infinite if there is none.
-
-    Returns:
-        Speed in [m] / [s], backwards positive.
+    ``belt``: its profile; :math:`T_0` is ``stop_ramp``. ``time``: in [s]. ``trip_time``: :math:`t_0` of the
+    trip in [s]; infinite if there is none. Returns the speed in [m] / [s], backwards positive.
     """
     speed = belt.cruise
     if belt.ramp > 0.0:
@@ -105,13 +79,8 @@ def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
 def treadmill_travel(belt: Belt, time: float, trip_time: float) -> float:
     """Way that the belt has gone since time 0: the integral of :func:`treadmill_speed`.
 
-    Args:
-        belt: Its profile.
-        time: In [s].
-        trip_time: As in :func:`treadmill_speed`.
-
-    Returns:
-        Way in [m], backwards positive.
+    ``belt``: its profile. ``time``: in [s]. ``trip_time``: as in :func:`treadmill_speed`. Returns the way in
+    [m], backwards positive.
     """
     before = min(time, trip_time)
     way = belt.cruise * before
@@ -138,12 +107,7 @@ def _ramp_way(progress: float) -> float:
 def walk_command(time: float, start: float, stop: float) -> float:
     """What the legs are told.
 
-    Args:
-        time: In [s].
-        start: From when on they are to walk in [s].
-        stop: From when on they are to stand in [s].
-
-    Returns:
-        1 to walk, 0 to stand.
+    ``time``: in [s]. ``start``: from when on they are to walk in [s]. ``stop``: from when on they are to
+    stand in [s]. Returns 1 to walk, 0 to stand.
     """
     return 1.0 if start <= time < stop else 0.0

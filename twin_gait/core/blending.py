@@ -13,12 +13,8 @@ def blend_share(progress: float, law: int) -> float:
     The minimum-jerk law is ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan, 1985): zero velocity and
     acceleration at both ends.
 
-    Args:
-        progress: Elapsed part of the blending time; below 0 and above 1 are held.
-        law: One of the ``BLEND_*`` constants.
-
-    Returns:
-        Share in [0, 1]: 0 keeps the old value, 1 is the new one.
+    ``progress``: elapsed part of the blending time; below 0 and above 1 are held. ``law``: one of the
+    ``BLEND_*`` constants. Returns the share in [0, 1]: 0 keeps the old value, 1 is the new one.
     """
     if progress >= 1.0 or law == BLEND_NONE:
         return 1.0
@@ -32,12 +28,7 @@ def blend_share(progress: float, law: int) -> float:
 def blend(old: float, new: float, share: float) -> float:
     """Value between old and new.
 
-    Args:
-        old: Value at the start of the blend.
-        new: Value at its end, same unit.
-        share: From :func:`blend_share`.
-
-    Returns:
-        ``old + share (new - old)``.
+    ``old``: value at the start of the blend. ``new``: value at its end, same unit. ``share``: from
+    :func:`blend_share`. Returns ``old + share (new - old)``.
     """
     return old + share * (new - old)

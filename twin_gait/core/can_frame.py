@@ -21,19 +21,12 @@ _HALF_BYTES = 4
 
 @dataclass(slots=True)
 class Header:
-    """What of a frame's length and CRC is settled before its data.
+    """What of a frame's length and CRC is settled before its data."""
 
-    Attributes:
-        length: Of the data in bytes, 0 to 8.
-        crc: Up to the data.
-        run: Last bit and how often it stood in a row up to the data, as the tables here number them.
-        stuffed: Stuff bits up to the data.
-    """
-
-    length: int
-    crc: int
-    run: int
-    stuffed: int
+    length: int  # Of the data in bytes, 0 to 8.
+    crc: int  # Up to the data.
+    run: int  # Last bit and how often it stood in a row up to the data, as the tables here number them.
+    stuffed: int  # Stuff bits up to the data.
 
 
 def _next_crc(crc: int, bit: int) -> int:
@@ -87,9 +80,7 @@ _RUN = np.array([_run_entry(run, byte) for run in range(8) for byte in range(256
 def new_header(identifier: int, length: int) -> Header:
     """Header of a data frame.
 
-    Args:
-        identifier: Of 11 bits.
-        length: Of the data in bytes, 0 to 8.
+    ``identifier``: of 11 bits. ``length``: of the data in bytes, 0 to 8.
     """
     bits = (0, *_bits(identifier, 11), 0, 0, 0, *_bits(length, 4))
     crc = 0
@@ -102,12 +93,8 @@ def new_header(identifier: int, length: int) -> Header:
 def frame_crc(header: Header, halves: Sequence[int]) -> int:
     """CRC of a frame.
 
-    Args:
-        header: Of the frame.
-        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
-
-    Returns:
-        Of 15 bits.
+    ``header``: of the frame. ``halves``: bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the
+    lowest bits. Returns 15 bits.
     """
     crc, rest = header.crc, halves[0]
     for number in range(header.length):
@@ -121,13 +108,9 @@ def frame_crc(header: Header, halves: Sequence[int]) -> int:
 def frame_bits(header: Header, halves: Sequence[int]) -> int:
     """Length of a frame on the wire, with its stuff bits and the interframe space.
 
-    Args:
-        header: Of the frame.
-        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
-
-    Returns:
-        In bits: :math:`8n + 47` and one for each stuff bit, of which there are at most
-        :func:`most_stuff_bits`.
+    ``header``: of the frame. ``halves``: bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the
+    lowest bits. Returns in bits: :math:`8n + 47` and one for each stuff bit, of which there are at most
+    :func:`most_stuff_bits`.
     """
     crc, run, stuffed, rest = header.crc, header.run, header.stuffed, halves[0]
     for number in range(header.length):
@@ -148,8 +131,7 @@ def frame_bits(header: Header, halves: Sequence[int]) -> int:
 def most_stuff_bits(length: int) -> int:
     r"""Most stuff bits of a frame, :math:`\lfloor (34 + 8n - 1) / 4 \rfloor`.
 
-    Args:
-        length: Of the data in bytes.
+    ``length``: of the data in bytes.
     """
     return (_HEADER_BITS + _CRC_BITS + 8 * length - 1) // (_LONGEST_RUN - 1)
 
@@ -157,7 +139,6 @@ def most_stuff_bits(length: int) -> int:
 def most_frame_bits(length: int) -> int:
     """Bits of the longest frame with so many bytes of data, interframe space included.
 
-    Args:
-        length: Of the data in bytes.
+    ``length``: of the data in bytes.
     """
     return _HEADER_BITS + 8 * length + _CRC_BITS + most_stuff_bits(length) + _UNSTUFFED_BITS

@@ -27,38 +27,24 @@ _ROOM = 16  # windows of any length up to the next multiple share one compiled l
 
 @dataclass(slots=True)
 class Encoder:
-    """Encoder of a joint with its two velocity estimates.
+    """Encoder of a joint with its two velocity estimates."""
 
-    Attributes:
-        resolution: Angle of a count in [rad]; 0 for an ideal sensor.
-        angle: Measured in [rad].
-        velocity_fast: First-order estimate in [rad] / [s].
-        velocity_slow: Decimated and averaged estimate in [rad] / [s].
-        last_angle: Of the tick before.
-        last_fast: Fast velocity of the tick before.
-        decimated_angle: Angle at the last slow sample.
-        window: Slow samples that are averaged.
-        ring: Last slow samples in [rad] / [s], with room for more than the window.
-    """
-
-    resolution: float
-    angle: float
-    velocity_fast: float
-    velocity_slow: float
-    last_angle: float
-    last_fast: float
-    decimated_angle: float
-    window: int
-    ring: list[float]
+    resolution: float  # Angle of a count in [rad]; 0 for an ideal sensor.
+    angle: float  # Measured in [rad].
+    velocity_fast: float  # First-order estimate in [rad] / [s].
+    velocity_slow: float  # Decimated and averaged estimate in [rad] / [s].
+    last_angle: float  # Of the tick before.
+    last_fast: float  # Fast velocity of the tick before.
+    decimated_angle: float  # Angle at the last slow sample.
+    window: int  # Slow samples that are averaged.
+    ring: list[float]  # Last slow samples in [rad] / [s], with room for more than the window.
 
 
 def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
     """An encoder that is referenced at an angle, at rest.
 
-    Args:
-        resolution: Angle of a count in [rad]; 0 for an ideal sensor.
-        angle: In [rad].
-        window: Slow samples that are averaged.
+    ``resolution``: angle of a count in [rad]; 0 for an ideal sensor. ``angle``: in [rad]. ``window``: slow
+    samples that are averaged.
     """
     room = -(-window // _ROOM) * _ROOM
     return Encoder(resolution, angle, 0.0, 0.0, 0.0, 0.0, 0.0, window, [0.0] * room)
@@ -73,13 +59,10 @@ def measure_joint(
     is the thesis's: the difference over ``decimation`` ticks, averaged over the last samples in the
     ring (thesis 2.3.1; about 50 ms late).
 
-    Args:
-        encoder: Changed in place.
-        tick: Present tick; in tick 0 only the angle is read.
-        reading: What the sensor reads, noise included, in [rad].
-        period: Length of a tick in [s].
-        fast_gain: From :func:`~twin_gait.core.estimation.first_order_gain`.
-        decimation: Ticks between two samples of the slow estimate.
+    ``encoder``: changed in place. ``tick``: present tick; in tick 0 only the angle is read. ``reading``: what
+    the sensor reads, noise included, in [rad]. ``period``: length of a tick in [s]. ``fast_gain``: from
+    :func:`~twin_gait.core.estimation.first_order_gain`. ``decimation``: ticks between two samples of the slow
+    estimate.
     """
     measure_angle(encoder, tick == 0, reading, period, fast_gain)
     if tick > 0 and tick % decimation == 0:
@@ -89,12 +72,9 @@ def measure_joint(
 def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, fast_gain: float) -> None:
     """Encoder and fast velocity estimate of one tick; see :func:`measure_joint`.
 
-    Args:
-        encoder: Changed in place.
-        first: Whether only the angle is read, for want of one before.
-        reading: What the sensor reads, noise included, in [rad].
-        period: Length of a tick in [s].
-        fast_gain: Of the filter.
+    ``encoder``: changed in place. ``first``: whether only the angle is read, for want of one before.
+    ``reading``: what the sensor reads, noise included, in [rad]. ``period``: length of a tick in [s].
+    ``fast_gain``: of the filter.
     """
     angle = quantise(reading, encoder.resolution)
     fast = first_order_step(encoder.velocity_fast, (angle - encoder.angle) / period, fast_gain)
@@ -110,10 +90,7 @@ def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, 
 def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
     """Take a sample of the slow velocity estimate, and the mean over the window.
 
-    Args:
-        encoder: Changed in place.
-        number: Of the sample.
-        interval: Between two samples in [s].
+    ``encoder``: changed in place. ``number``: of the sample. ``interval``: between two samples in [s].
     """
     sample = (encoder.angle - encoder.decimated_angle) / interval
     encoder.decimated_angle = encoder.angle
@@ -127,29 +104,19 @@ def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
 
 @dataclass(slots=True)
 class Setpoint:
-    """What a gait table asks of a joint.
+    """What a gait table asks of a joint."""
 
-    Attributes:
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium: θ0 in [rad].
-        gain: G, of the friction compensation.
-    """
-
-    stiffness: float
-    damping: float
-    equilibrium: float
-    gain: float
+    stiffness: float  # k in [N m] / [rad].
+    damping: float  # b in [N m s] / [rad].
+    equilibrium: float  # θ0 in [rad].
+    gain: float  # G, of the friction compensation.
 
 
 def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Setpoint) -> None:
     """Fade the setpoint of a joint from where it was at the switch to that of the phase.
 
-    Args:
-        start: Values at the switch.
-        target: Values of the phase.
-        share: From :func:`~twin_gait.core.blending.blend_share`.
-        blended: Present values; changed in place.
+    ``start``: values at the switch. ``target``: values of the phase. ``share``: from
+    :func:`~twin_gait.core.blending.blend_share`. ``blended``: present values; changed in place.
     """
     blended.stiffness = blend(start.stiffness, target.stiffness, share)
     blended.damping = blend(start.damping, target.damping, share)
@@ -160,8 +127,7 @@ def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Set
 def copy_setpoint(source: Setpoint, target: Setpoint) -> None:
     """Give a setpoint the values of another.
 
-    Args:
-        target: Changed in place.
+    ``target``: changed in place.
     """
     target.stiffness = source.stiffness
     target.damping = source.damping
@@ -186,18 +152,12 @@ def controller_torques(
         \tau_{imp} = -[k(\theta-\theta_0) + b\,\hat\omega_{fast}], \qquad
         \tau_{fc} = G\,T_{fr}(\hat\omega_{slow})
 
-    Args:
-        angle: Measured angle in [rad].
-        velocity_fast: Fast velocity estimate in [rad] / [s], for the damper.
-        velocity_slow: Slow estimate in [rad] / [s]; this law needs it only through the friction model.
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium_angle: θ0 in [rad].
-        friction_compensation_gain: G.
-        model_friction_torque: T_fr of the compensator's friction model at the slow velocity in [N m].
-
-    Returns:
-        Impedance torque and friction-compensation torque in [N m].
+    ``angle``: measured angle in [rad]. ``velocity_fast``: fast velocity estimate in [rad] / [s], for the
+    damper. ``velocity_slow``: slow estimate in [rad] / [s]; this law needs it only through the friction
+    model. ``stiffness``: k in [N m] / [rad]. ``damping``: b in [N m s] / [rad]. ``equilibrium_angle``: θ0 in
+    [rad]. ``friction_compensation_gain``: G. ``model_friction_torque``: T_fr of the compensator's friction
+    model at the slow velocity in [N m]. Returns the impedance torque and friction-compensation torque in [N
+    m].
     """
     impedance = impedance_torque(angle, velocity_fast, stiffness, damping, equilibrium_angle)
     return impedance, friction_compensation_gain * model_friction_torque
@@ -206,14 +166,8 @@ def controller_torques(
 def target_current(motor: Motor, command: float, torque_limit: float, current_limit: float) -> float:
     """Current that the firmware asks the drive for: torque limit, conversion, current limit.
 
-    Args:
-        motor: Motor and gear.
-        command: Sum of the controller's torques in [N m].
-        torque_limit: In [N m].
-        current_limit: In [A].
-
-    Returns:
-        Current in [A].
+    ``motor``: motor and gear. ``command``: sum of the controller's torques in [N m]. ``torque_limit``: in [N
+    m]. ``current_limit``: in [A]. Returns the current in [A].
     """
     limited = saturate(command, torque_limit)
     wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio)
@@ -227,14 +181,9 @@ def driven_motor(
 
     The current loop (20 kHz) is ideal within the tick.
 
-    Args:
-        motor: Motor and gear.
-        current: Asked for, from :func:`target_current`, in [A].
-        joint_velocity: True joint velocity in [rad] / [s], for the back-EMF.
-        bus_voltage: In [V].
-
-    Returns:
-        Measured current in [A], motor torque at the joint before the losses of the gear in [N m].
+    ``motor``: motor and gear. ``current``: asked for, from :func:`target_current`, in [A].
+    ``joint_velocity``: true joint velocity in [rad] / [s], for the back-EMF. ``bus_voltage``: in [V]. Returns
+    the measured current in [A], motor torque at the joint before the losses of the gear in [N m].
     """
     measured = voltage_limited_current(
         current, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio

@@ -12,12 +12,8 @@ def dead_zone(value: float, half_width: float) -> float:
 
     Continuous and odd; a law behind it has no slope at rest.
 
-    Args:
-        value: :math:`x`.
-        half_width: :math:`\delta`, 0 or more, same unit; 0 leaves the value as it is.
-
-    Returns:
-        The part outside, same unit.
+    ``value``: :math:`x`. ``half_width``: :math:`\delta`, 0 or more, same unit; 0 leaves the value as it is.
+    Returns the part outside, same unit.
     """
     if value > half_width:
         return value - half_width

@@ -27,19 +27,13 @@ LEAST_BUS_VOLTAGE = 1.0  # [V]; the capacitors of the bus are never quite empty
 
 @dataclass(slots=True)
 class Fault:
-    """A fault of an episode.
+    """A fault of an episode."""
 
-    Attributes:
-        kind: See above.
-        place: A joint, a leg, or of no meaning for the supply.
-        start_tick: First tick with the fault.
-        magnitude: In SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque
-            in [N m] of a stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
-    """
-
-    kind: int
-    place: int
-    start_tick: int
+    kind: int  # See above.
+    place: int  # A joint, a leg, or of no meaning for the supply.
+    start_tick: int  # First tick with the fault.
+    # In SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque in [N m] of a
+    # stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
     magnitude: float
 
 
@@ -53,16 +47,8 @@ def faulty_angle(
 ) -> float:
     """What a joint's encoder reads under its faults.
 
-    Args:
-        joint: Index of the joint.
-        tick: Present tick.
-        period: Length of a tick in [s].
-        faults: Of the episode.
-        reading: Of the healthy encoder in [rad].
-        last_reading: What it read in the tick before in [rad].
-
-    Returns:
-        Reading in [rad]; NaN if it is missing.
+    ``period``: length of a tick in [s]. ``reading``: of the healthy encoder in [rad]. ``last_reading``: what
+    it read in the tick before in [rad]. Returns the reading in [rad]; NaN if it is missing.
     """
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -82,15 +68,8 @@ def faulty_angle(
 def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load: float) -> float:
     """What the load sensor of a foot reads under its faults.
 
-    Args:
-        leg: Index of the leg.
-        tick: Present tick.
-        faults: Of the episode.
-        load: Of the healthy sensor.
-        last_load: What it read in the tick before.
-
-    Returns:
-        Reading, in the unit of the load.
+    ``load``: of the healthy sensor. ``last_load``: what it read in the tick before. Returns the reading, in
+    the unit of the load.
     """
     for fault in faults:
         stuck = fault.kind == FOOT_LOAD_STUCK and fault.place == leg
@@ -102,14 +81,7 @@ def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load
 def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) -> float:
     """Torque that a controller gone wrong adds: a ramp.
 
-    Args:
-        joint: Index of the joint.
-        tick: Present tick.
-        period: Length of a tick in [s].
-        faults: Of the episode.
-
-    Returns:
-        Torque in [N m].
+    ``period``: length of a tick in [s]. Returns the torque in [N m].
     """
     torque = 0.0
     for fault in faults:
@@ -122,13 +94,7 @@ def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) ->
 def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
     """The fault of a joint's drive that is at work.
 
-    Args:
-        joint: Index of the joint.
-        tick: Present tick.
-        faults: Of the episode.
-
-    Returns:
-        Its row, the first one if there are several, or ``NO_FAULT``.
+    Returns its row, the first one if there are several, or ``NO_FAULT``.
     """
     for row in range(len(faults)):
         fault = faults[row]
@@ -141,12 +107,7 @@ def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
 def supply_drop(tick: int, faults: list[Fault]) -> float:
     """Voltage that the supply lacks.
 
-    Args:
-        tick: Present tick.
-        faults: Of the episode.
-
-    Returns:
-        Voltage in [V], 0 without a dip.
+    Returns the voltage in [V], 0 without a dip.
     """
     drop = 0.0
     for fault in faults:
@@ -162,12 +123,7 @@ def dipped_bus_voltage(voltage: float, drop: float, highest_back_emf: float) -> 
     Turning motors charge the bus through the diodes of their bridges, so that it does not fall below the
     highest back-EMF; what feeds the bus is cut off, so nothing but its capacitors takes that current.
 
-    Args:
-        voltage: Without the dip in [V].
-        drop: Of the supply in [V].
-        highest_back_emf: Largest magnitude over the motors in [V].
-
-    Returns:
-        Voltage in [V].
+    ``voltage``: without the dip in [V]. ``drop``: of the supply in [V]. ``highest_back_emf``: largest
+    magnitude over the motors in [V]. Returns the voltage in [V].
     """
     return max(voltage - drop, highest_back_emf, LEAST_BUS_VOLTAGE)

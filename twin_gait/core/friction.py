@@ -29,36 +29,22 @@ class PlantFriction:
     """Friction of a coordinate of the plant: which law, and the parameters of all of them.
 
     A law leaves alone what it does not know; :func:`friction_torque` says who reads what.
-
-    Attributes:
-        law: ``FRICTIONLESS``, ``ROTATIONAL``, ``ASYMMETRIC`` or ``BRISTLE``.
-        breakaway_torque: a of (3.1), F_s of the others, in [N m].
-        coulomb_friction: b of (3.1), F_c of the others, in [N m].
-        stribeck_velocity: c of (3.1), ω_s of the others, in [rad] / [s], not zero.
-        viscous_friction_forward: d of (3.1) in [N m s] / [rad]; F_v+ of the others, in [N m] at 1 rad/s.
-        viscous_friction_backward: F_v- in [N m] at 1 rad/s.
-        gear_efficiency: η under load, beside all that; 1 for a gear without such losses.
-        offset: T_0 in [N m].
-        transition_velocity: ω_t in [rad] / [s], above 0.
-        stribeck_exponent: δ.
-        viscous_exponent: α.
-        bristle_stiffness: σ0 in [N m] / [rad]; 0 for laws without bristles.
-        bristle_damping: σ1 in [N m s] / [rad].
     """
 
-    law: int = FRICTIONLESS
-    breakaway_torque: float = 0.0
-    coulomb_friction: float = 0.0
-    stribeck_velocity: float = 1.0
+    law: int = FRICTIONLESS  # ``FRICTIONLESS``, ``ROTATIONAL``, ``ASYMMETRIC`` or ``BRISTLE``.
+    breakaway_torque: float = 0.0  # a of (3.1), F_s of the others, in [N m].
+    coulomb_friction: float = 0.0  # b of (3.1), F_c of the others, in [N m].
+    stribeck_velocity: float = 1.0  # c of (3.1), ω_s of the others, in [rad] / [s], not zero.
+    # d of (3.1) in [N m s] / [rad]; F_v+ of the others, in [N m] at 1 rad/s.
     viscous_friction_forward: float = 0.0
-    viscous_friction_backward: float = 0.0
-    gear_efficiency: float = 1.0
-    offset: float = 0.0
-    transition_velocity: float = 1.0
-    stribeck_exponent: float = 2.0
-    viscous_exponent: float = 1.0
-    bristle_stiffness: float = 0.0
-    bristle_damping: float = 0.0
+    viscous_friction_backward: float = 0.0  # F_v- in [N m] at 1 rad/s.
+    gear_efficiency: float = 1.0  # η under load, beside all that; 1 for a gear without such losses.
+    offset: float = 0.0  # T_0 in [N m].
+    transition_velocity: float = 1.0  # ω_t in [rad] / [s], above 0.
+    stribeck_exponent: float = 2.0  # δ.
+    viscous_exponent: float = 1.0  # α.
+    bristle_stiffness: float = 0.0  # σ0 in [N m] / [rad]; 0 for laws without bristles.
+    bristle_damping: float = 0.0  # σ1 in [N m s] / [rad].
 
 
 def rotational_friction_torque(
@@ -81,15 +67,10 @@ def rotational_friction_torque(
     The torque on the plant is :math:`-T_{fr}`; a compensator adds :math:`+G\,T_{fr}`. With :math:`a < b`, as
     in table 3.1, the first term is a dip near 0.13 rad/s instead of a Stribeck peak.
 
-    Args:
-        velocity: Joint velocity in [rad] / [s].
-        breakaway_torque: :math:`a` in [N m].
-        coulomb_friction: :math:`b` in [N m].
-        breakaway_velocity: :math:`c` in [rad] / [s], not zero.
-        viscous_friction: :math:`d` in [N m s] / [rad].
-
-    Returns:
-        Friction torque in [N m]; odd in the velocity.
+    ``velocity``: joint velocity in [rad] / [s]. ``breakaway_torque``: :math:`a` in [N m].
+    ``coulomb_friction``: :math:`b` in [N m]. ``breakaway_velocity``: :math:`c` in [rad] / [s], not zero.
+    ``viscous_friction``: :math:`d` in [N m s] / [rad]. Returns the friction torque in [N m]; odd in the
+    velocity.
     """
     x = velocity / breakaway_velocity
     stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * exponential(-(x * x)) * x
@@ -119,15 +100,10 @@ def gear_loss_torque(velocity: float, load: float, efficiency: float, transition
     (model M3 of Duclusaud et al. 2025), :math:`K_l\,|\tau|` with :math:`K_l = 1 - \eta` driving and
     :math:`1/\eta - 1` driven.
 
-    Args:
-        velocity: Joint velocity :math:`\omega` in [rad] / [s].
-        load: Torque :math:`\tau` that the gear passes on in [N m], either sign: that of the motor less what
-            turns the rotor.
-        efficiency: :math:`\eta` in (0, 1].
-        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
-
-    Returns:
-        Torque in [N m]; on the plant acts its negative.
+    ``velocity``: joint velocity :math:`\omega` in [rad] / [s]. ``load``: torque :math:`\tau` that the gear
+    passes on in [N m], either sign: that of the motor less what turns the rotor. ``efficiency``: :math:`\eta`
+    in (0, 1]. ``transition_velocity``: :math:`\omega_t` in [rad] / [s], above 0. Returns the torque in [N m];
+    on the plant acts its negative.
     """
     return _gear_loss(hyperbolic_tangent(velocity / transition_velocity), load, efficiency)
 
@@ -152,12 +128,8 @@ def geared_friction_torque(
 
     They share their hyperbolic tangent, and a compiler finds it.
 
-    Args:
-        load: Torque that the gear passes on in [N m].
-        gear_efficiency: In (0, 1].
-
-    Returns:
-        Torque in [N m] with the sign of the velocity.
+    ``load``: torque that the gear passes on in [N m]. ``gear_efficiency``: in (0, 1]. Returns the torque in
+    [N m] with the sign of the velocity.
     """
     friction = rotational_friction_torque(
         velocity, breakaway_torque, coulomb_friction, breakaway_velocity, viscous_friction
@@ -181,14 +153,10 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
     with the Stribeck curve :math:`g_l = g(\omega)`. All lose :func:`gear_loss_torque` beside it, with
     :math:`\omega_t = c/10` of (3.1); of bristles it raises the level, :math:`g_l = g(\omega) + |T_l|`.
 
-    Args:
-        friction: Law and parameters.
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` of the bristles in [rad]; laws without bristles do not look at it.
-        load: Torque :math:`\tau` that the gear passes on in [N m], either sign.
-
-    Returns:
-        Torque in [N m] with the sign of the velocity; on the plant acts its negative.
+    ``friction``: law and parameters. ``velocity``: :math:`\omega` in [rad] / [s]. ``deflection``: :math:`z`
+    of the bristles in [rad]; laws without bristles do not look at it. ``load``: torque :math:`\tau` that the
+    gear passes on in [N m], either sign. Returns the torque in [N m] with the sign of the velocity; on the
+    plant acts its negative.
     """
     rotational = rotational_torque(friction, velocity, load)
     return whole_friction_torque(friction, rotational, velocity, deflection, load)
@@ -261,14 +229,9 @@ def advanced_deflection(
     bristles come to the level of the velocity at its end, so that a step may be longer than they take to
     slide.
 
-    Args:
-        friction: Law and parameters; those without bristles leave the deflection as it is.
-        displacement: Of the joint in [rad].
-        velocity: At the end of the displacement in [rad] / [s].
-        deflection: z before in [rad].
-
-    Returns:
-        z after, in [rad].
+    ``friction``: law and parameters; those without bristles leave the deflection as it is. ``displacement``:
+    of the joint in [rad]. ``velocity``: at the end of the displacement in [rad] / [s]. ``deflection``: z
+    before in [rad]. Returns z after, in [rad].
     """
     if friction.law != BRISTLE:
         return deflection
@@ -279,12 +242,8 @@ def advanced_deflection(
 def steady_deflection(friction: PlantFriction, velocity: float) -> float:
     """Deflection of bristles that slide at a constant velocity: g sgn ω / σ0, and none at rest.
 
-    Args:
-        friction: Law and parameters.
-        velocity: In [rad] / [s].
-
-    Returns:
-        z in [rad]; 0 for laws without bristles.
+    ``friction``: law and parameters. ``velocity``: in [rad] / [s]. Returns z in [rad]; 0 for laws without
+    bristles.
     """
     if friction.law != BRISTLE:
         return 0.0

@@ -34,13 +34,8 @@ def sign_of(velocity: float) -> float:
 def coulomb_viscous_torque(velocity: float, coulomb: float, viscous: float) -> float:
     r"""Coulomb and viscous friction: :math:`F_c\,\mathrm{sgn}\,\omega + F_v\,\omega`, thesis (1.1).
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_c` in [N m].
-        viscous: :math:`F_v` in [N m s] / [rad].
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``coulomb``: :math:`F_c` in [N m]. ``viscous``: :math:`F_v`
+    in [N m s] / [rad]. Returns the torque in [N m].
     """
     return coulomb * sign_of(velocity) + viscous * velocity
 
@@ -48,14 +43,9 @@ def coulomb_viscous_torque(velocity: float, coulomb: float, viscous: float) -> f
 def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float, steepness: float) -> float:
     r"""TWIN's old model, equation (2.5) of the thesis: :math:`F_v\,\omega + F_s \tanh(k\,\omega)`.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_s` in [N m].
-        viscous: :math:`F_v` in [N m s] / [rad].
-        steepness: :math:`k` in [s] / [rad]; 40 in the firmware.
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``coulomb``: :math:`F_s` in [N m]. ``viscous``: :math:`F_v`
+    in [N m s] / [rad]. ``steepness``: :math:`k` in [s] / [rad]; 40 in the firmware. Returns the torque in [N
+    m].
     """
     return coulomb * hyperbolic_tangent(steepness * velocity) + viscous * velocity
 
@@ -67,15 +57,9 @@ def stribeck_level(
 
     :math:`g(\omega) = F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}`.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_c` in [N m].
-        breakaway: :math:`F_s` in [N m].
-        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
-        exponent: :math:`\delta`.
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``coulomb``: :math:`F_c` in [N m]. ``breakaway``: :math:`F_s`
+    in [N m]. ``stribeck_velocity``: :math:`\omega_s` in [rad] / [s], above 0. ``exponent``: :math:`\delta`.
+    Returns the torque in [N m].
     """
     return coulomb + (breakaway - coulomb) * exponential(-(abs(velocity / stribeck_velocity) ** exponent))
 
@@ -92,16 +76,9 @@ def stribeck_torque(
 
     :math:`[F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}]\,\mathrm{sgn}\,\omega + F_v\,\omega`.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_c` in [N m].
-        breakaway: :math:`F_s` in [N m].
-        viscous: :math:`F_v` in [N m s] / [rad].
-        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
-        exponent: :math:`\delta`, often 2.
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``coulomb``: :math:`F_c` in [N m]. ``breakaway``: :math:`F_s`
+    in [N m]. ``viscous``: :math:`F_v` in [N m s] / [rad]. ``stribeck_velocity``: :math:`\omega_s` in [rad] /
+    [s], above 0. ``exponent``: :math:`\delta`, often 2. Returns the torque in [N m].
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, exponent)
     return level * sign_of(velocity) + viscous * velocity
@@ -127,16 +104,10 @@ def two_velocity_torque(
     :math:`\omega_{St} = \sqrt2\,\omega_{brk}` and :math:`\omega_{Coul} = \omega_{brk}/10`, the Rotational
     Friction block of Simscape.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        breakaway: :math:`T_{brk}` in [N m].
-        coulomb: :math:`T_C` in [N m].
-        viscous: :math:`f` in [N m s] / [rad].
-        stribeck_velocity: :math:`\omega_{St}` in [rad] / [s], not 0.
-        coulomb_velocity: :math:`\omega_{Coul}` in [rad] / [s], not 0.
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``breakaway``: :math:`T_{brk}` in [N m]. ``coulomb``:
+    :math:`T_C` in [N m]. ``viscous``: :math:`f` in [N m s] / [rad]. ``stribeck_velocity``:
+    :math:`\omega_{St}` in [rad] / [s], not 0. ``coulomb_velocity``: :math:`\omega_{Coul}` in [rad] / [s], not
+    0. Returns the torque in [N m].
     """
     x = velocity / stribeck_velocity
     bump = _SQRT_2E * (breakaway - coulomb) * x * exponential(-(x * x))
@@ -163,19 +134,11 @@ def conditioned_torque(
 
     to first order about :math:`\vartheta_0 = 25` °C. The load term is that of Duclusaud et al. (2025).
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        load: :math:`T_L` in [N m], either sign.
-        temperature: :math:`\vartheta` in [°C].
-        coulomb: :math:`F_c` in [N m].
-        coulomb_per_load: :math:`F_l`, no unit.
-        coulomb_per_kelvin: :math:`F_T` in [N m] / [K].
-        viscous: :math:`F_v` in [N m s] / [rad].
-        viscous_per_kelvin: :math:`F_{vT}` in [N m s] / [rad K].
-        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``load``: :math:`T_L` in [N m], either sign. ``temperature``:
+    :math:`\vartheta` in [°C]. ``coulomb``: :math:`F_c` in [N m]. ``coulomb_per_load``: :math:`F_l`, no unit.
+    ``coulomb_per_kelvin``: :math:`F_T` in [N m] / [K]. ``viscous``: :math:`F_v` in [N m s] / [rad].
+    ``viscous_per_kelvin``: :math:`F_{vT}` in [N m s] / [rad K]. ``transition_velocity``: :math:`\omega_t` in
+    [rad] / [s], above 0. Returns the torque in [N m].
     """
     warmer = temperature - REFERENCE_TEMPERATURE
     level = coulomb + coulomb_per_load * abs(load) + coulomb_per_kelvin * warmer
@@ -189,14 +152,9 @@ def directional_viscous_torque(velocity: float, forward: float, backward: float,
     :math:`F_v^{\pm}\,|\omega|^\alpha\,\mathrm{sgn}\,\omega`, the speed in [rad] / [s]: grease thins as it is
     sheared, so that measured exponents of harmonic drives often lie below 1.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        forward: :math:`F_v^+` where the velocity is positive, in [N m] at 1 rad/s.
-        backward: :math:`F_v^-` where it is negative, in [N m] at 1 rad/s.
-        exponent: :math:`\alpha`, 1 for linear friction.
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``forward``: :math:`F_v^+` where the velocity is positive, in
+    [N m] at 1 rad/s. ``backward``: :math:`F_v^-` where it is negative, in [N m] at 1 rad/s. ``exponent``:
+    :math:`\alpha`, 1 for linear friction. Returns the torque in [N m].
     """
     power = abs(velocity) ** exponent
     return chosen(velocity > 0.0, forward * power, -backward * power)
@@ -220,20 +178,11 @@ def asymmetric_torque(
     :math:`g` of :func:`stribeck_level`. The Coulomb friction is :math:`F_c + T_0` forwards and
     :math:`F_c - T_0` backwards: a difference in it and an offset are one and the same.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        offset: :math:`T_0` in [N m].
-        coulomb: :math:`F_c` in [N m].
-        breakaway: :math:`F_s` in [N m].
-        forward: :math:`F_v^+` in [N m] at 1 rad/s.
-        backward: :math:`F_v^-` in [N m] at 1 rad/s.
-        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
-        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
-        stribeck_exponent: :math:`\delta`.
-        viscous_exponent: :math:`\alpha`.
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``offset``: :math:`T_0` in [N m]. ``coulomb``: :math:`F_c` in
+    [N m]. ``breakaway``: :math:`F_s` in [N m]. ``forward``: :math:`F_v^+` in [N m] at 1 rad/s. ``backward``:
+    :math:`F_v^-` in [N m] at 1 rad/s. ``transition_velocity``: :math:`\omega_t` in [rad] / [s], above 0.
+    ``stribeck_velocity``: :math:`\omega_s` in [rad] / [s], above 0. ``stribeck_exponent``: :math:`\delta`.
+    ``viscous_exponent``: :math:`\alpha`. Returns the torque in [N m].
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, stribeck_exponent)
     viscous = directional_viscous_torque(velocity, forward, backward, viscous_exponent)
@@ -243,14 +192,8 @@ def asymmetric_torque(
 def ripple_torque(angle: float, cosine: float, sine: float, order: float) -> float:
     r"""Torque that repeats with the joint angle: :math:`C\cos n\theta + S\sin n\theta`.
 
-    Args:
-        angle: :math:`\theta` in [rad].
-        cosine: :math:`C` in [N m].
-        sine: :math:`S` in [N m].
-        order: :math:`n`, periods in a turn of the joint.
-
-    Returns:
-        Torque in [N m].
+    ``angle``: :math:`\theta` in [rad]. ``cosine``: :math:`C` in [N m]. ``sine``: :math:`S` in [N m].
+    ``order``: :math:`n`, periods in a turn of the joint. Returns the torque in [N m].
     """
     sine_of, cosine_of = sine_cosine(order * angle)
     return cosine * cosine_of + sine * sine_of
@@ -265,14 +208,9 @@ def bristle_rate(velocity: float, deflection: float, level: float, stiffness: fl
 
     with :math:`g` the Coulomb friction for Dahl's model (exponent 1) and :func:`stribeck_level` for LuGre.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` in [rad].
-        level: :math:`g(\omega)` in [N m], above 0.
-        stiffness: :math:`\sigma_0` in [N m] / [rad].
-
-    Returns:
-        :math:`\dot z` in [rad] / [s].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``deflection``: :math:`z` in [rad]. ``level``:
+    :math:`g(\omega)` in [N m], above 0. ``stiffness``: :math:`\sigma_0` in [N m] / [rad]. Returns :math:`\dot
+    z` in [rad] / [s].
     """
     return velocity - stiffness * abs(velocity) / level * deflection
 
@@ -284,15 +222,9 @@ def bristle_step(velocity: float, deflection: float, level: float, stiffness: fl
     :math:`z(T) = z_{ss} + (z - z_{ss})\,e^{-\sigma_0|\omega|T/g}` with
     :math:`z_{ss} = g\,\mathrm{sgn}\,\omega/\sigma_0`.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` before in [rad].
-        level: :math:`g(\omega)` in [N m], above 0.
-        stiffness: :math:`\sigma_0` in [N m] / [rad].
-        period: :math:`T` in [s], 0 or more.
-
-    Returns:
-        :math:`z` after, in [rad].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``deflection``: :math:`z` before in [rad]. ``level``:
+    :math:`g(\omega)` in [N m], above 0. ``stiffness``: :math:`\sigma_0` in [N m] / [rad]. ``period``:
+    :math:`T` in [s], 0 or more. Returns :math:`z` after, in [rad].
     """
     travelled = stiffness * abs(velocity) * period / level
     grown = settled_share(travelled)
@@ -315,15 +247,8 @@ def lugre_torque(
 
     Dahl's model is the same with :math:`\sigma_1 = 0`.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` in [rad].
-        rate: :math:`\dot z` in [rad] / [s].
-        stiffness: :math:`\sigma_0` in [N m] / [rad].
-        damping: :math:`\sigma_1` in [N m s] / [rad].
-        viscous: :math:`\sigma_2` in [N m s] / [rad].
-
-    Returns:
-        Torque in [N m].
+    ``velocity``: :math:`\omega` in [rad] / [s]. ``deflection``: :math:`z` in [rad]. ``rate``: :math:`\dot z`
+    in [rad] / [s]. ``stiffness``: :math:`\sigma_0` in [N m] / [rad]. ``damping``: :math:`\sigma_1` in [N m s]
+    / [rad]. ``viscous``: :math:`\sigma_2` in [N m s] / [rad]. Returns the torque in [N m].
     """
     return stiffness * deflection + damping * rate + viscous * velocity

@@ -16,15 +16,9 @@ def impedance_torque(
 
         \tau = -\left[k\,(\theta - \theta_0) + b\,\omega\right]
 
-    Args:
-        angle: Joint angle in [rad].
-        velocity: Joint velocity in [rad] / [s].
-        stiffness: :math:`k` in [N m] / [rad].
-        damping: :math:`b` in [N m s] / [rad].
-        equilibrium_angle: :math:`\theta_0` in [rad].
-
-    Returns:
-        Torque in [N m], positive in the direction of increasing angle.
+    ``angle``: joint angle in [rad]. ``velocity``: joint velocity in [rad] / [s]. ``stiffness``: :math:`k` in
+    [N m] / [rad]. ``damping``: :math:`b` in [N m s] / [rad]. ``equilibrium_angle``: :math:`\theta_0` in
+    [rad]. Returns the torque in [N m], positive in the direction of increasing angle.
     """
     return -(stiffness * (angle - equilibrium_angle) + damping * velocity)
 
@@ -36,13 +30,8 @@ def damping_from_ratio(damping_ratio: float, stiffness: float, inertia: float) -
 
         b = 2\,\zeta\,\sqrt{k\,I}
 
-    Args:
-        damping_ratio: :math:`\zeta`, 1 is critical.
-        stiffness: :math:`k` in [N m] / [rad].
-        inertia: :math:`I`, effective joint inertia with armature, in [kg m²].
-
-    Returns:
-        Damping in [N m s] / [rad].
+    ``damping_ratio``: :math:`\zeta`, 1 is critical. ``stiffness``: :math:`k` in [N m] / [rad]. ``inertia``:
+    :math:`I`, effective joint inertia with armature, in [kg m²]. Returns the damping in [N m s] / [rad].
     """
     return 2.0 * damping_ratio * math.sqrt(stiffness * inertia)
 
@@ -50,12 +39,7 @@ def damping_from_ratio(damping_ratio: float, stiffness: float, inertia: float) -
 def damping_ratio_of(damping: float, stiffness: float, inertia: float) -> float:
     r"""Damping ratio :math:`\zeta = b / (2\sqrt{k I})` of a joint, the inverse of the above.
 
-    Args:
-        damping: :math:`b` in [N m s] / [rad].
-        stiffness: :math:`k` in [N m] / [rad], not zero.
-        inertia: Effective joint inertia in [kg m²], not zero.
-
-    Returns:
-        Damping ratio.
+    ``damping``: :math:`b` in [N m s] / [rad]. ``stiffness``: :math:`k` in [N m] / [rad], not zero.
+    ``inertia``: effective joint inertia in [kg m²], not zero.
     """
     return damping / (2.0 * math.sqrt(stiffness * inertia))

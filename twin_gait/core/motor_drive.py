@@ -29,16 +29,10 @@ def winding_current_step(
     The mean over the period, which gives the mean torque, is
     :math:`I_\infty + (I - I_\infty)\,(1 - e^{-RT/L})\,L/(RT)`.
 
-    Args:
-        current: :math:`I` at the start in [A].
-        voltage: :math:`U` in [V].
-        back_emf: :math:`E` in [V].
-        resistance: :math:`R`, line to line, in [Ω].
-        inductance: :math:`L`, line to line, in [H], above 0.
-        period: :math:`T` in [s], above 0.
-
-    Returns:
-        Current at the end of the period and its mean over the period in [A].
+    ``current``: :math:`I` at the start in [A]. ``voltage``: :math:`U` in [V]. ``back_emf``: :math:`E` in [V].
+    ``resistance``: :math:`R`, line to line, in [Ω]. ``inductance``: :math:`L`, line to line, in [H], above 0.
+    ``period``: :math:`T` in [s], above 0. Returns the current at the end of the period and its mean over the
+    period in [A].
     """
     steady = (voltage - back_emf) / resistance
     exponent = resistance * period / inductance
@@ -53,13 +47,8 @@ def current_loop_gains(resistance: float, inductance: float, bandwidth: float) -
     With :math:`K_p = \omega_b L` and :math:`K_i = \omega_b R` the loop closed over an ideal measurement
     answers a step as :math:`1 - e^{-\omega_b t}`.
 
-    Args:
-        resistance: :math:`R` in [Ω].
-        inductance: :math:`L` in [H].
-        bandwidth: :math:`\omega_b` in [rad] / [s].
-
-    Returns:
-        :math:`K_p` in [V] / [A] and :math:`K_i` in [V] / [A s].
+    ``resistance``: :math:`R` in [Ω]. ``inductance``: :math:`L` in [H]. ``bandwidth``: :math:`\omega_b` in
+    [rad] / [s]. Returns :math:`K_p` in [V] / [A] and :math:`K_i` in [V] / [A s].
     """
     return bandwidth * inductance, bandwidth * resistance
 
@@ -77,16 +66,9 @@ def current_loop_step(
     :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, limited to what the bus gives. The integral
     stands still while the limit holds and the error would drive it further in.
 
-    Args:
-        error: Target less measured current in [A].
-        integral: Voltage of the integral part before in [V].
-        proportional_gain: :math:`K_p` in [V] / [A].
-        integral_gain: :math:`K_i` in [V] / [A s].
-        period: In [s].
-        voltage_limit: In [V].
-
-    Returns:
-        Voltage in [V] and integral part in [V] after.
+    ``error``: target less measured current in [A]. ``integral``: voltage of the integral part before in [V].
+    ``proportional_gain``: :math:`K_p` in [V] / [A]. ``integral_gain``: :math:`K_i` in [V] / [A s].
+    ``period``: in [s]. ``voltage_limit``: in [V]. Returns the voltage in [V] and integral part in [V] after.
     """
     grown = integral + integral_gain * period * error
     wanted = proportional_gain * error + grown
@@ -108,15 +90,9 @@ def six_step_current(
     the first harmonic of what repeats with every commutation: six in an electrical turn, :math:`6p` in a
     turn of the motor.
 
-    Args:
-        current: True current :math:`I` in [A].
-        motor_angle: :math:`\theta_m` of the rotor in [rad].
-        pole_pairs: :math:`p`.
-        ripple: :math:`r`, relative.
-        noise: :math:`n` of this sample in [A].
-
-    Returns:
-        Current in [A].
+    ``current``: true current :math:`I` in [A]. ``motor_angle``: :math:`\theta_m` of the rotor in [rad].
+    ``pole_pairs``: :math:`p`. ``ripple``: :math:`r`, relative. ``noise``: :math:`n` of this sample in [A].
+    Returns the current in [A].
     """
     _, cosine = sine_cosine(_SIX_STEPS * pole_pairs * motor_angle)
     return current * (1.0 + ripple * cosine) + noise
@@ -125,13 +101,8 @@ def six_step_current(
 def inverter_voltage(duty: float, counts: float, bus_voltage: float) -> float:
     """Mean voltage of the pulse-width modulation; the duty is a whole number of counts.
 
-    Args:
-        duty: In counts.
-        counts: Of full duty; 0 or less for an inverter without steps, whose duty is a share.
-        bus_voltage: In [V].
-
-    Returns:
-        Voltage on the winding in [V], within the bus voltage.
+    ``duty``: in counts. ``counts``: of full duty; 0 or less for an inverter without steps, whose duty is a
+    share. ``bus_voltage``: in [V]. Returns the voltage on the winding in [V], within the bus voltage.
     """
     if counts <= 0.0:
         return saturate(duty, 1.0) * bus_voltage
@@ -150,18 +121,11 @@ def drive_efficiency(
 ) -> float:
     r"""Efficiency of a harmonic drive at rated torque, a quadratic fit in temperature and speed.
 
-    Args:
-        temperature: :math:`\vartheta` of the grease in [°C].
-        input_speed: :math:`\omega_{in}` of the wave generator in [rad] / [s], either sign.
-        constant: Term without either.
-        per_degree: Of :math:`\vartheta`.
-        per_degree_squared: Of :math:`\vartheta^2`.
-        per_speed: Of :math:`|\omega_{in}|`.
-        per_degree_speed: Of :math:`\vartheta\,|\omega_{in}|`.
-        per_speed_squared: Of :math:`\omega_{in}^2`.
-
-    Returns:
-        Efficiency, kept between 0.05 and 1.
+    ``temperature``: :math:`\vartheta` of the grease in [°C]. ``input_speed``: :math:`\omega_{in}` of the wave
+    generator in [rad] / [s], either sign. ``constant``: term without either. ``per_degree``: of
+    :math:`\vartheta`. ``per_degree_squared``: of :math:`\vartheta^2`. ``per_speed``: of
+    :math:`|\omega_{in}|`. ``per_degree_speed``: of :math:`\vartheta\,|\omega_{in}|`. ``per_speed_squared``:
+    of :math:`\omega_{in}^2`. Returns the efficiency, kept between 0.05 and 1.
     """
     speed = abs(input_speed)
     efficiency = (
@@ -175,14 +139,9 @@ def drive_efficiency(
 def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: float) -> float:
     r"""Torque of the flexspline on the link: :math:`K\,\Delta + D\,\dot\Delta`.
 
-    Args:
-        twist: :math:`\Delta`, angle of the motor at the joint less that of the link, in [rad].
-        twist_rate: Its rate in [rad] / [s].
-        stiffness: :math:`K` in [N m] / [rad].
-        damping: :math:`D` in [N m s] / [rad].
-
-    Returns:
-        Torque on the link in [N m]; its negative acts on the motor side.
+    ``twist``: :math:`\Delta`, angle of the motor at the joint less that of the link, in [rad].
+    ``twist_rate``: its rate in [rad] / [s]. ``stiffness``: :math:`K` in [N m] / [rad]. ``damping``: :math:`D`
+    in [N m s] / [rad]. Returns the torque on the link in [N m]; its negative acts on the motor side.
     """
     return stiffness * twist + damping * twist_rate
 
@@ -190,15 +149,10 @@ def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: f
 def link_load_torque(angle: float, moment: float, gravity: float, horizontal_angle: float) -> float:
     r"""Torque of gravity on a link, equation (2.8) of the thesis: :math:`g\,m b \cos(\theta - \theta_h)`.
 
-    Args:
-        angle: :math:`\theta` in [rad].
-        moment: :math:`m b` of weight and link in [kg m].
-        gravity: :math:`g` in [m] / [s²].
-        horizontal_angle: :math:`\theta_h` at which the link is level: π/2 where the fall begins level, 0 in
-            the form that the thesis prints.
-
-    Returns:
-        Torque on the joint in [N m], positive along the fall.
+    ``angle``: :math:`\theta` in [rad]. ``moment``: :math:`m b` of weight and link in [kg m]. ``gravity``:
+    :math:`g` in [m] / [s²]. ``horizontal_angle``: :math:`\theta_h` at which the link is level: π/2 where the
+    fall begins level, 0 in the form that the thesis prints. Returns the torque on the joint in [N m],
+    positive along the fall.
     """
     _, cosine = sine_cosine(angle - horizontal_angle)
     return gravity * moment * cosine
@@ -209,14 +163,9 @@ def cosine_path(
 ) -> tuple[float, float, float]:
     r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with its velocity and acceleration.
 
-    Args:
-        time: :math:`t` in [s].
-        start_angle: :math:`\theta_s` in [rad].
-        amplitude: :math:`A`, end to end, in [rad].
-        frequency: :math:`f` in [Hz].
-
-    Returns:
-        Angle in [rad], velocity in [rad] / [s], acceleration in [rad] / [s²].
+    ``time``: :math:`t` in [s]. ``start_angle``: :math:`\theta_s` in [rad]. ``amplitude``: :math:`A`, end to
+    end, in [rad]. ``frequency``: :math:`f` in [Hz]. Returns the angle in [rad], velocity in [rad] / [s],
+    acceleration in [rad] / [s²].
     """
     pulsation = 2.0 * math.pi * frequency
     half = 0.5 * amplitude

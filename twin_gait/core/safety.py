@@ -39,78 +39,43 @@ from twin_gait.core.control_tick import Encoder
 
 @dataclass(slots=True)
 class Bounds:
-    """What the monitor holds the measurements of a joint against.
+    """What the monitor holds the measurements of a joint against."""
 
-    Attributes:
-        lower: Lowest angle in [rad].
-        upper: Highest angle in [rad].
-        highest_speed: In [rad] / [s].
-        stop_distance_factor: Half the inverse of the braking deceleration in [s²] / [rad].
-        angle_step: Largest change of the angle in a tick in [rad].
-        frozen_speed: Speed of the motor at which an encoder that stands still is broken in [rad] / [s].
-        frozen_ticks: How long it may.
-        model_gain: Period over the time constant in which the residual is forgotten.
-        model_deviation: Largest residual in [rad].
-        highest_torque: Command in [N m] that may be exceeded for a while.
-        torque_ticks: How long.
-        highest_command: Largest plausible command in [N m].
-        highest_current: In [A].
-        heating: Period over winding time constant and squared continuous current in 1 / [A²].
-        cooling: Period over winding time constant.
-        drive_deviation: Largest difference of current and target in [A].
-        drive_ticks: How long it may be larger.
-        emf_constant: Back-EMF at the joint in [V s] / [rad].
-        model_resistance: Of winding and inverter as the monitor assumes it in [Ω].
-    """
-
-    lower: float
-    upper: float
-    highest_speed: float
-    stop_distance_factor: float
-    angle_step: float
-    frozen_speed: float
-    frozen_ticks: int
-    model_gain: float
-    model_deviation: float
-    highest_torque: float
-    torque_ticks: int
-    highest_command: float
-    highest_current: float
-    heating: float
-    cooling: float
-    drive_deviation: float
-    drive_ticks: int
-    emf_constant: float
-    model_resistance: float
+    lower: float  # Lowest angle in [rad].
+    upper: float  # Highest angle in [rad].
+    highest_speed: float  # In [rad] / [s].
+    stop_distance_factor: float  # Half the inverse of the braking deceleration in [s²] / [rad].
+    angle_step: float  # Largest change of the angle in a tick in [rad].
+    frozen_speed: float  # Speed of the motor at which an encoder that stands still is broken in [rad] / [s].
+    frozen_ticks: int  # How long it may.
+    model_gain: float  # Period over the time constant in which the residual is forgotten.
+    model_deviation: float  # Largest residual in [rad].
+    highest_torque: float  # Command in [N m] that may be exceeded for a while.
+    torque_ticks: int  # How long.
+    highest_command: float  # Largest plausible command in [N m].
+    highest_current: float  # In [A].
+    heating: float  # Period over winding time constant and squared continuous current in 1 / [A²].
+    cooling: float  # Period over winding time constant.
+    drive_deviation: float  # Largest difference of current and target in [A].
+    drive_ticks: int  # How long it may be larger.
+    emf_constant: float  # Back-EMF at the joint in [V s] / [rad].
+    model_resistance: float  # Of winding and inverter as the monitor assumes it in [Ω].
 
 
 @dataclass(slots=True)
 class Watched:
-    """What the monitor remembers of a joint and its drive.
+    """What the monitor remembers of a joint and its drive."""
 
-    Attributes:
-        motor_speed: Joint speed that the drive infers in [rad] / [s].
-        residual: See :func:`model_residual`, in [rad].
-        heat: See :func:`winding_heat`.
-        motor_current: Measured in [A].
-        current_deviation: Of the measured current from what the drive should give in [A].
-        commanded: Command of the last tick in [N m].
-        frozen_streak: Consecutive ticks in which the encoder stood still while the motor turned.
-        torque_streak: Consecutive ticks with a command above the limit.
-        drive_streak: Consecutive ticks with a current that deviates.
-        cause: What :func:`watch_joint` found in this tick.
-    """
-
-    motor_speed: float = 0.0
-    residual: float = 0.0
-    heat: float = 0.0
-    motor_current: float = 0.0
-    current_deviation: float = 0.0
-    commanded: float = 0.0
-    frozen_streak: int = 0
-    torque_streak: int = 0
-    drive_streak: int = 0
-    cause: int = NO_TRIP
+    motor_speed: float = 0.0  # Joint speed that the drive infers in [rad] / [s].
+    residual: float = 0.0  # See :func:`model_residual`, in [rad].
+    heat: float = 0.0  # See :func:`winding_heat`.
+    motor_current: float = 0.0  # Measured in [A].
+    current_deviation: float = 0.0  # Of the measured current from what the drive should give in [A].
+    commanded: float = 0.0  # Command of the last tick in [N m].
+    frozen_streak: int = 0  # Consecutive ticks in which the encoder stood still while the motor turned.
+    torque_streak: int = 0  # Consecutive ticks with a command above the limit.
+    drive_streak: int = 0  # Consecutive ticks with a current that deviates.
+    cause: int = NO_TRIP  # What :func:`watch_joint` found in this tick.
 
 
 def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:
@@ -123,14 +88,9 @@ def motor_speed(voltage: float, current: float, emf_constant: float, model_resis
     The true voltage drop of the winding (:func:`twin_gait.core.actuator.winding_voltage`) differs from the
     model's when copper is warm: :math:`R` rises by 39 % in 100 K.
 
-    Args:
-        voltage: :math:`U` in [V].
-        current: :math:`I` in [A].
-        emf_constant: :math:`K_e \tau` at the joint in [V s] / [rad].
-        model_resistance: :math:`\hat R` that the monitor assumes in [Ω].
-
-    Returns:
-        Inferred joint velocity in [rad] / [s].
+    ``voltage``: :math:`U` in [V]. ``current``: :math:`I` in [A]. ``emf_constant``: :math:`K_e \tau` at the
+    joint in [V s] / [rad]. ``model_resistance``: :math:`\hat R` that the monitor assumes in [Ω]. Returns the
+    inferred joint velocity in [rad] / [s].
     """
     return (voltage - model_resistance * current) / emf_constant
 
@@ -142,15 +102,10 @@ def model_residual(residual: float, change: float, speed: float, period: float, 
 
         r_k = (1 - \alpha)\,r_{k-1} + \Delta\theta_k - \hat\omega_{k-1} T
 
-    Args:
-        residual: :math:`r_{k-1}` in [rad].
-        change: Change of the encoder's angle in this tick in [rad].
-        speed: Speed that the drive inferred in the tick before in [rad] / [s].
-        period: Length :math:`T` of a tick in [s].
-        gain: :math:`\alpha`, period over time constant of forgetting.
-
-    Returns:
-        :math:`r_k` in [rad].
+    ``residual``: :math:`r_{k-1}` in [rad]. ``change``: change of the encoder's angle in this tick in [rad].
+    ``speed``: speed that the drive inferred in the tick before in [rad] / [s]. ``period``: length :math:`T`
+    of a tick in [s]. ``gain``: :math:`\alpha`, period over time constant of forgetting. Returns :math:`r_k`
+    in [rad].
     """
     return residual + (change - speed * period) - gain * residual
 
@@ -160,13 +115,8 @@ def stopping_angle(angle: float, velocity: float, distance_factor: float) -> flo
 
     The stop distance at present speed is :math:`\omega^2 / (2 a)`, in the direction of motion.
 
-    Args:
-        angle: In [rad].
-        velocity: In [rad] / [s].
-        distance_factor: :math:`1 / (2 a)` with the braking deceleration a, in [s²] / [rad].
-
-    Returns:
-        Angle in [rad].
+    ``angle``: in [rad]. ``velocity``: in [rad] / [s]. ``distance_factor``: :math:`1 / (2 a)` with the braking
+    deceleration a, in [s²] / [rad]. Returns the angle in [rad].
     """
     return angle + distance_factor * velocity * abs(velocity)
 
@@ -180,14 +130,8 @@ def winding_heat(heat: float, current: float, heating: float, cooling: float) ->
 
     At the continuous current :math:`I_N` the heat tends to 1.
 
-    Args:
-        heat: :math:`h_{k-1}`.
-        current: :math:`I` in [A].
-        heating: :math:`T / (\tau_w I_N^2)` in 1 / [A²].
-        cooling: :math:`T / \tau_w`.
-
-    Returns:
-        :math:`h_k`.
+    ``heat``: :math:`h_{k-1}`. ``current``: :math:`I` in [A]. ``heating``: :math:`T / (\tau_w I_N^2)` in 1 /
+    [A²]. ``cooling``: :math:`T / \tau_w`. Returns :math:`h_k`.
     """
     return heat + (heating * current * current - cooling * heat)
 
@@ -198,14 +142,8 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
     Commands, currents and speeds that the monitor remembers are those of the tick before. NaN is outside
     every bound.
 
-    Args:
-        bounds: Of the joint.
-        watched: Residual, heat and streaks are changed in place.
-        encoder: Measured in this tick.
-        period: Length of a tick in [s].
-
-    Returns:
-        Cause of a trip, or ``NO_TRIP``.
+    ``bounds``: of the joint. ``watched``: residual, heat and streaks are changed in place. ``encoder``:
+    measured in this tick. ``period``: length of a tick in [s]. Returns the cause of a trip, or ``NO_TRIP``.
     """
     angle, velocity = encoder.angle, encoder.velocity_fast
     speed, current = watched.motor_speed, watched.motor_current
@@ -246,12 +184,7 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
 def command_is_plausible(command: float, highest: float) -> bool:
     """Whether a command may go to the drive; NaN may not.
 
-    Args:
-        command: In [N m].
-        highest: Largest plausible magnitude in [N m].
-
-    Returns:
-        True if it may.
+    ``command``: in [N m]. ``highest``: largest plausible magnitude in [N m]. Returns true if it may.
     """
     return abs(command) <= highest
 
@@ -259,12 +192,8 @@ def command_is_plausible(command: float, highest: float) -> bool:
 def hold_torque(speed: float, damping: float) -> float:
     r"""Torque that brakes a held joint, :math:`-b_h \hat\omega`.
 
-    Args:
-        speed: Speed that the drive infers in [rad] / [s].
-        damping: :math:`b_h` in [N m s] / [rad].
-
-    Returns:
-        Torque on the joint in [N m].
+    ``speed``: speed that the drive infers in [rad] / [s]. ``damping``: :math:`b_h` in [N m s] / [rad].
+    Returns the torque on the joint in [N m].
     """
     return -damping * speed
 
@@ -272,12 +201,7 @@ def hold_torque(speed: float, damping: float) -> float:
 def support_share(ticks: int, lowering_ticks: int) -> float:
     """Share of the leg's weight that the hold still carries, fading linearly so that the leg is lowered.
 
-    Args:
-        ticks: Since the trip.
-        lowering_ticks: Length of the fade.
-
-    Returns:
-        From 1 at the trip to 0.
+    ``ticks``: since the trip. ``lowering_ticks``: length of the fade. Returns 1 at the trip, falling to 0.
     """
     if ticks >= lowering_ticks:
         return 0.0

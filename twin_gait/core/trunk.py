@@ -18,44 +18,28 @@ from twin_gait.core.plant import Stop
 
 @dataclass(slots=True)
 class Harness:
-    """A rope from a rail to the trunk; the trolley on the rail follows, so that the rope stays vertical.
+    """A rope from a rail to the trunk; the trolley on the rail follows, so that the rope stays vertical."""
 
-    Attributes:
-        height: Of the attachment above the hips, along the trunk, in [m].
-        force: Of body-weight support in [N].
-        damping: Of the rope's winch in [N s] / [m].
-        stop: What locks at a trip, from below, in heights of the attachment.
-        pull: On the trunk in [N], upwards, as it was last.
-    """
-
-    height: float
-    force: float
-    damping: float
-    stop: Stop
-    pull: float = 0.0
+    height: float  # Of the attachment above the hips, along the trunk, in [m].
+    force: float  # Of body-weight support in [N].
+    damping: float  # Of the rope's winch in [N s] / [m].
+    stop: Stop  # What locks at a trip, from below, in heights of the attachment.
+    pull: float = 0.0  # On the trunk in [N], upwards, as it was last.
 
 
 @dataclass(slots=True)
 class Trunk:
-    """The trunk of a wearer whose pelvis is free.
+    """The trunk of a wearer whose pelvis is free."""
 
-    Attributes:
-        shoulder: Height of the shoulders above the hips, along the trunk, in [m].
-        harness: That holds it.
-    """
-
-    shoulder: float
-    harness: Harness
+    shoulder: float  # Height of the shoulders above the hips, along the trunk, in [m].
+    harness: Harness  # That holds it.
 
 
 def pitching_moment(ahead: float, up: float, forward: float, upward: float) -> float:
     """Moment in [N m] about the hips of a force in [N], forwards positive.
 
-    Args:
-        ahead: Where it acts, from the hips forwards, in [m].
-        up: Likewise upwards.
-        forward: Force.
-        upward: Likewise.
+    ``ahead``: where it acts, from the hips forwards, in [m]. ``up``: likewise upwards. ``forward``: force.
+    ``upward``: likewise.
     """
     return up * forward - ahead * upward
 
@@ -63,10 +47,8 @@ def pitching_moment(ahead: float, up: float, forward: float, upward: float) -> f
 def harness_pull(harness: Harness, height: float, speed: float) -> float:
     """Upward force of a rope on the trunk in [N].
 
-    Args:
-        harness: Changed in place: the force is kept.
-        height: Of the attachment in the world in [m].
-        speed: Of it, upwards, in [m] / [s].
+    ``harness``: changed in place: the force is kept. ``height``: of the attachment in the world in [m].
+    ``speed``: of it, upwards, in [m] / [s].
     """
     stop, locked = harness.stop, 0.0
     if stop.stiffness != 0.0:

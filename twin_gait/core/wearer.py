@@ -13,21 +13,13 @@ from twin_gait.core.elementary import exponential
 
 @dataclass(slots=True)
 class Condition:
-    """What the wearer does at a joint.
+    """What the wearer does at a joint."""
 
-    Attributes:
-        passive_share: Of the passive moment of healthy people.
-        contracture: By which the passive moments are shifted in [rad].
-        stretch_reflex_threshold: Speed beyond which a spastic muscle catches in [rad] / [s].
-        stretch_reflex_gain: In [N m s] / [rad].
-        effort: Share of the normative moment that the wearer gives.
-    """
-
-    passive_share: float
-    contracture: float
-    stretch_reflex_threshold: float
-    stretch_reflex_gain: float
-    effort: float
+    passive_share: float  # Of the passive moment of healthy people.
+    contracture: float  # By which the passive moments are shifted in [rad].
+    stretch_reflex_threshold: float  # Speed beyond which a spastic muscle catches in [rad] / [s].
+    stretch_reflex_gain: float  # In [N m s] / [rad].
+    effort: float  # Share of the normative moment that the wearer gives.
 
 
 _DEGREES = 180.0 / math.pi
@@ -44,12 +36,7 @@ def passive_hip_torque(hip: float, knee: float) -> float:
     with angles in degrees. R. Riener, T. Edrich: Identification of passive elastic joint moments in the lower
     extremities, Journal of Biomechanics 32 (1999) 539-544; mean over ten healthy men.
 
-    Args:
-        hip: Flexion in [rad].
-        knee: Flexion in [rad].
-
-    Returns:
-        Moment in [N m].
+    ``hip``: flexion in [rad]. ``knee``: flexion in [rad]. Returns the moment in [N m].
     """
     fh, fk = _DEGREES * hip, _DEGREES * knee
     extended = exponential(1.4655 - 0.0034 * fk - 0.0750 * fh)
@@ -68,13 +55,8 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
 
     with angles in degrees; the paper counts plantarflexion positive, here dorsiflexion is.
 
-    Args:
-        hip: Flexion in [rad].
-        knee: Flexion in [rad].
-        ankle: Dorsiflexion in [rad].
-
-    Returns:
-        Moment in [N m].
+    ``hip``: flexion in [rad]. ``knee``: flexion in [rad]. ``ankle``: dorsiflexion in [rad]. Returns the
+    moment in [N m].
     """
     fh, fk, fa = _DEGREES * hip, _DEGREES * knee, _DEGREES * ankle
     two_joint = exponential(1.800 + 0.0460 * fa - 0.0352 * fk + 0.0217 * fh)
@@ -90,13 +72,8 @@ def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float
 
         \tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| > \omega_c
 
-    Args:
-        velocity: Of the joint in [rad] / [s].
-        stretch_reflex_threshold: ω_c in [rad] / [s].
-        gain: g in [N m s] / [rad].
-
-    Returns:
-        Torque in [N m]; 0 below the speed of the catch.
+    ``velocity``: of the joint in [rad] / [s]. ``stretch_reflex_threshold``: ω_c in [rad] / [s]. ``gain``: g
+    in [N m s] / [rad]. Returns the torque in [N m]; 0 below the speed of the catch.
     """
     excess = abs(velocity) - stretch_reflex_threshold
     if excess <= 0.0:
@@ -107,14 +84,8 @@ def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float
 def posture_place(angle: float, lowest: float, step: float, entries: int) -> tuple[int, float]:
     """Where an angle falls on an even grid, for linear interpolation; held beyond its ends.
 
-    Args:
-        angle: In [rad].
-        lowest: First entry in [rad].
-        step: Between entries in [rad].
-        entries: Their number, 2 or more.
-
-    Returns:
-        Number of the entry below, and the share of the next one.
+    ``angle``: in [rad]. ``lowest``: first entry in [rad]. ``step``: between entries in [rad]. ``entries``:
+    their number, 2 or more. Returns the number of the entry below, and the share of the next one.
     """
     place = (angle - lowest) / step
     if place <= 0.0:

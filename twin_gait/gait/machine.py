@@ -129,18 +129,11 @@ class GaitStateMachine:
     def advance(self, tick: int, signals: Sequence[float], other_phase: int) -> PhaseSwitch | None:
         """Advance by one tick on a list of signals.
 
-        Args:
-            tick: Present tick.
-            signals: This leg's signals, the other's, then the device's, in the order of
-                :func:`twin_gait.gait.signals.all_signal_names`, SI units; NaN marks the signals of a
-                leg that is not there. A list is read faster than a NumPy array.
-            other_phase: Index of the other leg's phase at the start of the tick, -1 without one.
-
-        Returns:
-            The switch, or None if the leg stays.
-
-        Raises:
-            MeasurementError: If a signal of this leg, of a present other leg, or of the device is not finite.
+        ``signals``: this leg's signals, the other's, then the device's, in the order of
+        :func:`twin_gait.gait.signals.all_signal_names`, SI units; NaN marks the signals of a leg that is not
+        there. A list is read faster than a NumPy array. ``other_phase``: index of the other leg's phase at
+        the start of the tick, -1 without one. Returns the switch, or None if the leg stays. Raises
+        MeasurementError if a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
         index = self._choose(tick - self.entry_tick, signals, other_phase)

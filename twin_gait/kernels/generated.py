@@ -35,19 +35,12 @@ POINT_FIELDS = tuple(item.name for item in fields(Point))
 
 
 class Called(NamedTuple):
-    """A function that kernels call for several things at once, which may become vectors.
+    """A function that kernels call for several things at once, which may become vectors."""
 
-    Attributes:
-        function: Of one of them.
-        shared: Arguments that all have in common; they come first.
-        arguments: Of each.
-        results: Of each.
-    """
-
-    function: Callable[..., tuple[float, ...]]
-    shared: int
-    arguments: int
-    results: int
+    function: Callable[..., tuple[float, ...]]  # Of one of them.
+    shared: int  # Arguments that all have in common; they come first.
+    arguments: int  # Of each.
+    results: int  # Of each.
 
     @property
     def name(self) -> str:
@@ -284,13 +277,9 @@ def write_kernel(
 ) -> str:
     """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
 
-    Args:
-        points: Points of the plant that may touch the ground.
-        up_axis: ``"z"`` or ``"y"``.
-        sloped: Whether the ground may rise forwards; else it is level and nothing is turned.
-
-    Returns:
-        Python source; it needs the functions of :data:`SIDE_BY_SIDE` in its module.
+    ``points``: points of the plant that may touch the ground. ``up_axis``: ``"z"`` or ``"y"``. ``sloped``:
+    whether the ground may rise forwards; else it is level and nothing is turned. Returns Python source; it
+    needs the functions of :data:`SIDE_BY_SIDE` in its module.
     """
     functions = [
         write_dynamics(bodies, points, up_axis, sloped),
@@ -305,8 +294,7 @@ def write_kernel(
 def write_side_by_side(text: str) -> list[str]:
     """Source of the functions that a kernel calls for several things at once: one thing after the other.
 
-    Args:
-        text: Of the kernel.
+    ``text``: of the kernel.
     """
     found = []
     for item in SIDE_BY_SIDE:
@@ -332,8 +320,7 @@ def kernel_structure(
 ) -> str:
     """What the text of :func:`write_kernel` depends on; it takes a hundredth of the time to write that.
 
-    Raises:
-        ModelError: If the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
+    Raises ModelError if the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
     """
     if len(bodies) > STRAIGHT_LINE_LIMIT:
         raise ModelError(

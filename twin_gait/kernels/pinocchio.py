@@ -54,14 +54,8 @@ class GroundContacts:
     def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Sequence[Point]) -> float:
         """Evaluate a state.
 
-        Args:
-            q: Coordinates of the model, shape ``(nv,)``.
-            v: Velocities, shape ``(nv,)``.
-            ground: Under the feet.
-            points: Of all soles; changed in place.
-
-        Returns:
-            Power of the forces in [W].
+        ``q``: coordinates of the model, shape ``(nv,)``. ``v``: velocities, shape ``(nv,)``. ``ground``:
+        under the feet. ``points``: of all soles; changed in place. Returns the power of the forces in [W].
         """
         pin.forwardKinematics(self.model, self.data, q, v)
         return sum(self._press(foot, ground, points) for foot in self.feet.values())
@@ -95,8 +89,7 @@ class GroundContacts:
     def wrench(self, side: Side) -> np.ndarray:
         """What the ground does on a foot at the last evaluation.
 
-        Returns:
-            Force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
+        Returns the force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
         """
         joint = self.feet[side].joint
         return np.array(self.data.oMi[joint].act(self.forces[joint]).vector)

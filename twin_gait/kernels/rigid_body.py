@@ -29,32 +29,21 @@ ZERO = vector([0.0, 0.0, 0.0])
 
 
 class Dynamics(NamedTuple):
-    """What one evaluation gives.
+    """What one evaluation gives."""
 
-    Attributes:
-        acceleration: Of the coordinates, shape ``(n,)``.
-        contacts: Results of the contact law per point.
-    """
-
-    acceleration: Vector
-    contacts: list[list[Scalar]]
+    acceleration: Vector  # Of the coordinates, shape ``(n,)``.
+    contacts: list[list[Scalar]]  # Results of the contact law per point.
 
 
 class InverseDynamics(NamedTuple):
-    """Forces that go with a motion.
+    """Forces that go with a motion."""
 
-    Attributes:
-        torques: On the coordinates, without armature, shape ``(n,)``.
-        contacts: Results of the contact law per point.
-        wrenches: Moment and force that each joint passes on to its body, in the body's frame and about the
-            joint frame's origin.
-        kinetic_energy: With that of the rotors.
-    """
-
-    torques: list[Scalar]
-    contacts: list[list[Scalar]]
+    torques: list[Scalar]  # On the coordinates, without armature, shape ``(n,)``.
+    contacts: list[list[Scalar]]  # Results of the contact law per point.
+    # Moment and force that each joint passes on to its body, in the body's frame and about the joint frame's
+    # origin.
     wrenches: list[list[Vector]]
-    kinetic_energy: Scalar
+    kinetic_energy: Scalar  # With that of the rotors.
 
 
 def cross(a: Vector, b: Vector) -> Vector:
@@ -127,14 +116,9 @@ def newton_euler(
 ) -> InverseDynamics:
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
-    Args:
-        a: Accelerations; zeros give the bias.
-        gravity: Acceleration of gravity in the world frame.
-        contact_law: From number, position and velocity of a point in the world to its force along world x
-            and z (first two results) and anything else.
-
-    Returns:
-        Torques, contact results and what the joints carry.
+    ``a``: accelerations; zeros give the bias. ``gravity``: acceleration of gravity in the world frame.
+    ``contact_law``: from number, position and velocity of a point in the world to its force along world x and
+    z (first two results) and anything else. Returns torques, contact results and what the joints carry.
     """
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []

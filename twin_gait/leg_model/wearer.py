@@ -96,8 +96,8 @@ def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
     It ends half the foot's height below the ankle: de Leva's runs there from heel to tip of the toe, Winter's
     comes down from the ankle to the second metatarsal.
 
-    Returns:
-        Its beginning, seen from the ankle, and the way to its end; forward and up in [m], shapes ``(2,)``.
+    Returns its beginning, seen from the ankle, and the way to its end; forward and up in [m], shapes
+    ``(2,)``.
     """
     length = FOOT_LENGTH * patient.height
     drop = -0.5 * FOOT_HEIGHT * patient.height

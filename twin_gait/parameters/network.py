@@ -63,19 +63,13 @@ class OutageKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Outage:
-    """A node that is off the bus for a while.
+    """A node that is off the bus for a while."""
 
-    Attributes:
-        kind: What happens.
-        time: When, in [s].
-        node: Which, one of :data:`NODES`; None for the silence of the whole bus.
-        duration: For how long in [s], infinite for good; of no meaning for ``bus_off``, after which a node
-            recovers as the parameters of the network say.
-    """
-
-    kind: OutageKind
-    time: float
-    node: str | None = None
+    kind: OutageKind  # What happens.
+    time: float  # When, in [s].
+    node: str | None = None  # Which, one of :data:`NODES`; None for the silence of the whole bus.
+    # For how long in [s], infinite for good; of no meaning for ``bus_off``, after which a node recovers as
+    # the parameters of the network say.
     duration: float = math.inf
 
     def __post_init__(self) -> None:

@@ -22,21 +22,13 @@ from twin_gait.gait.table import TICK, GaitTable
 
 
 class Answer(NamedTuple):
-    """What became of a request.
+    """What became of a request."""
 
-    Attributes:
-        tick: In which it was made.
-        request: What was asked for.
-        before: Mode in which it was made.
-        after: Mode after it.
-        refused: Why nothing has answered it, in words; empty for an answer.
-    """
-
-    tick: int
-    request: str
-    before: str
-    after: str
-    refused: str = ""
+    tick: int  # In which it was made.
+    request: str  # What was asked for.
+    before: str  # Mode in which it was made.
+    after: str  # Mode after it.
+    refused: str = ""  # Why nothing has answered it, in words; empty for an answer.
 
     @property
     def time(self) -> float:
@@ -49,12 +41,8 @@ def answers_in(
 ) -> Iterator[Answer]:
     """Read the answers from a log.
 
-    Args:
-        log: Of the run.
-        modes: Its operating modes.
-        table: Its gait table.
-        initial: Mode in which it began; None for the first.
-        body_weight: Of wearer and device in [N].
+    ``log``: of the run. ``modes``: its operating modes. ``table``: its gait table. ``initial``: mode in which
+    it began; None for the first. ``body_weight``: of wearer and device in [N].
     """
     first = 0 if initial is None else modes.phase_index(initial)
     codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(
@@ -77,10 +65,7 @@ def answer_at(
 ) -> Answer:
     """What became of the request of a tick.
 
-    Args:
-        tick: Row of the log.
-        before: Mode in which it was made.
-        ticks: Since that was entered.
+    ``tick``: row of the log. ``before``: mode in which it was made. ``ticks``: since that was entered.
     """
     row = log.iloc[tick]
     after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]

@@ -54,9 +54,7 @@ def _mark(dtype: np.dtype[Any], owner: str, first: int, found: np.ndarray) -> No
 def word_of(dtype: np.dtype[Any], *path: str) -> int:
     """Place of a number among those of a record.
 
-    Args:
-        dtype: Of the record.
-        path: Names of the fields that lead to it.
+    ``dtype``: of the record. ``path``: names of the fields that lead to it.
     """
     place = 0
     for name in path:
@@ -69,11 +67,8 @@ def word_of(dtype: np.dtype[Any], *path: str) -> int:
 def side_by_side(records: np.ndarray) -> np.ndarray:
     """A block of records; lanes without one are copies of the first.
 
-    Args:
-        records: Shape ``(n,)``, at most :data:`WIDTH`.
-
-    Returns:
-        Their numbers as whole numbers of 64 bits, shape ``(numbers, WIDTH)``.
+    ``records``: shape ``(n,)``, at most :data:`WIDTH`. Returns their numbers as whole numbers of 64 bits,
+    shape ``(numbers, WIDTH)``.
     """
     words = records.view(np.int64).reshape(len(records), -1)
     lanes = np.arange(WIDTH)

@@ -74,12 +74,9 @@ class CompiledEngine:
     ) -> None:
         """Lay the problem out and get the compiled loop.
 
-        Args:
-            record: Whether to keep the log; without it only the switches and the last state remain.
-            on_compile: Called if the loop has to be compiled first.
-
-        Raises:
-            UncompiledControllerError: If numba cannot compile the controller.
+        ``record``: whether to keep the log; without it only the switches and the last state remain.
+        ``on_compile``: called if the loop has to be compiled first. Raises UncompiledControllerError if numba
+        cannot compile the controller.
         """
         self.problem = problem
         self.layout = log_layout(problem)
@@ -117,14 +114,8 @@ class CompiledEngine:
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
         """Run some ticks, fewer if the wearer falls or the state diverges on the way.
 
-        Args:
-            first: Tick to begin with.
-            end: One past the last.
-            rows: Log, shape ``(n, n_columns)``; changed in place.
-            first_row: Tick of its first row.
-
-        Returns:
-            Ticks run since the start.
+        ``first``: tick to begin with. ``end``: one past the last. ``rows``: log, shape ``(n, n_columns)``;
+        changed in place. ``first_row``: tick of its first row. Returns the ticks run since the start.
         """
         assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
@@ -139,13 +130,9 @@ class CompiledEngine:
     ) -> EngineResult:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
-        Args:
-            progress: Called with ticks done and ticks in all, now and then.
-            should_stop: Asked now and then; True ends the run.
-            columns: Positions of the columns of the log that are kept; all by default.
-
-        Returns:
-            The log up to there and how it ended.
+        ``progress``: called with ticks done and ticks in all, now and then. ``should_stop``: asked now and
+        then; True ends the run. ``columns``: positions of the columns of the log that are kept; all by
+        default. Returns the log up to there and how it ended.
         """
         width = len(self.layout.names)
         kept = range(width) if columns is None else columns
@@ -167,8 +154,7 @@ class CompiledEngine:
     def result(self, done: int, rows: np.ndarray) -> EngineResult:
         """The result of a run that has ended by itself after some ticks.
 
-        Args:
-            rows: Its log.
+        ``rows``: its log.
         """
         return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip(), self.traffic(done))
 
@@ -195,23 +181,14 @@ class CompiledEngine:
 
 
 class Pattern(NamedTuple):
-    """What a loop is compiled for; it runs all episodes of the pattern.
+    """What a loop is compiled for; it runs all episodes of the pattern."""
 
-    Attributes:
-        episode: Layout of the record.
-        row: Layout of a row of the log.
-        bodies: What the kernel is written for.
-        structure: Constants that are bound.
-        controller: Name of the controller.
-        functions: Of the controller, that are bound.
-    """
-
-    episode: np.dtype[Any]
-    row: np.dtype[Any]
-    bodies: Bodies
-    structure: Structure
-    controller: str
-    functions: Mapping[str, TickFunction]
+    episode: np.dtype[Any]  # Layout of the record.
+    row: np.dtype[Any]  # Layout of a row of the log.
+    bodies: Bodies  # What the kernel is written for.
+    structure: Structure  # Constants that are bound.
+    controller: str  # Name of the controller.
+    functions: Mapping[str, TickFunction]  # Of the controller, that are bound.
 
     @property
     def text(self) -> str:
@@ -240,8 +217,7 @@ class Bodies(NamedTuple):
 def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, Structure]:
     """Bodies of a problem, its episode at tick 0, and the constants to bind.
 
-    Args:
-        record: Whether the log is written.
+    ``record``: whether the log is written.
     """
     world = problem.world
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
@@ -276,8 +252,7 @@ def loop_of(
 ) -> NativeFunction:
     """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be.
 
-    Raises:
-        UncompiledControllerError: If numba cannot compile the controller.
+    Raises UncompiledControllerError if numba cannot compile the controller.
     """
     own = {}
     if pattern.own:

@@ -62,13 +62,9 @@ class Lowering(NativeLowering):  # type: ignore[misc]
 
 
 class Pruning(CompilerBase):  # type: ignore[misc]
-    """numba's passes without its rewrites of array expressions, but with dead branches taken out.
+    """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
 
-    Attributes:
-        lowering: The pass that makes LLVM's code.
-    """
-
-    lowering: type[NativeLowering] = Lowering
+    lowering: type[NativeLowering] = Lowering  # The pass that makes LLVM's code.
 
     def define_pipelines(self) -> list[Any]:
         """Passes of the one pipeline."""
@@ -83,17 +79,11 @@ class Pruning(CompilerBase):  # type: ignore[misc]
 
 
 class Manner(NamedTuple):
-    """How loops are compiled.
+    """How loops are compiled."""
 
-    Attributes:
-        pipeline: numba's passes.
-        level: Of LLVM's optimisation.
-        vectorise: Whether LLVM turns loops into vectors.
-    """
-
-    pipeline: type[CompilerBase]
-    level: int
-    vectorise: bool
+    pipeline: type[CompilerBase]  # numba's passes.
+    level: int  # Of LLVM's optimisation.
+    vectorise: bool  # Whether LLVM turns loops into vectors.
 
 
 # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
@@ -186,15 +176,10 @@ def numbers_at(width: int) -> Any:
 
 
 class CompiledLoop(NamedTuple):
-    """A loop compiled in this process.
+    """A loop compiled in this process."""
 
-    Attributes:
-        function: Takes whole numbers and returns one.
-        code: What can be kept of it, or None if it needs more than the C library.
-    """
-
-    function: NativeFunction
-    code: MachineCode | None
+    function: NativeFunction  # Takes whole numbers and returns one.
+    code: MachineCode | None  # What can be kept of it, or None if it needs more than the C library.
 
 
 def compile_loop(
@@ -206,12 +191,9 @@ def compile_loop(
 ) -> CompiledLoop:
     """Bind and compile a loop.
 
-    Args:
-        entry: Takes and returns whole numbers; addresses are some.
-        names: What the loop is bound to.
-        n_arguments: Of the entry.
-        own: What messages call functions of the user's among the names; empty without any.
-        manner: How.
+    ``entry``: takes and returns whole numbers; addresses are some. ``names``: what the loop is bound to.
+    ``n_arguments``: of the entry. ``own``: what messages call functions of the user's among the names; empty
+    without any. ``manner``: how.
     """
     loop = bind(
         entry,
@@ -258,14 +240,9 @@ def compiled_ticks(
 ) -> dict[str, Any]:
     """The user's functions among those of a controller, compiled.
 
-    Args:
-        controller: Its name.
-        functions: By the names that a loop knows them by.
-        device: Layout of the record that they are handed, with their memory in it.
-
-    Raises:
-        UncompiledControllerError: If numba cannot compile one.
-        ParameterError: If one returns something.
+    ``controller``: its name. ``functions``: by the names that a loop knows them by. ``device``: layout of the
+    record that they are handed, with their memory in it. Raises UncompiledControllerError if numba cannot
+    compile one. Raises ParameterError if one returns something.
     """
     return {
         name: _compiled_tick(controller, tick, name == "assisted_tick", device)

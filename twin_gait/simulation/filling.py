@@ -82,8 +82,7 @@ Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 def structure_of(problem: Problem, n_points: int) -> Structure:
     """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`.
 
-    Args:
-        n_points: Points of all soles.
+    ``n_points``: points of all soles.
     """
     experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
     legs = len(problem.sides)
@@ -123,11 +122,8 @@ def new_episode(
 ) -> Episode:
     """The episode of a problem at tick 0.
 
-    Args:
-        bodies: Run-time values of the plant's kernel.
-        control_bodies: Of the controller's.
-        n_points: Points of all soles.
-        record: Whether the log is written.
+    ``bodies``: run-time values of the plant's kernel. ``control_bodies``: of the controller's. ``n_points``:
+    points of all soles. ``record``: whether the log is written.
     """
     experiment, world = problem.experiment, problem.world
     n, stepping = len(world.start_q), experiment.stepping
@@ -196,8 +192,7 @@ def new_episode(
 def memory_of(controller: Controller, plan: Plan) -> Any:
     """What a controller keeps, at the start.
 
-    Raises:
-        ParameterError: If it is no record.
+    Raises ParameterError if it is no record.
     """
     memory = controller.memory(plan)
     if not is_record(memory):

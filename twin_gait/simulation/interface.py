@@ -38,18 +38,10 @@ def dynamics(
 ) -> float:
     """Accelerations under joint torques and contact forces.
 
-    Args:
-        q: Coordinates, n entries.
-        v: Velocities, n entries.
-        torque: On the coordinates, n entries.
-        bodies: Masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
-        gravity: In [m] / [s²].
-        ground: Under the feet.
-        a: Accelerations, n entries; changed in place.
-        points: Of the soles; changed in place.
-
-    Returns:
-        Power of the contact forces in [W].
+    ``q``: coordinates, n entries. ``v``: velocities, n entries. ``torque``: on the coordinates, n entries.
+    ``bodies``: masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
+    ``gravity``: in [m] / [s²]. ``ground``: under the feet. ``a``: accelerations, n entries; changed in place.
+    ``points``: of the soles; changed in place. Returns the power of the contact forces in [W].
     """
     raise NotImplementedError
 
@@ -88,12 +80,9 @@ def side_by_side(
 ) -> None:
     """Apply a law in places that do not touch each other; in the loop of one episode they are vectors.
 
-    Args:
-        places: Where; one at least.
-        staged: Whether the state is that of a stage of the integration.
-        take: From episode, place and ``staged`` to the arguments of the law.
-        law: Of numbers alone.
-        give: Takes episode, place and result.
+    ``places``: where; one at least. ``staged``: whether the state is that of a stage of the integration.
+    ``take``: from episode, place and ``staged`` to the arguments of the law. ``law``: of numbers alone.
+    ``give``: takes episode, place and result.
     """
     for place in places:
         for one in lanes(e):

@@ -38,10 +38,8 @@ class LaneEngine:
     ) -> None:
         """Put the records side by side and get the compiled loop.
 
-        Args:
-            engines: At tick 0, all of one :func:`kind_of`, at most
-                :data:`~twin_gait.simulation.block.WIDTH`.
-            on_compile: Called if the loop has to be compiled first.
+        ``engines``: at tick 0, all of one :func:`kind_of`, at most :data:`~twin_gait.simulation.block.WIDTH`.
+        ``on_compile``: called if the loop has to be compiled first.
         """
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
@@ -53,11 +51,8 @@ class LaneEngine:
     def run(self, columns: Sequence[int] | None = None) -> list[EngineResult]:
         """Run all episodes to their ends.
 
-        Args:
-            columns: Positions of the columns of the logs that are kept; all by default.
-
-        Returns:
-            The result of each, as :meth:`CompiledEngine.run` gives it.
+        ``columns``: positions of the columns of the logs that are kept; all by default. Returns the result of
+        each, as :meth:`CompiledEngine.run` gives it.
         """
         width, record = len(self.engines[0].layout.names), bool(self._numbers("recording", "on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)

@@ -235,8 +235,7 @@ class LogRow:
 def columns_of(row: type) -> dict[str, tuple[str, str]]:
     """Columns that a class of rows declares.
 
-    Returns:
-        Unit and meaning by name, in order.
+    Returns the unit and meaning by name, in order.
     """
     return {
         _name_of(item): (item.metadata["unit"], item.metadata["meaning"])
@@ -263,8 +262,7 @@ WORK_SOURCES, BRACED_WORK_SOURCES = (
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
     """Sources of work that a log has columns for.
 
-    Returns:
-        Their names; the braces are one of them if there are any.
+    Returns their names; the braces are one of them if there are any.
     """
     return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
 
@@ -272,11 +270,8 @@ def work_sources(columns: Container[str]) -> tuple[str, ...]:
 def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
     """Columns that hold the state of a model.
 
-    Args:
-        wearer: Whether the state is the wearer's own, where braces bind them to the device.
-
-    Returns:
-        Columns of its coordinates and of its velocities, in the order of the model.
+    ``wearer``: whether the state is the wearer's own, where braces bind them to the device. Returns the
+    columns of its coordinates and of its velocities, in the order of the model.
     """
     own = "wearer_" * wearer
     names = {
@@ -299,8 +294,7 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
 def unit_of(name: str) -> str:
     """Unit of a column, from the end of its name.
 
-    Returns:
-        The unit, for example ``N m/rad``; ``name`` of a phase and ``code`` of a state.
+    Returns the unit, for example ``N m/rad``; ``name`` of a phase and ``code`` of a state.
     """
     if name.endswith("_phase"):
         return "name"
@@ -341,30 +335,18 @@ class LogLayout:
     """What a log has columns of.
 
     ``time_s`` and the names of the phases are added when the table is made.
-
-    Attributes:
-        legs: Controlled joints per leg, in order.
-        passive: Side and joint of those that are not.
-        feet: Legs with foot contact.
-        pelvis: Whether the pelvis moves.
-        forward: Whether it moves fore-aft too.
-        free: Whether it pitches too.
-        crutches: Sides with one.
-        seat: Whether there is one.
-        braced: Whether braces bind the wearer to the device.
-        supervised: Whether it has operating modes.
     """
 
-    legs: Mapping[Side, Sequence[JointName]]
-    passive: tuple[tuple[Side, JointName], ...]
-    feet: tuple[Side, ...]
-    pelvis: bool
-    forward: bool = False
-    free: bool = False
-    crutches: tuple[Side, ...] = ()
-    seat: bool = False
-    braced: bool = False
-    supervised: bool = False
+    legs: Mapping[Side, Sequence[JointName]]  # Controlled joints per leg, in order.
+    passive: tuple[tuple[Side, JointName], ...]  # Side and joint of those that are not.
+    feet: tuple[Side, ...]  # Legs with foot contact.
+    pelvis: bool  # Whether the pelvis moves.
+    forward: bool = False  # Whether it moves fore-aft too.
+    free: bool = False  # Whether it pitches too.
+    crutches: tuple[Side, ...] = ()  # Sides with one.
+    seat: bool = False  # Whether there is one.
+    braced: bool = False  # Whether braces bind the wearer to the device.
+    supervised: bool = False  # Whether it has operating modes.
 
     def row(self) -> LogRow:
         """An empty row."""

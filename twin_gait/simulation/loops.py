@@ -28,12 +28,9 @@ def kept_loop(
     With functions of the user's it is compiled once in this process and not kept on disk, because the sources
     that they depend on are unknown.
 
-    Args:
-        key: From :func:`twin_gait.simulation.keeping.source_key`.
-        n_arguments: Of the loop.
-        make: Compiles it.
-        on_compile: Called if it has to be compiled, which takes 10 to 20 s.
-        own: Functions of the user's.
+    ``key``: from :func:`twin_gait.simulation.keeping.source_key`. ``n_arguments``: of the loop. ``make``:
+    compiles it. ``on_compile``: called if it has to be compiled, which takes 10 to 20 s. ``own``: functions
+    of the user's.
     """
     if (key, own) not in _loops:
         path = None if own else _path_of(key)

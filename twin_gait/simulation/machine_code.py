@@ -25,15 +25,10 @@ NativeFunction = Callable[..., int]
 
 
 class MachineCode(NamedTuple):
-    """A compiled function as it is kept.
+    """A compiled function as it is kept."""
 
-    Attributes:
-        object_code: Object file.
-        symbol: Name of the function in it.
-    """
-
-    object_code: bytes
-    symbol: str
+    object_code: bytes  # Object file.
+    symbol: str  # Name of the function in it.
 
 
 def write_code(path: Path, code: MachineCode) -> None:
@@ -49,8 +44,7 @@ def write_code(path: Path, code: MachineCode) -> None:
 def read_code(path: Path) -> MachineCode | None:
     """Read compiled code.
 
-    Returns:
-        The code, or None if there is none, it is not the user's own, or it is not what was kept.
+    Returns the code, or None if there is none, it is not the user's own, or it is not what was kept.
     """
     proof, _, content = (read_own(path) or b"").partition(b"\n")
     expected = seal(path.name, content)
@@ -63,11 +57,8 @@ def read_code(path: Path) -> MachineCode | None:
 def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
     """Link compiled code into the process.
 
-    Args:
-        n_arguments: Of the function; all are whole numbers, as is its result.
-
-    Returns:
-        The function; it runs without the interpreter's lock.
+    ``n_arguments``: of the function; all are whole numbers, as is its result. Returns the function; it runs
+    without the interpreter's lock.
     """
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
@@ -81,14 +72,10 @@ def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
 def function_at(address: int, n_arguments: int, owner: Any, controller: str | None = None) -> NativeFunction:
     """A compiled function by its address.
 
-    Args:
-        address: Of the native function, which returns a status and writes its result through a pointer.
-        n_arguments: Of the function; all are whole numbers, as is its result.
-        owner: What has to live as long as the function.
-        controller: Name of the user's control law in it, if there is one.
-
-    Returns:
-        The function; it raises ParameterError if the user's law raises something.
+    ``address``: of the native function, which returns a status and writes its result through a pointer.
+    ``n_arguments``: of the function; all are whole numbers, as is its result. ``owner``: what has to live as
+    long as the function. ``controller``: name of the user's control law in it, if there is one. Returns the
+    function; it raises ParameterError if the user's law raises something.
     """
     pointers = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_void_p)
     native = ctypes.CFUNCTYPE(ctypes.c_int, *pointers, *(ctypes.c_int64,) * n_arguments)(address)

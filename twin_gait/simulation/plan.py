@@ -16,8 +16,7 @@ from twin_gait.vocabulary import JointName, Side
 def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt) -> Plan:
     """What the controller of an experiment knows.
 
-    Args:
-        inertia: Effective inertia of a joint of the controller's model.
+    ``inertia``: effective inertia of a joint of the controller's model.
     """
     scenario = experiment.scenario
     walking = scenario.walking
@@ -35,8 +34,7 @@ def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt)
 def starting_at(experiment: Experiment, begin: Mapping[Side, Mapping[JointName, float]]) -> Experiment:
     """Let the legs begin where the controller wants them to, whatever the scenario says.
 
-    Args:
-        begin: Joint angles in [rad] by leg; itself if there are none.
+    ``begin``: joint angles in [rad] by leg; itself if there are none.
     """
     if not begin:
         return experiment

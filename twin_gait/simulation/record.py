@@ -42,8 +42,7 @@ _known: dict[type, tuple[tuple[str, type], ...]] = {}  # reading hints takes lon
 def dtype_of(sample: Any) -> np.dtype[Any]:
     """The dtype of a record, aligned as C would.
 
-    Args:
-        sample: An instance; its lists have the lengths of the dtype.
+    ``sample``: an instance; its lists have the lengths of the dtype.
     """
     layout = []
     for name, kind in kinds_of(type(sample)):
@@ -59,8 +58,7 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
 def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
     """An instance as a NumPy record.
 
-    Returns:
-        Shape ``(1,)``; its entry is the record.
+    Returns shape ``(1,)``; its entry is the record.
     """
     return np.array([entries(sample)], dtype_of(sample))
 
@@ -113,9 +111,7 @@ def _collect(value: Any, found: list[float]) -> None:
 def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
     """A record whose fields are the attributes of the same name of something else.
 
-    Args:
-        source: For example the parameters of a law.
-        more: Fields that it does not have.
+    ``source``: for example the parameters of a law. ``more``: fields that it does not have.
     """
     values = {item.name: getattr(source, item.name) for item in fields(kind) if item.name not in more}  # type: ignore[arg-type]
     return kind(**values, **more)

@@ -48,8 +48,7 @@ class ReferenceEngine:
     ) -> None:
         """Set everything to time 0.
 
-        Args:
-            kernel: Dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
+        ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
         """
         self.problem = problem
         self.layout = log_layout(problem)
@@ -100,13 +99,8 @@ class ReferenceEngine:
     def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
         """Run some ticks, fewer if the wearer falls or the state diverges on the way.
 
-        Args:
-            first: Tick to begin with.
-            end: One past the last.
-            rows: Log, shape ``(n, n_columns)``; changed in place.
-
-        Returns:
-            Ticks run since the start.
+        ``first``: tick to begin with. ``end``: one past the last. ``rows``: log, shape ``(n, n_columns)``;
+        changed in place. Returns the ticks run since the start.
         """
         for tick in range(first, end):
             self._run_ticks(self.episode, tick, tick + 1)

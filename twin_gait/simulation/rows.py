@@ -22,64 +22,36 @@ def noise_width(episode: np.dtype[Any]) -> int:
 
 @dataclass(slots=True)
 class Switch:
-    """A change of phase.
+    """A change of phase."""
 
-    Attributes:
-        tick: At which the new phase begins.
-        leg: Which leg.
-        source: Phase that was left.
-        target: Phase that was entered.
-        transition: Place in the table.
-    """
-
-    tick: int
-    leg: int
-    source: int
-    target: int
-    transition: int
+    tick: int  # At which the new phase begins.
+    leg: int  # Which leg.
+    source: int  # Phase that was left.
+    target: int  # Phase that was entered.
+    transition: int  # Place in the table.
 
 
 @dataclass(slots=True)
 class Efforts:
-    """The wearer's efforts, which come with a delay; their rows are behind an address.
+    """The wearer's efforts, which come with a delay; their rows are behind an address."""
 
-    Attributes:
-        lowest_posture: First hip angle of the normative moments in [rad].
-        posture_step: From one to the next in [rad].
-        ring: Address of the efforts of the last ticks.
-        n_ring: Their number.
-        noise: Address of the share by which the effort strays, tick by tick.
-        n_noise: Rows of it, taken in turn.
-    """
-
-    lowest_posture: float
-    posture_step: float
-    n_ring: int
-    n_noise: int
-    ring: int = 0
-    noise: int = 0
+    lowest_posture: float  # First hip angle of the normative moments in [rad].
+    posture_step: float  # From one to the next in [rad].
+    n_ring: int  # Their number.
+    n_noise: int  # Rows of it, taken in turn.
+    ring: int = 0  # Address of the efforts of the last ticks.
+    noise: int = 0  # Address of the share by which the effort strays, tick by tick.
 
 
 @dataclass(slots=True)
 class Recording:
-    """Log, switches and sensor noise; their rows are behind an address.
+    """Log, switches and sensor noise; their rows are behind an address."""
 
-    Attributes:
-        on: Whether the log is written.
-        log: Address of its first row.
-        first_row: Tick of that row.
-        switches: Address of the first switch.
-        n_switches: That have happened.
-        most_switches: That there is room for.
-        noise: Address of what the sensors read in excess, tick by tick.
-        n_noise: Rows of it, taken in turn.
-    """
-
-    on: bool
-    most_switches: int
-    n_noise: int
-    log: int = 0
-    first_row: int = 0
-    switches: int = 0
-    n_switches: int = 0
-    noise: int = 0
+    on: bool  # Whether the log is written.
+    most_switches: int  # That there is room for.
+    n_noise: int  # Rows of it, taken in turn.
+    log: int = 0  # Address of its first row.
+    first_row: int = 0  # Tick of that row.
+    switches: int = 0  # Address of the first switch.
+    n_switches: int = 0  # That have happened.
+    noise: int = 0  # Address of what the sensors read in excess, tick by tick.

@@ -64,10 +64,8 @@ def run_of(
 ) -> Run:
     """The run of an engine that has reached its end.
 
-    Args:
-        result: What it gave.
-        wall_s: How long it took in [s].
-        columns: Positions of the columns of the log that were kept; all by default.
+    ``result``: what it gave. ``wall_s``: how long it took in [s]. ``columns``: positions of the columns of
+    the log that were kept; all by default.
     """
     problem = engine.problem
     return Run(
@@ -89,8 +87,7 @@ def engine_of(
 ) -> ReferenceEngine | CompiledEngine:
     """The engine that an experiment asks for, at tick 0.
 
-    Args:
-        on_compile: Called if it has to be compiled first.
+    ``on_compile``: called if it has to be compiled first.
     """
     if problem.experiment.engine is Engine.COMPILED:
         try:

@@ -192,10 +192,7 @@ def _length(view):  # numba compares this with the signature of what it returns
 def make_view(context: Any, builder: Any, kind: Any, base: Any, lane: Any) -> Any:
     """A view in machine code.
 
-    Args:
-        kind: Its type.
-        base: Address of its part of the first lane.
-        lane: Which is meant.
+    ``kind``: its type. ``base``: address of its part of the first lane. ``lane``: which is meant.
     """
     made = cgutils.create_struct_proxy(kind)(context, builder)
     made.base, made.lane = base, lane

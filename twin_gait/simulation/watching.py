@@ -85,12 +85,8 @@ def _speed_limit(problem: Problem, joint: ActuatedJoint) -> float:
 def trip_of(problem: Problem, tick: int, cause: int, place: int) -> Trip | None:
     """What the engine's numbers say of a trip.
 
-    Args:
-        tick: Of the trip, or a negative number.
-        place: A joint, or the number of joints plus a leg, or a negative number for the supply.
-
-    Returns:
-        The trip, or None if there was none.
+    ``tick``: of the trip, or a negative number. ``place``: a joint, or the number of joints plus a leg, or a
+    negative number for the supply. Returns the trip, or None if there was none.
     """
     if tick < 0:
         return None

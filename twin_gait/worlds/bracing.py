@@ -59,12 +59,7 @@ def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
 
         R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}
 
-    Args:
-        system: A of :math:`\dot x = A x`, shape ``(m, m)``.
-        step: h in [s].
-
-    Returns:
-        R, shape ``(m, m)``.
+    ``system``: A of :math:`\dot x = A x`, shape ``(m, m)``. ``step``: h in [s]. Returns R, shape ``(m, m)``.
     """
     term = growth = np.eye(len(system))
     for power in range(1, RK4_ORDER + 1):
@@ -76,9 +71,8 @@ def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
 def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
     r"""What one step of the semi-implicit Euler method makes of positions and velocities.
 
-    Args:
-        system: A of :math:`\dot x = A x` with positions first, velocities after them, shape ``(m, m)``.
-        step: h in [s].
+    ``system``: A of :math:`\dot x = A x` with positions first, velocities after them, shape ``(m, m)``.
+    ``step``: h in [s].
     """
     half = len(system) // 2
     velocity = np.eye(len(system))[half:] + step * system[half:]
@@ -92,9 +86,7 @@ def carries(world: World, growth: Step, step: float) -> bool:
     Braces, springs, viscous dampers and bristles that stick are linear; gravity, contact and the change of
     the inertias on the way are not looked at.
 
-    Args:
-        growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
-        step: In [s].
+    ``growth``: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`. ``step``: in [s].
     """
     return all(
         _largest_growth(growth, _linear(world, q), step) <= 1.0 + _ROUNDING

@@ -59,21 +59,14 @@ _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One fault; it lasts to the end of the run but for a jump (5 ms) and a dip of the supply (0.5 s).
+    """One fault; it lasts to the end of the run but for a jump (5 ms) and a dip of the supply (0.5 s)."""
 
-    Attributes:
-        kind: What breaks.
-        time: When, in [s].
-        side: Leg; None for the supply.
-        joint: Joint; None for a foot and the supply.
-        magnitude: Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in
-            [V], as the kind has it; None takes the kind's own.
-    """
-
-    kind: FaultKind
-    time: float
-    side: Side | None = None
-    joint: JointName | None = None
+    kind: FaultKind  # What breaks.
+    time: float  # When, in [s].
+    side: Side | None = None  # Leg; None for the supply.
+    joint: JointName | None = None  # Joint; None for a foot and the supply.
+    # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], as the kind
+    # has it; None takes the kind's own.
     magnitude: float | None = None
 
     def __post_init__(self) -> None:
@@ -131,14 +124,7 @@ def parse_fault(text: str) -> Fault:
     ``encoder_freeze:left_knee@4.2s``, ``encoder_drift:right_hip@3s=20deg/s``,
     ``foot_load_stuck:left_foot@2s``, ``supply_dip@5s=12V``.
 
-    Args:
-        text: The notation.
-
-    Returns:
-        The fault.
-
-    Raises:
-        ParameterError: If it cannot be read.
+    Raises ParameterError if it cannot be read.
     """
     match = _SHAPE.fullmatch(text.strip())
     if match is None:
@@ -189,9 +175,7 @@ def check_faults(
 ) -> None:
     """Check that faults act on something that is there, within the run.
 
-    Args:
-        duration: Of the run in [s].
-        joints: Those that are controlled.
+    ``duration``: of the run in [s]. ``joints``: those that are controlled.
     """
     for fault in faults:
         if fault.side is not None and fault.side not in sides:

@@ -45,23 +45,14 @@ def _height(model: LegModel, joint: JointName) -> float:
 
 @dataclass(frozen=True)
 class Sitting:
-    """A wearer on a chair with motors that hold what they have to; the hands rest.
+    """A wearer on a chair with motors that hold what they have to; the hands rest."""
 
-    Attributes:
-        model: Of wearer and device.
-        seat: Under them.
-        contact: Of the feet on the floor.
-        plant: For the springs of the ankles.
-        lean: Of the trunk in [rad].
-        shank: Angle from the vertical by which the shanks lean forward over the feet, in [rad].
-    """
-
-    model: LegModel
-    seat: Seat
-    contact: ContactParameters
-    plant: tuple[Plant, ...]
-    lean: float
-    shank: float
+    model: LegModel  # Of wearer and device.
+    seat: Seat  # Under them.
+    contact: ContactParameters  # Of the feet on the floor.
+    plant: tuple[Plant, ...]  # For the springs of the ankles.
+    lean: float  # Of the trunk in [rad].
+    shank: float  # Angle from the vertical by which the shanks lean forward over the feet, in [rad].
 
     def posture(self) -> np.ndarray:
         """Coordinates in balance, with the hips at 0 forwards: shape ``(nv,)``.
@@ -69,8 +60,7 @@ class Sitting:
         Height of the hips, elevation of the thighs and dorsiflexion are such that vertical force, moment
         about the hips and torque of the ankles come to nothing, by Newton's method.
 
-        Raises:
-            ParameterError: If there is no such posture, or a joint would be beyond its stop.
+        Raises ParameterError if there is no such posture, or a joint would be beyond its stop.
         """
         found = self._guess()
         for _ in range(MOST_ROUNDS):

@@ -49,9 +49,8 @@ _SOURCES = {
 def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
     """Draw the noise of a test; what is not noisy draws nothing.
 
-    Returns:
-        Shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial unit
-        and of the sample of the current in each period of its loop.
+    Returns shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial
+    unit and of the sample of the current in each period of its loop.
     """
     rng, sensors, periods = np.random.default_rng(seed), test.sensors, _periods(test)
     noise = np.zeros((ticks, CURRENT_NOISE + periods))
@@ -67,8 +66,7 @@ def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
 def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
     """The record of a test at tick 0.
 
-    Raises:
-        ParameterError: If parts of the test do not go together.
+    Raises ParameterError if parts of the test do not go together.
     """
     link, friction, sensors = test.link, test.friction, test.sensors
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)

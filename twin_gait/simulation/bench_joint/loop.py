@@ -44,29 +44,17 @@ Advance = Callable[[int, int], tuple[int, int]]  # from tick and to tick; ticks 
 
 @dataclass(frozen=True, eq=False)
 class BenchRun:
-    """What a test left behind.
+    """What a test left behind."""
 
-    Attributes:
-        test: The test.
-        rows: Log, shape ``(n_ticks, n_columns)``.
-        status: Completed, diverged or interrupted.
-    """
-
-    test: BenchJoint
-    rows: np.ndarray
-    status: RunStatus
+    test: BenchJoint  # The test.
+    rows: np.ndarray  # Log, shape ``(n_ticks, n_columns)``.
+    status: RunStatus  # Completed, diverged or interrupted.
 
     def column(self, name: str) -> np.ndarray:
         """A column by its name, shape ``(n_ticks,)``.
 
-        Args:
-            name: One of :class:`twin_gait.simulation.bench_joint.episode.BenchRow`, with its unit.
-
-        Returns:
-            The values.
-
-        Raises:
-            ParameterError: If there is no such column.
+        ``name``: one of :class:`twin_gait.simulation.bench_joint.episode.BenchRow`, with its unit. Raises
+        ParameterError if there is no such column.
         """
         if name not in COLUMNS:
             raise ParameterError(f"{name}: no such column; there are {', '.join(COLUMNS)}")
@@ -75,11 +63,7 @@ class BenchRun:
     def log(self, *, truth: bool = True) -> pd.DataFrame:
         """The log as a table.
 
-        Args:
-            truth: Also what no bench can see: friction, true motion, true current.
-
-        Returns:
-            One row per tick.
+        ``truth``: also what no bench can see: friction, true motion, true current. Returns one row per tick.
         """
         columns = COLUMNS if truth else LOG_COLUMNS
         return pd.DataFrame(self.rows[:, : len(columns)], columns=list(columns))

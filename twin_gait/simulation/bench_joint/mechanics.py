@@ -86,10 +86,8 @@ def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> f
     A loss :math:`T_l = s\,\tau` slows the rotor, whose inertia gives back the share :math:`c` of it to the
     load of the gear: :math:`\tau = \tau_0 + c\,T_l = \tau_0 / (1 - c s)`.
 
-    Args:
-        load: :math:`\tau_0`, what the gear would pass on without losses, in [N m].
-        velocity: Of the rotor at the joint in [rad] / [s].
-        share: :math:`c` of the rotor in the inertia that turns with it.
+    ``load``: :math:`\tau_0`, what the gear would pass on without losses, in [N m]. ``velocity``: of the rotor
+    at the joint in [rad] / [s]. ``share``: :math:`c` of the rotor in the inertia that turns with it.
     """
     gear, efficiency = e.efficiency, e.test.actuator.gear_efficiency
     if e.catalogued:

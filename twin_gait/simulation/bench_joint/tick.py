@@ -23,11 +23,8 @@ from twin_gait.simulation.episode import DIVERGED
 def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
     """Run ticks ``first`` to ``end - 1``, or until the test is over or has diverged.
 
-    Args:
-        e: The test; changed in place.
-
-    Returns:
-        Ticks that have been run since the start; ``e.status`` says whether it has diverged.
+    ``e``: the test; changed in place. Returns the ticks that have been run since the start; ``e.status`` says
+    whether it has diverged.
     """
     for tick in range(first, end):
         measure(e, tick)

@@ -110,15 +110,9 @@ class BenchJoint(Parameters):
 def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
     """The bench with the motor and friction of a joint.
 
-    Args:
-        joint: Knee or hip.
-        changes: Attributes of :class:`BenchJoint` that differ; without ``control`` the winding is open.
-
-    Returns:
-        The test.
-
-    Raises:
-        ParameterError: If there is no such joint on the bench, or a value is out of its range.
+    ``joint``: knee or hip. ``changes``: attributes of :class:`BenchJoint` that differ; without ``control``
+    the winding is open. Raises ParameterError if there is no such joint on the bench, or a value is out of
+    its range.
     """
     require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
     chosen: dict[str, object] = {

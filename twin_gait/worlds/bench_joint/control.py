@@ -72,11 +72,7 @@ class DutyControl(Parameters):
     def voltages(self, actuator: ActuatorParameters) -> tuple[float, float, float]:
         """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] for a motor.
 
-        Args:
-            actuator: Motor and gear.
-
-        Returns:
-            The three motor parameters of equation (2.1b).
+        ``actuator``: motor and gear. Returns the three motor parameters of equation (2.1b).
         """
         torque_per_current = actuator.torque_constant * actuator.gear_ratio
         return (
