@@ -418,7 +418,7 @@ def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
     CompiledEngine(problem)
     monkeypatch.setattr(loops, "_loops", {})
     codes = []
-    monkeypatch.setattr(loops, "load_function", lambda code, n_arguments: codes.append(code))
+    monkeypatch.setattr(loops, "load_function", lambda code: codes.append(code))
     CompiledEngine(problem)
     (code,) = codes
     called = {word.lstrip(b"_") for word in code.object_code.split(b"\0")} & MATHEMATICS

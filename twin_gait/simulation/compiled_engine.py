@@ -16,16 +16,14 @@ from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
 from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
-from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.episode import Episode, Switch, noise_width
 from twin_gait.simulation.filling import Structure, new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import kept_loop
-from twin_gait.simulation.machine_code import NativeFunction
+from twin_gait.simulation.loops import NativeFunction, kept_loop
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
-from twin_gait.simulation.rows import Switch, noise_width
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic, bus_traffic
 from twin_gait.simulation.watching import trip_of
@@ -35,7 +33,6 @@ if TYPE_CHECKING:
 
 CHUNK_TICKS = 2000  # between two looks at progress and interruption
 _SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
-ARGUMENTS = 3  # address, first tick, end
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -266,10 +263,10 @@ def loop_of(
 
         bound = bound_to(pattern)
         names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
-        return compile_loop(entry, names, ARGUMENTS, own=pattern.controller if own else "")
+        return compile_loop(entry, names, own=pattern.controller if own else "")
 
     key = source_key(f"{entry.__name__} {pattern.text}", "compiled_engine", "vectors", "../kernels")
-    return kept_loop(key, ARGUMENTS, make, on_compile, pattern.own)
+    return kept_loop(key, make, on_compile, pattern.own)
 
 
 def bound_to(pattern: Pattern) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from numba.extending import intrinsic
 
 from twin_gait.control.controller import TickFunction, UncompiledControllerError, require_no_answer
 from twin_gait.simulation.binding import bind, is_ours
-from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
+from twin_gait.simulation.loops import ARGUMENTS, MachineCode, NativeFunction, function_at
 
 _BITS = ir.IntType(64)
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
@@ -185,14 +185,13 @@ class CompiledLoop(NamedTuple):
 def compile_loop(
     entry: Callable[..., int],
     names: Mapping[str, Any],
-    n_arguments: int,
     own: str = "",
     manner: Manner = ALONE,
 ) -> CompiledLoop:
     """Bind and compile a loop.
 
     ``entry``: takes and returns whole numbers; addresses are some. ``names``: what the loop is bound to.
-    ``n_arguments``: of the entry. ``own``: what messages call functions of the user's among the names; empty
+    ``own``: what messages call functions of the user's among the names; empty
     without any. ``manner``: how.
     """
     loop = bind(
@@ -201,13 +200,13 @@ def compile_loop(
         lambda function: jit(function, inline=function.__name__ != entry.__name__, manner=manner),
         _made.setdefault(manner, {}),
     )
-    signature = (numba.intp,) * n_arguments
+    signature = (numba.intp,) * ARGUMENTS
     with compiled_in(manner):
         loop.compile(signature)
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
     address = result.library.get_pointer_to_function(symbol)
-    function = function_at(address, n_arguments, loop, f"controller {own!r}" if own else None)
+    function = function_at(address, loop, f"controller {own!r}" if own else None)
     standalone = not own and _stands_alone(result.library)
     code = MachineCode(result.library._get_compiled_object(), symbol) if standalone else None
     return CompiledLoop(function, code)

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
@@ -27,9 +30,9 @@ from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
 from twin_gait.simulation.log import WorkRow
-from twin_gait.simulation.rows import Efforts, Recording
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
+UNIT_READINGS = 3  # of an inertial unit: gyroscope, accelerometer forwards and up
 
 
 @dataclass(slots=True)
@@ -142,6 +145,43 @@ class Network:
 
 
 @dataclass(slots=True)
+class Switch:
+    """A change of phase."""
+
+    tick: int  # At which the new phase begins.
+    leg: int  # Which leg.
+    source: int  # Phase that was left.
+    target: int  # Phase that was entered.
+    transition: int  # Place in the table.
+
+
+@dataclass(slots=True)
+class Efforts:
+    """The wearer's efforts, which come with a delay; their rows are behind an address."""
+
+    lowest_posture: float  # First hip angle of the normative moments in [rad].
+    posture_step: float  # From one to the next in [rad].
+    n_ring: int  # Their number.
+    n_noise: int  # Rows of it, taken in turn.
+    ring: int = 0  # Address of the efforts of the last ticks.
+    noise: int = 0  # Address of the share by which the effort strays, tick by tick.
+
+
+@dataclass(slots=True)
+class Recording:
+    """Log, switches and sensor noise; their rows are behind an address."""
+
+    on: bool  # Whether the log is written.
+    most_switches: int  # That there is room for.
+    n_noise: int  # Rows of it, taken in turn.
+    log: int = 0  # Address of its first row.
+    first_row: int = 0  # Tick of that row.
+    switches: int = 0  # Address of the first switch.
+    n_switches: int = 0  # That have happened.
+    noise: int = 0  # Address of what the sensors read in excess, tick by tick.
+
+
+@dataclass(slots=True)
 class Episode:
     """Everything that a tick reads and writes."""
 
@@ -198,3 +238,9 @@ class Episode:
     status: int = COMPLETED
     contact_power: float = 0.0  # Of the contact forces in [W].
     last_contact_power: float = 0.0  # Of the step before.
+
+
+def noise_width(episode: np.dtype[Any]) -> int:
+    """Entries of a row of sensor noise, by the dtype of the episode."""
+    assert episode.names is not None
+    return int(episode["joints"].shape[0]) + ("trunk_unit" in episode.names) * UNIT_READINGS

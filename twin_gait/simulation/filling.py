@@ -38,12 +38,14 @@ from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
     Asked,
+    Efforts,
     Ends,
     Episode,
     Joint,
     Lately,
     Limb,
     Network,
+    Recording,
     Sole,
     Stages,
     Supply,
@@ -51,7 +53,6 @@ from twin_gait.simulation.episode import (
 )
 from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
-from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
     NEVER,
     fault_records,

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from twin_gait.core.contact import Ground, Point
-from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.episode import Episode, Switch
 from twin_gait.simulation.log import LogRow
-from twin_gait.simulation.rows import Switch
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
 # place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a

@@ -40,7 +40,6 @@ SOURCES = (
     "interface",
     "log",
     "record",
-    "rows",
 )
 
 

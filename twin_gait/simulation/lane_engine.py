@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin_gait.simulation.block import WIDTH, shared_words, side_by_side, word_of
-from twin_gait.simulation.compiled_engine import ARGUMENTS, CompiledEngine, Pattern, bound_to, run_at
+from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.episode import COMPLETED
 from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import is_kept, kept_loop
-from twin_gait.simulation.machine_code import NativeFunction
+from twin_gait.simulation.loops import NativeFunction, is_kept, kept_loop
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
@@ -132,9 +131,9 @@ def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> Native
         from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
 
         names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
-        return compile_loop(run_at, names, ARGUMENTS, manner=IN_LOCKSTEP)
+        return compile_loop(run_at, names, manner=IN_LOCKSTEP)
 
-    return kept_loop(_key_of(pattern), ARGUMENTS, make, on_compile)
+    return kept_loop(_key_of(pattern), make, on_compile)
 
 
 def has_lane_loop(engine: CompiledEngine) -> bool:

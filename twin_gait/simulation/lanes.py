@@ -31,7 +31,7 @@ from numba.extending import intrinsic
 
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiling import Lowering, Manner, Pruning, distinct, jit, numbers_at
-from twin_gait.simulation.rows import noise_width
+from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.views import INTEGER, LanesView, RecordView, make_view
 
 # Tests set this: LLVM then says on the standard error of which loop over lanes it makes no vectors. Without

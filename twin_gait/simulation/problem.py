@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +16,9 @@ from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import ActuatorParameters
-from twin_gait.simulation.plan import plan_of, starting_at
-from twin_gait.simulation.rows import UNIT_READINGS
+from twin_gait.measures.reference import FASTEST, SLOWEST
+from twin_gait.parameters import ActuatorParameters, Patient
+from twin_gait.simulation.episode import UNIT_READINGS
 from twin_gait.simulation.wearer import Wearer, wearer_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World
@@ -120,6 +120,34 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         controller=controller,
         plan=plan,
     )
+
+
+def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt) -> Plan:
+    """What the controller of an experiment knows.
+
+    ``inertia``: effective inertia of a joint of the controller's model.
+    """
+    scenario = experiment.scenario
+    walking = scenario.walking
+    return Plan(
+        sides=sides,
+        joints=tuple(experiment.table.joints),
+        phases=tuple(experiment.table.phase_names),
+        leading=scenario.leading_of(sides),
+        speed=SLOWEST if walking is None else min(max(walking.speed, SLOWEST), FASTEST),
+        height=(experiment.patient or Patient()).height,
+        inertia=inertia,
+    )
+
+
+def starting_at(experiment: Experiment, begin: Mapping[Side, Mapping[JointName, float]]) -> Experiment:
+    """Let the legs begin where the controller wants them to, whatever the scenario says.
+
+    ``begin``: joint angles in [rad] by leg; itself if there are none.
+    """
+    if not begin:
+        return experiment
+    return replace(experiment, scenario=experiment.scenario.starting_in(begin))
 
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:

@@ -18,12 +18,11 @@ from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
-from twin_gait.simulation.episode import COMPLETED, Episode
+from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
-from twin_gait.simulation.rows import Switch
 from twin_gait.simulation.traffic import bus_traffic
 from twin_gait.simulation.watching import trip_of
 

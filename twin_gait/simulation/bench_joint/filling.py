@@ -19,7 +19,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import SLOWEST
 from twin_gait.parameters import KNEE_FRICTION, Patient, require
 from twin_gait.simulation.bench_joint import episode as record
-from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
+from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
 from twin_gait.simulation.filling import memory_of
 from twin_gait.simulation.record import taken_from
 from twin_gait.vocabulary import JointName, Side

@@ -22,8 +22,7 @@ from twin_gait.simulation.bench_joint.episode import (
     BenchVariation,
 )
 from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
-from twin_gait.simulation.bench_joint.interface import CURRENT_NOISE, bench_at
-from twin_gait.simulation.bench_joint.tick import run_ticks
+from twin_gait.simulation.bench_joint.tick import CURRENT_NOISE, bench_at, run_ticks
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import COMPLETED, DIVERGED
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
 
 CHUNK_TICKS = 5000  # between two looks at progress and interruption
 _ROW = dtype_of(BenchRow())
-_ARGUMENTS = 3  # address, first tick, end
 Advance = Callable[[int, int], tuple[int, int]]  # from tick and to tick; ticks done and status
 
 
@@ -138,11 +136,11 @@ def _compiled(
 
         ticks = compiled_ticks(acting.name, functions, store.dtype["device"])
         names = {**structure, **_compiled_rows(store.dtype), **functions, **ticks}
-        return compile_loop(run_at, names, _ARGUMENTS, acting.name if ticks else "")
+        return compile_loop(run_at, names, acting.name if ticks else "")
 
     structure = _structure(episode, acting)
     key, own = _key(store.dtype, str(structure)), tuple(functions.values())
-    loop = kept_loop(key, _ARGUMENTS, make, on_compile, own)
+    loop = kept_loop(key, make, on_compile, own)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
 
 
@@ -159,7 +157,7 @@ def _structure(episode: BenchEpisode, acting: Controller) -> dict[str, int]:
 
 @lru_cache(maxsize=8)
 def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
-    """Functions of :mod:`.interface` that find what is behind addresses."""
+    """Functions of :mod:`.tick` that find what is behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
 
     logs, numbers = rows_at(_ROW), numbers_at(1)

@@ -1,14 +1,63 @@
-"""Rotor and link: the torques on them, and a step in time."""
+"""Winding, rotor and link: currents, torques, and a step in time."""
 
 from __future__ import annotations
 
-from twin_gait.core.actuator import current_to_torque
+from twin_gait.core.actuator import current_to_torque, voltage_limited_current
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque, gear_loss_torque
 from twin_gait.core.friction_models import conditioned_torque, ripple_torque
-from twin_gait.core.motor_drive import drive_efficiency, link_load_torque, torsion_torque
+from twin_gait.core.motor_drive import (
+    current_loop_step,
+    drive_efficiency,
+    inverter_voltage,
+    link_load_torque,
+    torsion_torque,
+    winding_current_step,
+)
 from twin_gait.core.plant import imposed_motion_torque
-from twin_gait.simulation.bench_joint.episode import BenchEpisode
+from twin_gait.simulation.bench_joint.episode import IDEAL, OPEN, PI, BenchEpisode
+
+
+def drive_winding(e: BenchEpisode, velocity: float) -> None:
+    """Current at the end of a period and its mean, at the joint velocity in the middle of it."""
+    motor, winding, counts = e.motor, e.winding, e.test.drive.counts
+    if winding.drive == OPEN:
+        return
+    back_emf = motor.torque_constant * motor.gear_ratio * velocity
+    if winding.drive == IDEAL:
+        current = voltage_limited_current(
+            winding.target_current,
+            velocity,
+            e.bus_voltage,
+            motor.resistance,
+            motor.torque_constant,
+            motor.gear_ratio,
+        )
+        winding.current = current
+        winding.mean_current = current
+        winding.voltage = motor.resistance * current + back_emf
+        winding.duty = winding.voltage / e.bus_voltage
+        return
+    if winding.drive == PI:
+        wanted, winding.integral = current_loop_step(
+            winding.target_current - winding.sample,
+            winding.integral,
+            winding.proportional_gain,
+            winding.integral_gain,
+            winding.period,
+            e.bus_voltage,
+        )
+        full = counts if counts > 0 else 1
+        winding.voltage = inverter_voltage(wanted / e.bus_voltage * full, counts, e.bus_voltage)
+        winding.duty = winding.voltage / e.bus_voltage
+    winding.current, winding.mean_current = winding_current_step(
+        winding.current,
+        winding.voltage,
+        back_emf,
+        motor.resistance,
+        e.test.drive.inductance,
+        winding.period,
+    )
 
 
 def motor_torque(e: BenchEpisode, current: float) -> float:

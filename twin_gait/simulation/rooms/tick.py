@@ -14,9 +14,8 @@ from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
-from twin_gait.simulation.rooms.surroundings import catch, command
+from twin_gait.simulation.rooms.surroundings import catch, command, push
 from twin_gait.simulation.rooms.upper_body import place_chair, use_crutches
-from twin_gait.simulation.rooms.wearer import push
 
 
 def run_ticks(e: Episode, first: int, end: int) -> int:
