@@ -4,8 +4,6 @@ Currents and voltages are those of the DC equivalent of the block-commutated mot
 of the motor's data sheet); torques are those of the motor times the gear ratio.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 
@@ -93,11 +91,7 @@ def winding_voltage(current: float, joint_velocity: float, resistance: float, em
 
 
 def motor_electrical_power(
-    current: float,
-    joint_velocity: float,
-    resistance: float,
-    torque_constant: float,
-    gear_ratio: float,
+    current: float, joint_velocity: float, resistance: float, torque_constant: float, gear_ratio: float
 ) -> float:
     r"""Electrical power that a motor draws: copper loss and back-EMF power.
 

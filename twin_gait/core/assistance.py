@@ -1,7 +1,5 @@
 """Following a predetermined path, and helping only as much as is needed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

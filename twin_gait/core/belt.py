@@ -3,8 +3,6 @@
 A trip of the safety monitor, or the operator's Stop, brings a belt to rest with or without a profile.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -96,7 +94,6 @@ def treadmill_travel(belt: Belt, time: float, trip_time: float) -> float:
 
 
 def _ramp_way(progress: float) -> float:
-    """Integral of the share of a ramp over its progress."""
     if progress <= 0.0:
         return 0.0
     if progress >= 1.0:

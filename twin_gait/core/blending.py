@@ -1,7 +1,5 @@
 """How the parameters of a phase fade into those of the next."""
 
-from __future__ import annotations
-
 BLEND_NONE = 0
 BLEND_LINEAR = 1
 BLEND_MINIMUM_JERK = 2

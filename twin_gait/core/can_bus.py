@@ -13,8 +13,6 @@ Of the error confinement of the CAN specification 2.0 the counter of transmit er
 recovery; not the counter of receive errors, the passive error flag, and the 8 bits that a node then waits.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from twin_gait.core.can_frame import Header, frame_bits
@@ -186,7 +184,6 @@ def _begin(bus: Bus, tick: int, until: int) -> None:
 
 
 def _queue(frame: Frame, tick: int) -> None:
-    """Put what a node has to say into the frame's mailbox."""
     if frame.waiting:
         frame.replaced += 1
     frame.waiting = True
@@ -208,7 +205,6 @@ def _schedule(frame: Frame, event: int) -> None:
 
 
 def _send(bus: Bus, number: int) -> None:
-    """Put a frame on the wire, as far as it comes."""
     frame = bus.frames[number]
     bus.on_wire, frame.waiting, bus.broken = number, False, False
     _copy(frame.mailbox, bus.wire)
@@ -223,7 +219,6 @@ def _send(bus: Bus, number: int) -> None:
 
 
 def _finish(bus: Bus, tick: int) -> None:
-    """Take a frame off the wire: to its receiver, or to be sent again."""
     frame = bus.frames[bus.on_wire]
     sender = bus.nodes[frame.sender]
     bus.on_wire, bus.idle_since = NOBODY, bus.free
@@ -297,7 +292,6 @@ def _count_recessive(bus: Bus, runs: int) -> None:
 
 
 def _break(bus: Bus, outage: Outage) -> None:
-    """Begin an outage; a frame of it on the wire is destroyed."""
     now, everybody = outage.start, outage.node == NOBODY
     if bus.on_wire != NOBODY:
         frame = bus.frames[bus.on_wire]

@@ -5,8 +5,6 @@ No signal crosses from one half to the other and the highest bit of a half stays
 non-negative number of 32 bits, in Python, in machine code and in C alike.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

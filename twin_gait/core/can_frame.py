@@ -5,8 +5,6 @@ Bosch's CAN specification 2.0 (1991), part A: 0 is dominant, the start of frame 
 significant bit comes first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

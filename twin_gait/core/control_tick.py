@@ -3,8 +3,6 @@
 Memory (last angles, rings) is handed in and changed in place; nothing is kept between calls.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.actuator import (

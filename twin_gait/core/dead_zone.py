@@ -1,7 +1,5 @@
 """A zone about zero in which nothing is answered."""
 
-from __future__ import annotations
-
 
 def dead_zone(value: float, half_width: float) -> float:
     r"""Part of a value that lies outside a zone about zero.

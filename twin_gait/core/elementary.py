@@ -14,8 +14,6 @@ Every coefficient is a number of its own here, not computed: it belongs to the f
 tests/core/test_elementary.py derives them anew and bounds the errors against mpmath.
 """
 
-from __future__ import annotations
-
 import math
 
 # To this a number below 2^51 adds its nearest whole number in the lowest bits; less this, it is that number.

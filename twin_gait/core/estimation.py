@@ -1,7 +1,5 @@
 """Encoder and the two velocity estimates of the firmware, and samples that come late."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Faults between the true state and what the controller sees, or between command and motor."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -38,12 +36,7 @@ class Fault:
 
 
 def faulty_angle(
-    joint: int,
-    tick: int,
-    period: float,
-    faults: list[Fault],
-    reading: float,
-    last_reading: float,
+    joint: int, tick: int, period: float, faults: list[Fault], reading: float, last_reading: float
 ) -> float:
     """What a joint's encoder reads under its faults.
 

@@ -1,7 +1,5 @@
 """Friction of a joint with motor and harmonic drive, seen at the joint."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -6,16 +6,9 @@ exponents enter non-linearly. They are written without branches on numbers, with
 that the identification runs these very functions over arrays (:mod:`twin_gait.identification.laws`).
 """
 
-from __future__ import annotations
-
 import math
 
-from twin_gait.core.elementary import (
-    exponential,
-    hyperbolic_tangent,
-    settled_share,
-    sine_cosine,
-)
+from twin_gait.core.elementary import exponential, hyperbolic_tangent, settled_share, sine_cosine
 
 _SQRT_2E = math.sqrt(2.0 * math.e)
 REFERENCE_TEMPERATURE = 25.0  # [°C] at which motor data sheets state their values
@@ -236,12 +229,7 @@ def bristle_step(velocity: float, deflection: float, level: float, stiffness: fl
 
 
 def lugre_torque(
-    velocity: float,
-    deflection: float,
-    rate: float,
-    stiffness: float,
-    damping: float,
-    viscous: float,
+    velocity: float, deflection: float, rate: float, stiffness: float, damping: float, viscous: float
 ) -> float:
     r"""Friction torque of the LuGre model: :math:`\sigma_0 z + \sigma_1 \dot z + \sigma_2\,\omega`.
 

@@ -4,8 +4,6 @@ A gait table is compiled (in :mod:`twin_gait.gait`) into a :class:`GuardProgram`
 compiled engine, replay and checks all read it through these functions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

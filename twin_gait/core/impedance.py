@@ -1,7 +1,5 @@
 """The virtual spring and damper laid over the compensated joint."""
 
-from __future__ import annotations
-
 import math
 
 

@@ -1,7 +1,5 @@
 """What an inertial unit on a link reports, and the acceleration or the pitch that follows from it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -59,13 +57,7 @@ class TrunkUnit:
 
 
 def trunk_specific_force(
-    unit: TrunkUnit,
-    pitch: float,
-    rate: float,
-    turning: float,
-    forward: float,
-    upward: float,
-    gravity: float,
+    unit: TrunkUnit, pitch: float, rate: float, turning: float, forward: float, upward: float, gravity: float
 ) -> tuple[float, float]:
     r"""Specific force in an inertial unit on a trunk, forwards and up along the trunk.
 

@@ -4,8 +4,6 @@ Currents and voltages are those of the DC equivalent of the block-commutated mot
 :mod:`twin_gait.core.actuator`; torques are at the joint.
 """
 
-from __future__ import annotations
-
 import math
 
 from twin_gait.core.actuator import saturate

@@ -5,8 +5,6 @@ serves joints with a drive (friction, stops), the ankle (that of its orthosis is
 pelvis guide (support force, damping).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

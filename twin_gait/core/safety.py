@@ -8,8 +8,6 @@ the motor this gives a speed that needs no encoder (the back-EMF). The encoder i
 hold brakes on it, so that no broken encoder can drive the leg.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ axis. With the thigh's elevation α from the vertical (hip flexion less pitch), 
 from the hips, and a force on it turns the thigh upwards with :math:`F_z x - F_x z`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.contact import contact_friction_force, mechanical_stop_torque

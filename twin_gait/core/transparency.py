@@ -1,7 +1,5 @@
 """Duty-based transparency control, equation (2.1) of the thesis: the motor follows the moved joint."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ pitch, forwards positive. A force in a point (x, z) from the hips pitches the tr
     M = z F_x - x F_z
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.contact import mechanical_stop_torque

@@ -3,8 +3,6 @@
 All torques act on the joint and are positive in the direction of flexion.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -152,7 +152,6 @@ class GaitStateMachine:
         self._debounce[:] = [0] * len(self._debounce)
 
     def _choose(self, ticks_in_phase: int, signals: Sequence[float], other_phase: int) -> int:
-        """Index of the transition that is due, or ``NO_TRANSITION``; debounce is counted."""
         return next_transition(
             self.program, self._index, ticks_in_phase, signals, other_phase, self._debounce
         )

@@ -9,8 +9,6 @@ of joints, and the time to compile it faster still: models of more than :data:`S
 refused.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -218,10 +216,7 @@ def write_contact_forces(
 
 
 def write_observe(
-    bodies: Sequence[BodyArrays],
-    points: Sequence[ContactPoint],
-    up_axis: str,
-    guides: Sequence[int] = (0,),
+    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str, guides: Sequence[int] = (0,)
 ) -> str:
     """Source of ``observe``; the wrench is that of all guides, each about its own origin."""
     trace = Trace()

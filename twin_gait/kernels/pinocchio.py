@@ -4,8 +4,6 @@ It shares the laws of :mod:`twin_gait.core` and the rooms of a tick with the com
 dynamics, and so is what that one is checked against.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple

@@ -5,8 +5,6 @@ frames with three-vectors. Run over :class:`~twin_gait.kernels.tracing.Symbol` t
 specialised kernel of one model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
@@ -236,11 +234,7 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
                 element = element + trace
             moved[i, j] = moved[j, i] = element
     parent_mass, parent_first, parent_inertia = parent
-    return (
-        parent_mass + mass,
-        parent_first + turned_first + p * mass,
-        parent_inertia + moved,
-    )
+    return (parent_mass + mass, parent_first + turned_first + p * mass, parent_inertia + moved)
 
 
 def solve_along_tree(

@@ -1,7 +1,5 @@
 """The CAN bus of the device before anything has been sent."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 
@@ -70,7 +68,6 @@ def _frame(network: NetworkParameters, message: Message, seed: int) -> Frame:
 
 
 def _outage(item: OutageParameters) -> Outage:
-    """An outage as the bus has it."""
     node = NOBODY if item.node is None else NODES.index(item.node)
     start = picoseconds(item.time)
     return Outage(item.kind.code, node, start, min(start + picoseconds(item.duration), NEVER))

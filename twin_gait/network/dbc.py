@@ -133,7 +133,6 @@ def _signal(path: Path, message: str, item: DbcSignal) -> SignalLayout:
 
 
 def _code(item: DbcSignal, bound: float) -> int:
-    """The code of an end of the declared range."""
     return round((bound - item.offset) / item.scale)
 
 

@@ -1,7 +1,5 @@
 """What became of the requests of a run: the mode that they led to, or why they were refused."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -9,15 +7,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.gait.modes import ModeTable, why_refused
-from twin_gait.gait.signals import (
-    LEFT,
-    LEGS_IN_SWING,
-    LOAD,
-    MODE_SIGNALS,
-    RIGHT,
-    TIME_IN_PHASE,
-    signal_scale,
-)
+from twin_gait.gait.signals import LEFT, LEGS_IN_SWING, LOAD, MODE_SIGNALS, RIGHT, TIME_IN_PHASE, signal_scale
 from twin_gait.gait.table import TICK, GaitTable
 
 

@@ -5,8 +5,6 @@ is a copy whose globals of these names are the real ones. Compiled, a branch on 
 is never typed; uncompiled, the same functions are plain Python. No text is rewritten.
 """
 
-from __future__ import annotations
-
 import dis
 from collections.abc import Callable, Hashable, Mapping
 from functools import lru_cache

@@ -4,8 +4,6 @@ The number at byte o of a record lies at ``o * WIDTH + 8 * lane`` bytes from the
 field of all episodes is one vector.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which values of an experiment the messages of its CAN network cannot say."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple

@@ -63,11 +63,7 @@ class CompiledEngine:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        *,
-        record: bool = True,
-        on_compile: Callable[[], None] | None = None,
+        self, problem: Problem, *, record: bool = True, on_compile: Callable[[], None] | None = None
     ) -> None:
         """Lay the problem out and get the compiled loop.
 
@@ -243,9 +239,7 @@ def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[Bod
 
 
 def loop_of(
-    pattern: Pattern,
-    on_compile: Callable[[], None] | None,
-    entry: Callable[[int, int, int], int] = run_at,
+    pattern: Pattern, on_compile: Callable[[], None] | None, entry: Callable[[int, int, int], int] = run_at
 ) -> NativeFunction:
     """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be.
 

@@ -5,8 +5,6 @@ when one of them changes: a pipeline of passes of one's own, the template that t
 of a function once it is lowered.
 """
 
-from __future__ import annotations
-
 import ctypes
 import gc
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -183,10 +181,7 @@ class CompiledLoop(NamedTuple):
 
 
 def compile_loop(
-    entry: Callable[..., int],
-    names: Mapping[str, Any],
-    own: str = "",
-    manner: Manner = ALONE,
+    entry: Callable[..., int], names: Mapping[str, Any], own: str = "", manner: Manner = ALONE
 ) -> CompiledLoop:
     """Bind and compile a loop.
 

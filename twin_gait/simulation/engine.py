@@ -1,7 +1,5 @@
 """What the engines share: the shape of their result and the columns of their log."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple

@@ -5,8 +5,6 @@ the types that are checked (:mod:`twin_gait.simulation.record`). Joints are numb
 left knee, right hip, …). With braces the coordinates are those of the device, then those of the wearer.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """The episode of a problem: its record at tick 0, and what of it is structure."""
 
-from __future__ import annotations
-
 import math
 import reprlib
 from dataclasses import replace
@@ -53,13 +51,7 @@ from twin_gait.simulation.episode import (
 )
 from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
-from twin_gait.simulation.watching import (
-    NEVER,
-    fault_records,
-    phase_time_out_ticks,
-    ticks,
-    watch_bounds,
-)
+from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName, Side
 
@@ -67,14 +59,7 @@ MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
 # What is felt of a chair, by phase.
-FELT = {
-    SIT: SITS,
-    LEAN: LEANS,
-    RISE: RISES,
-    STRAIGHTEN: RISES,
-    REACH_BACK: REACHES,
-    LOWER: LOWERS,
-}
+FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, STRAIGHTEN: RISES, REACH_BACK: REACHES, LOWER: LOWERS}
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]

@@ -4,8 +4,6 @@ The rooms import these names; :mod:`twin_gait.simulation.binding` puts the real 
 what a structure rules out is never compiled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from twin_gait.core.contact import Ground, Point

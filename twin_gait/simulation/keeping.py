@@ -6,8 +6,6 @@ is used by the next run. Code is loaded only from the user's own files, and only
 secret says that this program wrote them. Nothing here needs the compiler.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import hmac

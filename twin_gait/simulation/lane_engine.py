@@ -94,11 +94,9 @@ class LaneEngine:
         return left
 
     def _give_back(self, lane: int) -> None:
-        """Write a lane into the record of its engine."""
         self.engines[lane].parts[0].view(np.int64)[:] = self._block[:, lane]
 
     def _finish(self, lane: int, done: int, log: np.ndarray, kept: np.ndarray) -> None:
-        """Run an episode to its end alone."""
         engine, total = self.engines[lane], int(self._totals[lane])
         rows = np.zeros((max(total - done, 1), len(engine.layout.names)))
         end = engine.run_ticks(done, total, rows, done)

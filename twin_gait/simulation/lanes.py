@@ -16,8 +16,6 @@ tests/simulation/test_lanes.py compares lanes and single episodes bit for bit.
 # numba and llvmlite have no types.
 # mypy: disable-error-code="misc, untyped-decorator, attr-defined"
 
-from __future__ import annotations
-
 import re
 from functools import lru_cache
 from typing import Any

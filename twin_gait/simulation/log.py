@@ -4,8 +4,6 @@ A column's name is that of its field with the unit behind it, and side and joint
 belongs to one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from functools import cached_property

@@ -1,7 +1,5 @@
 """An experiment laid out as the arrays that every engine steps through."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple

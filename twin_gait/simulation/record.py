@@ -8,8 +8,6 @@ code that a constant rules out may name it. Records are never assigned as a whol
 code and aliases in plain Python.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 

@@ -4,8 +4,6 @@ The rooms and laws are those of the compiled engine; the dynamics are Pinocchio'
 are carried by machines of `transitions`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -40,11 +38,7 @@ class ReferenceEngine:
         switches: Changes of phase so far.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        kernel: Mapping[str, Callable[..., Any]] | None = None,
-    ) -> None:
+    def __init__(self, problem: Problem, kernel: Mapping[str, Callable[..., Any]] | None = None) -> None:
         """Set everything to time 0.
 
         ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.

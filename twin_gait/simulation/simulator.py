@@ -1,7 +1,5 @@
 """Simulate an experiment: the one entry, and it touches no disk."""
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Callable, Sequence

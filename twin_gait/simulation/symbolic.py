@@ -4,8 +4,6 @@ What an engine integrates is bound here to other elementary functions and to law
 written a second time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 

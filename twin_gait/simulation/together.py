@@ -17,8 +17,6 @@ a controller of the user's                    not here: :func:`~twin_gait.simula
 A log, a status, a trip does not depend on what else is in the block, on its size, or on the order.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence

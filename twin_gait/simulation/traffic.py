@@ -1,7 +1,5 @@
 """What a bus has carried in a run, and how old what its receivers went by was."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -5,8 +5,6 @@ still takes those that are marked as here. Vectors have 2, 4 or 8 lanes, and a l
 full. Every number goes through the same operations in the same order as alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
@@ -30,7 +28,6 @@ def _width(count: int) -> int:
 
 
 def _passes(count: int) -> int:
-    """Passes of a loop over so many things."""
     return -(-count // _width(count)) * _width(count)
 
 

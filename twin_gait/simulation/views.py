@@ -8,8 +8,6 @@ of a block as a whole nothing else can be read, and nothing written.
 # numba and llvmlite have no types.
 # mypy: disable-error-code="misc, untyped-decorator, name-defined, attr-defined, no-untyped-def"
 
-from __future__ import annotations
-
 import hashlib
 import operator
 from functools import lru_cache
@@ -130,7 +128,6 @@ def _seen(item: Any, owner: str, name: str, whole: bool) -> Any:
 
 
 def _entry(view: Any) -> Any:
-    """Type of an entry of a list."""
     return _seen(view.item, "", view.field, view.whole)
 
 

@@ -1,7 +1,5 @@
 """What the safety monitor is set to, faults, and trips, as an episode has them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from twin_gait.control import Trip, TripCause

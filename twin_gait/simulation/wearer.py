@@ -1,7 +1,5 @@
 """What the wearer of an experiment does, as an episode has it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Sources: *thesis* is what it prints; *data sheet* is maxon's EC 90 flat 323772 (
 found again; *assumption* has no source, with the reason beside it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

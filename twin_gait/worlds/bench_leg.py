@@ -1,7 +1,5 @@
 """The hip-femur-knee bench leg: pelvis fixed, leg in the air (thesis, sections 2.5 and 3.6)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

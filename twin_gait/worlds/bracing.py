@@ -1,7 +1,5 @@
 """The wearer bound to the device by braces instead of rigidly, and the step that carries what is stiff."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

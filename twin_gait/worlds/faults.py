@@ -1,7 +1,5 @@
 """Faults injected into a run, and their notation: ``encoder_freeze:left_knee@4.2s``."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection

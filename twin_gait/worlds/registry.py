@@ -1,7 +1,5 @@
 """Which worlds there are: a module each of this package, and those that other packages bring."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points

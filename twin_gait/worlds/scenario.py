@@ -1,7 +1,5 @@
 """What all worlds have in common for the rest of the program, which knows none of them by name."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence

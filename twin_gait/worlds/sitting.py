@@ -1,7 +1,5 @@
 """How a wearer comes to sit on a chair at the start: by statics."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How legs come to stand on the ground at the start."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

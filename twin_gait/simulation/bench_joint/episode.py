@@ -3,8 +3,6 @@
 What is said of motor and rotor is what the joint sees of them, behind the gear.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from twin_gait.control.joint_board import Demand, Measurement

@@ -1,7 +1,5 @@
 """The record of a test on the joint bench at tick 0, and the noise that it reads."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -40,10 +38,7 @@ from twin_gait.worlds.bench_joint import (
     Torsion,
 )
 
-_SOURCES = {
-    InertialSensor.GYROSCOPE: record.GYROSCOPE,
-    InertialSensor.ACCELEROMETER: record.ACCELEROMETER,
-}
+_SOURCES = {InertialSensor.GYROSCOPE: record.GYROSCOPE, InertialSensor.ACCELEROMETER: record.ACCELEROMETER}
 
 
 def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
@@ -109,7 +104,6 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
 
 
 def _periods(test: BenchJoint) -> int:
-    """Periods of the current loop in a tick."""
     return round(test.drive.rate * TICK)
 
 

@@ -1,7 +1,5 @@
 """Winding, rotor and link: currents, torques, and a step in time."""
 
-from __future__ import annotations
-
 from twin_gait.core.actuator import current_to_torque, voltage_limited_current
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque, gear_loss_torque
@@ -51,12 +49,7 @@ def drive_winding(e: BenchEpisode, velocity: float) -> None:
         winding.voltage = inverter_voltage(wanted / e.bus_voltage * full, counts, e.bus_voltage)
         winding.duty = winding.voltage / e.bus_voltage
     winding.current, winding.mean_current = winding_current_step(
-        winding.current,
-        winding.voltage,
-        back_emf,
-        motor.resistance,
-        e.test.drive.inductance,
-        winding.period,
+        winding.current, winding.voltage, back_emf, motor.resistance, e.test.drive.inductance, winding.period
     )
 
 
@@ -107,7 +100,6 @@ def accelerations(
 
 
 def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> float:
-    """Torque of the friction of motor and gear on the rotor in [N m]."""
     law, more, deflection = e.friction, e.test.friction, e.deflection
     if OTHER_LAWS:
         deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection)

@@ -6,8 +6,6 @@ current drives a Runge-Kutta step of the mechanics. The error shrinks with the s
 nothing at constant speed.
 """
 
-from __future__ import annotations
-
 from twin_gait.control.gait_controller import CONTROLLED, controller_tick
 from twin_gait.core.actuator import sagged_bus_voltage
 from twin_gait.core.control_tick import controller_torques, measure_joint, target_current

@@ -1,7 +1,5 @@
 """A tick of the episode and its order: sensors; watch, decide and control; drives, record and motion."""
 
-from __future__ import annotations
-
 import math
 
 from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
