@@ -109,20 +109,14 @@ class Bus:
 
 
 def mixed(number: int) -> int:
-    """Bits of a number so mixed that each depends on all: Thomas Mueller's hash of 32 bits.
-
-    ``number``: of 32 bits.
-    """
+    """Bits of a number of 32 bits so mixed that each depends on all: Thomas Mueller's hash."""
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
     return (number >> 16) ^ number
 
 
 def draw(frame: Frame) -> int:
-    """The next random number of a frame, a hash of its key and of how many there were.
-
-    Returns a number, evenly spread over 0 to ``EVERYTHING`` - 1.
-    """
+    """Next random number of a frame, 0 to ``EVERYTHING`` - 1: a hash of its key and its count."""
     frame.drawn += 1
     return mixed(mixed(frame.drawn & _WORD) ^ frame.key)
 
@@ -133,10 +127,7 @@ def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
 
 
 def advance(bus: Bus, tick: int) -> None:
-    """All that happens on the bus from the start of a tick to the start of the next one.
-
-    ``bus``: changed in place. What the frames carry that are due has been written.
-    """
+    """All that happens on the bus from the start of a tick to the next; what is due has been written."""
     end, now = (tick + 1) * bus.tick, NOBODY
     while now < end:
         outage = bus.outages[bus.next_outage]

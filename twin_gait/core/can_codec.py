@@ -30,9 +30,7 @@ class SignalLayout:
 def signal_code(signal: SignalLayout, value: float) -> int:
     r"""Code of a number, the nearest one within the range of the signal.
 
-    .. math::
-
-        c = \left\lfloor \frac{x - x_0}{s} + \frac{1}{2} \right\rfloor
+    :math:`c = \left\lfloor \frac{x - x_0}{s} + \frac{1}{2} \right\rfloor`
 
     ``value``: x in the unit of the signal; NaN for none. Returns c, negative only if the signal is signed.
     """

@@ -1,4 +1,8 @@
-"""Faults between the true state and what the controller sees, or between command and motor."""
+"""Faults between the true state and what the controller sees, or between command and motor.
+
+``joint`` and ``leg`` are numbers, ``tick`` is the present one, ``period`` its length in [s], ``faults`` are
+those of the episode.
+"""
 
 import math
 from dataclasses import dataclass
@@ -38,10 +42,9 @@ class Fault:
 def faulty_angle(
     joint: int, tick: int, period: float, faults: list[Fault], reading: float, last_reading: float
 ) -> float:
-    """What a joint's encoder reads under its faults.
+    """What a joint's encoder reads under its faults in [rad]; NaN if it is missing.
 
-    ``period``: length of a tick in [s]. ``reading``: of the healthy encoder in [rad]. ``last_reading``: what
-    it read in the tick before in [rad]. Returns the reading in [rad]; NaN if it is missing.
+    ``reading``: of the healthy encoder. ``last_reading``: what it read in the tick before.
     """
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -59,10 +62,9 @@ def faulty_angle(
 
 
 def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load: float) -> float:
-    """What the load sensor of a foot reads under its faults.
+    """What the load sensor of a foot reads under its faults, in the unit of the load.
 
-    ``load``: of the healthy sensor. ``last_load``: what it read in the tick before. Returns the reading, in
-    the unit of the load.
+    ``load``: of the healthy sensor. ``last_load``: what it read in the tick before.
     """
     for fault in faults:
         stuck = fault.kind == FOOT_LOAD_STUCK and fault.place == leg
@@ -72,10 +74,7 @@ def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load
 
 
 def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) -> float:
-    """Torque that a controller gone wrong adds: a ramp.
-
-    ``period``: length of a tick in [s]. Returns the torque in [N m].
-    """
+    """Torque in [N m] that a controller gone wrong adds: a ramp."""
     torque = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -85,10 +84,7 @@ def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) ->
 
 
 def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
-    """The fault of a joint's drive that is at work.
-
-    Returns its row, the first one if there are several, or ``NO_FAULT``.
-    """
+    """Row of the fault of a joint's drive that is at work, the first one of several, or ``NO_FAULT``."""
     for row in range(len(faults)):
         fault = faults[row]
         broken = fault.kind == MOTOR_DEAD or fault.kind == MOTOR_STUCK
@@ -98,10 +94,7 @@ def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
 
 
 def supply_drop(tick: int, faults: list[Fault]) -> float:
-    """Voltage that the supply lacks.
-
-    Returns the voltage in [V], 0 without a dip.
-    """
+    """Voltage in [V] that the supply lacks, 0 without a dip."""
     drop = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -111,12 +104,10 @@ def supply_drop(tick: int, faults: list[Fault]) -> float:
 
 
 def dipped_bus_voltage(voltage: float, drop: float, highest_back_emf: float) -> float:
-    """Bus voltage in a dip of the supply.
+    """Bus voltage in [V] in a dip of the supply.
 
     Turning motors charge the bus through the diodes of their bridges, so that it does not fall below the
-    highest back-EMF; what feeds the bus is cut off, so nothing but its capacitors takes that current.
-
-    ``voltage``: without the dip in [V]. ``drop``: of the supply in [V]. ``highest_back_emf``: largest
-    magnitude over the motors in [V]. Returns the voltage in [V].
+    highest back-EMF of all motors; what feeds the bus is cut off, so nothing but its capacitors takes that
+    current.
     """
     return max(voltage - drop, highest_back_emf, LEAST_BUS_VOLTAGE)

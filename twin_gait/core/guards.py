@@ -62,14 +62,11 @@ class GuardProgram:
 def guard_holds(
     program: GuardProgram, first: int, end: int, signals: Sequence[float], other_phase: int
 ) -> bool:
-    """Whether a guard is true for a set of measured signals.
+    """Whether a guard is true for a set of measured signals: nodes ``first`` to ``end`` - 1 of a program.
 
-    Intermediate results are bits of one integer that serves as the stack. A comparison with NaN is
-    false, so a NaN never opens a guard.
-
-    ``program``: the guards. ``first``: first node of the guard. ``end``: one past its last node. ``signals``:
-    signals of this leg and the other in SI units, shape ``(n_signals,)``. ``other_phase``: index of the phase
-    of the other leg, or a negative number without one. Returns true if the guard is open.
+    Intermediate results are bits of one integer that serves as the stack. A comparison with NaN is false, so
+    a NaN never opens a guard. Signals of this leg and the other are in SI units; ``other_phase`` is negative
+    without another leg.
     """
     results = 0
     for index in range(first, end):
@@ -99,11 +96,7 @@ def is_among(phases: int, phase: int) -> bool:
 
 
 def joined(results: int, operation: int, count: int) -> int:
-    """Results with the last ones of them joined to one.
-
-    ``results``: a bit each, the last one lowest. ``operation``: ``OP_ALL`` or ``OP_ANY``. ``count``: how many
-    are joined.
-    """
+    """Results, a bit each and the last one lowest, with the last ``count`` of them joined to one."""
     mask = (1 << count) - 1
     found = results & mask
     true = found == mask if operation == OP_ALL else found != 0
@@ -119,9 +112,7 @@ def least_ticks_of(program: GuardProgram, index: int) -> int:
 def is_due(open_ticks: int, debounce_ticks: int, ticks_in_phase: int, least_ticks: int) -> bool:
     """Whether a transition with an open guard may be taken.
 
-    ``open_ticks``: consecutive ticks with an open guard, this one included. ``debounce_ticks``: of the
-    transition. ``ticks_in_phase``: ticks since the phase was entered. ``least_ticks``: from
-    :func:`least_ticks_of`.
+    ``open_ticks``: consecutive ticks with an open guard, this one included.
     """
     return open_ticks >= debounce_ticks and ticks_in_phase >= least_ticks
 
@@ -134,17 +125,13 @@ def next_transition(
     other_phase: int,
     debounce: list[int],
 ) -> int:
-    """Pick the transition that a leg takes in this tick, and count the debounce of all its exits.
+    """Index of the transition that a leg takes in this tick, or ``NO_TRANSITION``; debounces are counted.
 
-    Every exit of the phase is evaluated, so that its debounce counter (consecutive ticks with an open
-    guard) is right; the first listed one that is due wins. A transition with both a guard and a
-    time-out needs both.
+    Every exit of the phase is evaluated, so that its debounce counter (consecutive ticks with an open guard)
+    is right; the first listed one that is due wins. A transition with both a guard and a time-out needs both.
 
-    ``program``: transitions and guards. ``phase``: index of the present phase. ``ticks_in_phase``: ticks
-    since it was entered (0 in the tick of entry). ``signals``: signals of this leg and the other in SI units,
-    shape ``(n_signals,)``. ``other_phase``: index of the phase of the other leg at the start of the tick, or
-    a negative number without one. ``debounce``: counters of this leg, one for each transition; changed in
-    place. Returns the index of the transition, or ``NO_TRANSITION``.
+    ``ticks_in_phase``: 0 in the tick of entry. ``signals`` and ``other_phase`` (at the start of the tick): as
+    in :func:`guard_holds`. ``debounce``: counters of this leg, one for each transition; changed in place.
     """
     chosen = NO_TRANSITION
     for index in range(program.n_transitions):

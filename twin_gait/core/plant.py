@@ -59,15 +59,12 @@ def free_coordinate() -> Plant:
 
 
 def gear_load(plant: Plant, motor: float, acceleration: float) -> float:
-    r"""Torque that the gear of a joint passes on, :math:`\tau - J\,\ddot q`.
+    r"""Torque in [N m] that the gear of a joint passes on, :math:`\tau - J\,\ddot q`.
 
-    What turns the rotor never reaches the teeth; in a walk that is half of the knee's torque.
-
-    ``plant``: of the coordinate. ``motor``: torque :math:`\tau` of its motor at the joint in [N m].
-    ``acceleration``: :math:`\ddot q` in [rad] / [s²] as it was found last: one evaluation late, since the
-    losses of the gear move the joint themselves. With an efficiency above 0.5 that settles, by a factor of
-    :math:`1/\eta - 1` at least in each evaluation, for no joint has less inertia than J. Returns the torque
-    in [N m].
+    What turns the rotor never reaches the teeth; in a walk that is half of the knee's torque. The
+    acceleration is as it was found last: one evaluation late, since the losses of the gear move the joint
+    themselves. With an efficiency above 0.5 that settles, by a factor of :math:`1/\eta - 1` at least in each
+    evaluation, for no joint has less inertia than J.
     """
     return motor - plant.armature * acceleration
 
@@ -75,12 +72,10 @@ def gear_load(plant: Plant, motor: float, acceleration: float) -> float:
 def passive_torque(
     plant: Plant, rotational: float, q: float, v: float, load: float, displacement: float
 ) -> float:
-    """Friction, stop and spring torque on one coordinate.
+    """Friction, stop and spring torque on one coordinate, in [N m] or [N]; the plant keeps each of them.
 
-    ``plant``: of the coordinate; its torques are changed in place. ``rotational``: from
-    :func:`~twin_gait.core.friction.rotational_torque`. ``q``: coordinate in [rad] or [m]. ``v``: its
-    velocity. ``load``: from :func:`gear_load`. ``displacement``: of the coordinate since the start of the
-    step, in [rad] or [m]. Returns their sum in [N m] or [N], as it acts on the coordinate.
+    ``rotational``: from :func:`~twin_gait.core.friction.rotational_torque`. ``load``: from :func:`gear_load`.
+    ``displacement``: of the coordinate since the start of the step.
     """
     law, limits, spring = plant.friction, plant.stop, plant.spring
     friction, stop = 0.0, 0.0
@@ -109,15 +104,10 @@ class Brace:
 def brace_torque(
     brace: Brace, device: float, device_velocity: float, wearer: float, wearer_velocity: float
 ) -> float:
-    r"""Torque of a brace between a coordinate of the device and the same one of the wearer.
+    r"""What a brace between a coordinate of the device and that of the wearer does on the wearer.
 
-    .. math::
-
-        \tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)
-
-    ``brace``: K and B. ``device``: q_d in [rad] or [m]. ``device_velocity``: its velocity. ``wearer``: q_w in
-    [rad] or [m]. ``wearer_velocity``: its velocity. Returns what the device does on the wearer in [N m] or
-    [N]; the wearer does the opposite on the device.
+    :math:`\tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)` in [N m] or [N]; the wearer does the opposite on
+    the device.
     """
     return brace.stiffness * (device - wearer) + brace.damping * (device_velocity - wearer_velocity)
 
@@ -137,17 +127,12 @@ class ImposedMotion:
 
 
 def imposed_motion_torque(motion: ImposedMotion, time: float, angle: float, velocity: float) -> float:
-    r"""Torque of an imposed motion on its joint.
+    r"""Torque in [N m] of an imposed motion on its joint, 0 after the release time.
 
     .. math::
 
         \theta_h = \theta_s + \tfrac{A}{2}\,(1 - \cos 2\pi f t), \qquad
         \tau_h = k_h(\theta_h - \theta) + b_h(\dot\theta_h - \omega)
-
-    After the release time there is none.
-
-    ``motion``: path and grip. ``time``: in [s]. ``angle``: joint angle in [rad]. ``velocity``: joint velocity
-    in [rad] / [s]. Returns the torque on the joint in [N m].
     """
     if time >= motion.release_time:
         return 0.0

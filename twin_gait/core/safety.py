@@ -77,44 +77,30 @@ class Watched:
 
 
 def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:
-    r"""Joint speed that a drive infers from the voltage and the current of its winding.
+    r"""Joint speed in [rad] / [s] that a drive infers from voltage U and current I of its winding.
 
-    .. math::
-
-        \hat\omega = \frac{U - \hat R I}{K_e\,\tau}
+    :math:`\hat\omega = \frac{U - \hat R I}{K_e\,\tau}`
 
     The true voltage drop of the winding (:func:`twin_gait.core.actuator.winding_voltage`) differs from the
-    model's when copper is warm: :math:`R` rises by 39 % in 100 K.
-
-    ``voltage``: :math:`U` in [V]. ``current``: :math:`I` in [A]. ``emf_constant``: :math:`K_e \tau` at the
-    joint in [V s] / [rad]. ``model_resistance``: :math:`\hat R` that the monitor assumes in [Ω]. Returns the
-    inferred joint velocity in [rad] / [s].
+    model's when copper is warm: R rises by 39 % in 100 K.
     """
     return (voltage - model_resistance * current) / emf_constant
 
 
 def model_residual(residual: float, change: float, speed: float, period: float, gain: float) -> float:
-    r"""Angle by which the encoder runs away from the motor's model, slowly forgotten.
+    r"""Angle in [rad] by which the encoder runs away from the motor's model, slowly forgotten.
 
-    .. math::
-
-        r_k = (1 - \alpha)\,r_{k-1} + \Delta\theta_k - \hat\omega_{k-1} T
-
-    ``residual``: :math:`r_{k-1}` in [rad]. ``change``: change of the encoder's angle in this tick in [rad].
-    ``speed``: speed that the drive inferred in the tick before in [rad] / [s]. ``period``: length :math:`T`
-    of a tick in [s]. ``gain``: :math:`\alpha`, period over time constant of forgetting. Returns :math:`r_k`
-    in [rad].
+    :math:`r_k = (1 - \alpha)\,r_{k-1} + \Delta\theta_k - \hat\omega_{k-1} T` with the encoder's change in
+    this tick and the speed that the drive inferred in the tick before.
     """
     return residual + (change - speed * period) - gain * residual
 
 
 def stopping_angle(angle: float, velocity: float, distance_factor: float) -> float:
-    r"""Angle at which a joint stands still if it is braked from now on.
+    r"""Angle in [rad] at which a joint stands still if it is braked from now on.
 
-    The stop distance at present speed is :math:`\omega^2 / (2 a)`, in the direction of motion.
-
-    ``angle``: in [rad]. ``velocity``: in [rad] / [s]. ``distance_factor``: :math:`1 / (2 a)` with the braking
-    deceleration a, in [s²] / [rad]. Returns the angle in [rad].
+    The stop distance at present speed is :math:`\omega^2 / (2 a)`, in the direction of motion; the factor is
+    :math:`1 / (2 a)` with the braking deceleration a, in [s²] / [rad].
     """
     return angle + distance_factor * velocity * abs(velocity)
 
@@ -122,26 +108,19 @@ def stopping_angle(angle: float, velocity: float, distance_factor: float) -> flo
 def winding_heat(heat: float, current: float, heating: float, cooling: float) -> float:
     r"""Warm the winding for one tick: the RMS thermal model of a motor, I²t.
 
-    .. math::
+    :math:`h_k = h_{k-1} + \frac{T}{\tau_w}\left(\frac{I^2}{I_N^2} - h_{k-1}\right)`
 
-        h_k = h_{k-1} + \frac{T}{\tau_w}\left(\frac{I^2}{I_N^2} - h_{k-1}\right)
-
-    At the continuous current :math:`I_N` the heat tends to 1.
-
-    ``heat``: :math:`h_{k-1}`. ``current``: :math:`I` in [A]. ``heating``: :math:`T / (\tau_w I_N^2)` in 1 /
-    [A²]. ``cooling``: :math:`T / \tau_w`. Returns :math:`h_k`.
+    At the continuous current :math:`I_N` the heat tends to 1. ``heating``: :math:`T / (\tau_w I_N^2)` in 1 /
+    [A²]. ``cooling``: :math:`T / \tau_w`.
     """
     return heat + (heating * current * current - cooling * heat)
 
 
 def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: float) -> int:
-    """Compare what is measured on one joint with its bounds.
+    """Compare what is measured on one joint with its bounds: the cause of a trip, or ``NO_TRIP``.
 
     Commands, currents and speeds that the monitor remembers are those of the tick before. NaN is outside
-    every bound.
-
-    ``bounds``: of the joint. ``watched``: residual, heat and streaks are changed in place. ``encoder``:
-    measured in this tick. ``period``: length of a tick in [s]. Returns the cause of a trip, or ``NO_TRIP``.
+    every bound. Residual, heat and streaks that are watched change in place.
     """
     angle, velocity = encoder.angle, encoder.velocity_fast
     speed, current = watched.motor_speed, watched.motor_current
@@ -180,27 +159,17 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
 
 
 def command_is_plausible(command: float, highest: float) -> bool:
-    """Whether a command may go to the drive; NaN may not.
-
-    ``command``: in [N m]. ``highest``: largest plausible magnitude in [N m]. Returns true if it may.
-    """
+    """Whether a command in [N m] may go to the drive; NaN may not."""
     return abs(command) <= highest
 
 
 def hold_torque(speed: float, damping: float) -> float:
-    r"""Torque that brakes a held joint, :math:`-b_h \hat\omega`.
-
-    ``speed``: speed that the drive infers in [rad] / [s]. ``damping``: :math:`b_h` in [N m s] / [rad].
-    Returns the torque on the joint in [N m].
-    """
+    r"""Torque in [N m] that brakes a held joint at the inferred speed, :math:`-b_h \hat\omega`."""
     return -damping * speed
 
 
 def support_share(ticks: int, lowering_ticks: int) -> float:
-    """Share of the leg's weight that the hold still carries, fading linearly so that the leg is lowered.
-
-    ``ticks``: since the trip. ``lowering_ticks``: length of the fade. Returns 1 at the trip, falling to 0.
-    """
+    """Share of the leg's weight that the hold carries, ticks after the trip: fading from 1 linearly to 0."""
     if ticks >= lowering_ticks:
         return 0.0
     return 1.0 - ticks / lowering_ticks

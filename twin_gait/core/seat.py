@@ -55,15 +55,12 @@ def bearing_share(seat: Seat, forward: float) -> float:
 def seat_force(
     seat: Seat, pad: Pad, forward: float, height: float, speed: float, rise: float
 ) -> tuple[float, float]:
-    r"""Force of the seat on a pad, of which nothing jumps.
+    r"""Forward and upward force in [N] of the seat on a pad, of which nothing jumps.
 
-    .. math::
+    :math:`N = s(x)\,k\,\delta\,\max(0, 1 + c\,\dot\delta), \qquad F = -\mu N \tanh(v / v_t)`
 
-        N = s(x)\,k\,\delta\,\max(0, 1 + c\,\dot\delta), \qquad F = -\mu N \tanh(v / v_t)
-
-    ``seat``: changed in place: force and power are added to its sums. ``pad``: of the body. ``forward``:
-    place of the pad's skin, uncompressed, in [m]. ``height``: likewise. ``speed``: of the pad forwards in [m]
-    / [s]. ``rise``: upwards. Returns the forward and upward force in [N].
+    Force and power are added to the sums of the seat. Place and height are those of the pad's skin,
+    uncompressed, in [m]; ``speed`` forwards and ``rise`` in [m] / [s].
     """
     share = bearing_share(seat, forward)
     normal = share * mechanical_stop_torque(height, rise, seat.height, height, pad.stiffness, pad.dissipation)
@@ -79,9 +76,8 @@ def seat_the_hips(
 ) -> tuple[float, float, float]:
     """Force of the seat on the buttocks; the sums of the seat begin with it.
 
-    ``seat``: changed in place. ``forward``: place of the hips in [m]. ``height``: of the hips. ``speed``: of
-    the hips forwards in [m] / [s]. ``rise``: upwards. ``pitching``: rate of the pitch in [rad] / [s]. Returns
-    the forward and upward force in [N], and pitching moment about the hips in [N m].
+    Place and velocity are those of the hips. Returns forward and upward force in [N], and the pitching moment
+    about the hips in [N m].
     """
     seat.normal = seat.friction = seat.power = 0.0
     below = seat.buttocks.thickness
@@ -99,12 +95,10 @@ def seat_the_thigh(
     rise: float,
     turning: float,
 ) -> tuple[float, float, float]:
-    """Force of the seat on the back of a thigh.
+    """Force of the seat on the back of a thigh, by sine and cosine of its elevation and their rate.
 
-    ``seat``: changed in place. ``sine``: of the elevation of the thigh. ``cosine``: likewise. ``forward``:
-    place of the hips in [m]. ``height``: of the hips. ``speed``: of the hips forwards in [m] / [s]. ``rise``:
-    upwards. ``turning``: rate of the elevation in [rad] / [s]. Returns the forward and upward force in [N],
-    and moment about the hip that lifts the thigh, in [N m].
+    Place and velocity are those of the hips. Returns forward and upward force in [N], and the moment about
+    the hip that lifts the thigh, in [N m].
     """
     along, behind = seat.thigh.along, seat.thigh.thickness
     ahead, up = along * sine - behind * cosine, -along * cosine - behind * sine

@@ -34,19 +34,14 @@ class Trunk:
 
 
 def pitching_moment(ahead: float, up: float, forward: float, upward: float) -> float:
-    """Moment in [N m] about the hips of a force in [N], forwards positive.
-
-    ``ahead``: where it acts, from the hips forwards, in [m]. ``up``: likewise upwards. ``forward``: force.
-    ``upward``: likewise.
-    """
+    """Moment in [N m] about the hips, forwards positive, of a force in [N] in a point seen from them."""
     return up * forward - ahead * upward
 
 
 def harness_pull(harness: Harness, height: float, speed: float) -> float:
-    """Upward force of a rope on the trunk in [N].
+    """Upward force in [N] of a rope on the trunk, which the harness keeps.
 
-    ``harness``: changed in place: the force is kept. ``height``: of the attachment in the world in [m].
-    ``speed``: of it, upwards, in [m] / [s].
+    ``height``: of the attachment in the world in [m]. ``speed``: of it, upwards.
     """
     stop, locked = harness.stop, 0.0
     if stop.stiffness != 0.0:

@@ -24,7 +24,7 @@ _DEGREES = 180.0 / math.pi
 
 
 def passive_hip_torque(hip: float, knee: float) -> float:
-    r"""Passive elastic moment of the hip after Riener and Edrich (1999).
+    r"""Passive elastic moment of the hip in [N m] at flexions in [rad], after Riener and Edrich (1999).
 
     .. math::
 
@@ -33,8 +33,6 @@ def passive_hip_torque(hip: float, knee: float) -> float:
 
     with angles in degrees. R. Riener, T. Edrich: Identification of passive elastic joint moments in the lower
     extremities, Journal of Biomechanics 32 (1999) 539-544; mean over ten healthy men.
-
-    ``hip``: flexion in [rad]. ``knee``: flexion in [rad]. Returns the moment in [N m].
     """
     fh, fk = _DEGREES * hip, _DEGREES * knee
     extended = exponential(1.4655 - 0.0034 * fk - 0.0750 * fh)
@@ -43,7 +41,7 @@ def passive_hip_torque(hip: float, knee: float) -> float:
 
 
 def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
-    r"""Passive elastic moment of the knee after Riener and Edrich (1999).
+    r"""Passive elastic moment of the knee in [N m] after Riener and Edrich (1999).
 
     .. math::
 
@@ -52,9 +50,6 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
             + e^{2.220 - 0.150\,\varphi_k}
 
     with angles in degrees; the paper counts plantarflexion positive, here dorsiflexion is.
-
-    ``hip``: flexion in [rad]. ``knee``: flexion in [rad]. ``ankle``: dorsiflexion in [rad]. Returns the
-    moment in [N m].
     """
     fh, fk, fa = _DEGREES * hip, _DEGREES * knee, _DEGREES * ankle
     two_joint = exponential(1.800 + 0.0460 * fa - 0.0352 * fk + 0.0217 * fh)
@@ -64,14 +59,10 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
 
 
 def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float) -> float:
-    r"""Torque of a spastic muscle that catches when it is stretched fast.
+    r"""Torque in [N m] of a spastic muscle that catches when it is stretched faster than ω_c.
 
-    .. math::
-
-        \tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| > \omega_c
-
-    ``velocity``: of the joint in [rad] / [s]. ``stretch_reflex_threshold``: ω_c in [rad] / [s]. ``gain``: g
-    in [N m s] / [rad]. Returns the torque in [N m]; 0 below the speed of the catch.
+    :math:`\tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| >
+    \omega_c`
     """
     excess = abs(velocity) - stretch_reflex_threshold
     if excess <= 0.0:
@@ -82,8 +73,7 @@ def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float
 def posture_place(angle: float, lowest: float, step: float, entries: int) -> tuple[int, float]:
     """Where an angle falls on an even grid, for linear interpolation; held beyond its ends.
 
-    ``angle``: in [rad]. ``lowest``: first entry in [rad]. ``step``: between entries in [rad]. ``entries``:
-    their number, 2 or more. Returns the number of the entry below, and the share of the next one.
+    Returns the number of the entry below, and the share of the next one.
     """
     place = (angle - lowest) / step
     if place <= 0.0:

@@ -136,7 +136,8 @@ class GaitStateMachine:
         MeasurementError if a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
-        index = self._choose(tick - self.entry_tick, signals, other_phase)
+        ticks = tick - self.entry_tick
+        index = next_transition(self.program, self._index, ticks, signals, other_phase, self._debounce)
         if index == NO_TRANSITION:
             return None
         source = self.phase
@@ -150,11 +151,6 @@ class GaitStateMachine:
         """Be in a phase from a tick on, whatever the table says: it is entered from outside."""
         self.phase, self._index, self.entry_tick = phase, self.table.phase_index(phase), tick
         self._debounce[:] = [0] * len(self._debounce)
-
-    def _choose(self, ticks_in_phase: int, signals: Sequence[float], other_phase: int) -> int:
-        return next_transition(
-            self.program, self._index, ticks_in_phase, signals, other_phase, self._debounce
-        )
 
     def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
         names = self._names

@@ -62,12 +62,9 @@ def answer_at(
     why = ""
     if row["refused"]:
         measured = signals_in(log, modes.joints, table, tick, body_weight)
-        why = _reason(why_refused(modes, before, request, measured, ticks), after)
+        otherwise = f"the device went to {after} in the same tick"
+        why = why_refused(modes, before, request, measured, ticks) or otherwise
     return Answer(tick, request, before, after, why)
-
-
-def _reason(why: str | None, after: str) -> str:
-    return f"the device went to {after} in the same tick" if why is None else why
 
 
 def signals_in(

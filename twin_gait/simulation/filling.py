@@ -53,7 +53,7 @@ from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
-from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName, Side
+from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
@@ -115,7 +115,8 @@ def new_episode(
     n, stepping = len(world.start_q), experiment.stepping
     faults = fault_records(problem)
     pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
-    ankles = [world.model.index(side, JointName.ANKLE) for side in problem.sides if _has_ankle(problem, side)]
+    legs = world.model.legs.items()
+    ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
     return Episode(
         step=stepping.step,
@@ -134,10 +135,20 @@ def new_episode(
         torque=[0.0] * n,
         stages=Stages(*([0.0] * n for _ in range(4))),
         bodies=bodies,
-        rates=_rates(problem),
+        rates=Rates(
+            period=TICK,
+            fast_gain=problem.fast_gain,
+            decimation=experiment.sensors.decimation,
+            blend_law=problem.table.blending.law.code,
+        ),
         supply=_supply(problem),
         limits=_limits(problem),
-        ends=_ends(problem),
+        ends=Ends(
+            -math.inf if world.fall_height is None else float(world.fall_height),
+            DIVERGED_VELOCITY,
+            world.fall_pitch,
+            world.longest_reach,
+        ),
         controller=_controller(problem, control_bodies),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[Sole() for _ in problem.sides],
@@ -145,30 +156,30 @@ def new_episode(
         limbs=_limbs(problem),
         ankles=ankles,
         passive=passive,
-        plant=[copied(plant) for plant in world.plant],
+        plant=copied(list(world.plant)),
         ground=world.ground(),
         points=[Point() for _ in range(max(n_points, 1))],
         belt=copied(world.belt),
         imposed_motion=_imposed_motion(problem),
-        braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
+        braces=[] if world.braces is None else copied(list(world.braces.braces)),
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         requests=_requests(problem),
         efforts=Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
-        trunk=ABSENT if world.trunk is None else copied(world.trunk),
+        trunk=copied(world.trunk),
         trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
-        arms=[copied(arm) for arm in world.arms],
-        habit=ABSENT if world.habit is None else copied(world.habit),
-        sense=ABSENT if world.sense is None else copied(world.sense),
+        arms=copied(list(world.arms)),
+        habit=copied(world.habit),
+        sense=copied(world.sense),
         swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
         if world.arms
         else [],
         chair_phases=[FELT.get(name, 0.0) for name in problem.table.phases]
         if world.arms or world.seat is not None
         else [],
-        seat=ABSENT if world.seat is None else copied(world.seat),
+        seat=copied(world.seat),
         recording=Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
@@ -195,10 +206,6 @@ def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
     first = COLUMNS_PER_JOINT * position
     rows = problem.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
     return [Setpoint(*row) for row in rows]
-
-
-def _has_ankle(problem: Problem, side: Side) -> bool:
-    return problem.world.model.legs[side].ankle is not None
 
 
 def _joint(problem: Problem, number: int) -> Joint:
@@ -365,15 +372,6 @@ def _pad(entries: list[Record], blank: Record) -> None:
     entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]
 
 
-def _rates(problem: Problem) -> Rates:
-    return Rates(
-        period=TICK,
-        fast_gain=problem.fast_gain,
-        decimation=problem.experiment.sensors.decimation,
-        blend_law=problem.table.blending.law.code,
-    )
-
-
 def _supply(problem: Problem) -> Supply:
     battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
     return Supply(
@@ -397,16 +395,6 @@ def _limits(problem: Problem) -> Limits:
         board_silence=ticks(network.ccu_silence) if network and watched else NEVER,
         lowering_ticks=ticks(control.safety.lowering_time),
         hold_damping=control.safety.hold_damping,
-    )
-
-
-def _ends(problem: Problem) -> Ends:
-    height = problem.world.fall_height
-    return Ends(
-        -math.inf if height is None else float(height),
-        DIVERGED_VELOCITY,
-        problem.world.fall_pitch,
-        problem.world.longest_reach,
     )
 
 

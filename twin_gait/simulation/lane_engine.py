@@ -88,13 +88,10 @@ class LaneEngine:
         self._ends[running[over]] = done
         left: np.ndarray = running[~over]
         for lane in (running if len(left) < FEWEST else running[over]).tolist():
-            self._give_back(lane)
+            self.engines[lane].parts[0].view(np.int64)[:] = self._block[:, lane]
         if len(left) > 0:
             self._block[:, np.setdiff1d(np.arange(WIDTH), left)] = self._block[:, left[:1]]
         return left
-
-    def _give_back(self, lane: int) -> None:
-        self.engines[lane].parts[0].view(np.int64)[:] = self._block[:, lane]
 
     def _finish(self, lane: int, done: int, log: np.ndarray, kept: np.ndarray) -> None:
         engine, total = self.engines[lane], int(self._totals[lane])

@@ -5,12 +5,12 @@ belongs to one.
 """
 
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from functools import cached_property
 from typing import Any
 
 from twin_gait.leg_model import LegModel
-from twin_gait.simulation.record import ABSENT
+from twin_gait.simulation.record import ABSENT, kinds_of
 from twin_gait.vocabulary import JointName, Side
 
 LOG_SCHEMA_VERSION = 1
@@ -305,26 +305,8 @@ def unit_of(name: str) -> str:
 
 def meaning_of(name: str) -> str:
     """What a column of a log means, as it is declared; empty for one that is not."""
-    rows = (
-        JointRow,
-        OrthosisRow,
-        FootRow,
-        PelvisRow,
-        ForwardRow,
-        TrunkRow,
-        CrutchRow,
-        SeatRow,
-        WorkRow,
-        BraceWorkRow,
-        BraceRow,
-        PelvisBraceRow,
-        ForwardBraceRow,
-        SupervisorRow,
-        LogRow,
-    )
-    known = {
-        own: meaning for row in rows for own, (_, meaning) in columns_of(row).items() if name.endswith(own)
-    }
+    rows: list[type] = [LogRow, *(kind for _, kind in kinds_of(LogRow) if is_dataclass(kind))]
+    known = {own: said for row in rows for own, (_, said) in columns_of(row).items() if name.endswith(own)}
     return known[max(known, key=len)] if known else ""
 
 

@@ -115,13 +115,12 @@ def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
     return kind(**values, **more)
 
 
-def copied(sample: Record) -> Record:
-    """A copy that shares nothing with a record."""
-
-    def copy(value: Any) -> Any:
-        if isinstance(value, list):
-            return [copy(item) for item in value]
-        return copied(value) if hasattr(value, "__slots__") else value
-
-    values = {item.name: copy(getattr(sample, item.name)) for item in fields(sample)}  # type: ignore[arg-type]
-    return type(sample)(**values)
+def copied(sample: Record | None) -> Record:
+    """A copy that shares nothing with a record or a list of them; what is absent stays so."""
+    copy: Any = sample
+    if isinstance(sample, list):
+        copy = [copied(item) for item in sample]
+    elif hasattr(copy, "__slots__"):
+        copy = type(copy)(**{item.name: copied(getattr(copy, item.name)) for item in fields(copy)})
+    found: Record = copy
+    return found

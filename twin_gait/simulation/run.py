@@ -134,15 +134,11 @@ class Run:
         if walkway is None:
             return {}
         swing = names.index(GaitPhase.SWING_FLEXION) if GaitPhase.SWING_FLEXION in names else None
-        pairs = ((side, self.leg_record(side), self.leg_record(other)) for side, other in self._pairs())
+        legs = zip(self.sides, self.leg_records(), reversed(self.leg_records()), strict=True)
         return {
             side: walk_measures(self.log, leg, other, walkway, swing_phase=swing, skip=skip)
-            for side, leg, other in pairs
+            for side, leg, other in legs
         }
-
-    def _pairs(self) -> list[tuple[Side, Side]]:
-        first, second = self.sides
-        return [(first, second), (second, first)]
 
     def walk_power(self, *, skip: int = SKIPPED_STRIDES) -> WalkPower | None:
         """Who drives the walk; None without a walkway."""

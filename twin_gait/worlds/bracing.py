@@ -53,9 +53,7 @@ Step = Callable[[np.ndarray, float], np.ndarray]
 def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
     r"""What one step of the classical Runge-Kutta method makes of the state of a linear system.
 
-    .. math::
-
-        R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}
+    :math:`R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}`
 
     ``system``: A of :math:`\dot x = A x`, shape ``(m, m)``. ``step``: h in [s]. Returns R, shape ``(m, m)``.
     """

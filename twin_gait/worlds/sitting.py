@@ -81,15 +81,13 @@ class Sitting:
         """Height of the hips, elevation of the thighs and dorsiflexion of a wearer with flat feet."""
         model = self.model
         hip, knee, ankle = (_height(model, joint) for joint in JointName)
-        sole = min(model.frame_position(np.zeros(model.nv), name)[2] for name in self._soles())
+        soles = model.legs[model.sides[0]].contact_frames
+        sole = min(model.frame_position(np.zeros(model.nv), name)[2] for name in soles)
         height = self.seat.height + self.seat.buttocks.thickness
         rise = height - (knee - ankle) * math.cos(self.shank) - (ankle - sole)
         reaches = abs(rise) < hip - knee
         require(reaches, "scenario.chair.height", "a seat from which feet are on the floor", self.seat.height)
         return np.array([height - 0.01, math.acos(rise / (hip - knee)), self.shank])
-
-    def _soles(self) -> tuple[str, ...]:
-        return self.model.legs[self.model.sides[0]].contact_frames
 
     def _coordinates(self, found: np.ndarray) -> np.ndarray:
         model, (height, elevation, dorsiflexion) = self.model, found
