@@ -191,9 +191,6 @@ class Scaling(quantities.Parameters):
     hip_centre: Annotated[quantities.Angle, WIDE] = 0.0
 
 
-SCALING_EXPONENTS = ("carried_mass_exponent", "speed_exponent", "height_exponent")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Waiver(quantities.Parameters):
     """A warning of the check that the table lives with.

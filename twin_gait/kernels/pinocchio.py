@@ -50,11 +50,7 @@ class GroundContacts:
             first += len(frames)
 
     def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Sequence[Point]) -> float:
-        """Evaluate a state.
-
-        ``q``: coordinates of the model, shape ``(nv,)``. ``v``: velocities, shape ``(nv,)``. ``ground``:
-        under the feet. ``points``: of all soles; changed in place. Returns the power of the forces in [W].
-        """
+        """Evaluate a state of the model; the points of the soles are changed. Returns the power in [W]."""
         pin.forwardKinematics(self.model, self.data, q, v)
         return sum(self._press(foot, ground, points) for foot in self.feet.values())
 
@@ -85,10 +81,7 @@ class GroundContacts:
         return power
 
     def wrench(self, side: Side) -> np.ndarray:
-        """What the ground does on a foot at the last evaluation.
-
-        Returns the force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
-        """
+        """Force in [N] and moment about the world origin in [N m] on a foot, shape ``(6,)``."""
         joint = self.feet[side].joint
         return np.array(self.data.oMi[joint].act(self.forces[joint]).vector)
 

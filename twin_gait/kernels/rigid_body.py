@@ -26,13 +26,6 @@ def vector(values: Sequence[Any]) -> Vector:
 ZERO = vector([0.0, 0.0, 0.0])
 
 
-class Dynamics(NamedTuple):
-    """What one evaluation gives."""
-
-    acceleration: Vector  # Of the coordinates, shape ``(n,)``.
-    contacts: list[list[Scalar]]  # Results of the contact law per point.
-
-
 class InverseDynamics(NamedTuple):
     """Forces that go with a motion."""
 
@@ -90,6 +83,10 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
+def _poses(bodies: Sequence[BodyArrays], q: Vector) -> list[_Pose]:
+    return [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+
+
 ContactLaw = Callable[[int, Vector, Vector], list[Scalar]]
 
 
@@ -103,9 +100,9 @@ def _path_to_contacts(bodies: Sequence[BodyArrays], contacts: Sequence[ContactPo
     return needed
 
 
-def newton_euler(
+def inverse_dynamics(
     bodies: Sequence[BodyArrays],
-    poses: Sequence[_Pose],
+    q: Vector,
     v: Vector,
     a: Vector,
     gravity: Vector,
@@ -114,10 +111,10 @@ def newton_euler(
 ) -> InverseDynamics:
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
-    ``a``: accelerations; zeros give the bias. ``gravity``: acceleration of gravity in the world frame.
-    ``contact_law``: from number, position and velocity of a point in the world to its force along world x and
-    z (first two results) and anything else. Returns torques, contact results and what the joints carry.
+    ``gravity``: acceleration of gravity in the world frame. ``contact_law``: from number, position and
+    velocity of a point in the world to its force along world x and z (first two results) and anything else.
     """
+    poses = _poses(bodies, q)
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
     acceleration: list[tuple[Vector, Vector]] = []
@@ -192,8 +189,9 @@ def _world_pose(
     return rotation @ pose.rotation, origin + rotation @ pose.position
 
 
-def mass_matrix(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[list[Scalar]]:
+def mass_matrix(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
     """Joint-space inertia (lower triangle along the tree), armature included."""
+    poses = _poses(bodies, q)
     n = len(bodies)
     composite = [(body.mass, body.first_moment, body.inertia) for body in bodies]
     matrix: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -277,40 +275,22 @@ def forward_dynamics(
     gravity: Vector,
     contacts: Sequence[ContactPoint] = (),
     contact_law: ContactLaw | None = None,
-) -> Dynamics:
-    """Accelerations under joint torques and contact forces."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    zero = [0.0] * len(bodies)
-    bias = newton_euler(bodies, poses, v, zero, gravity, contacts, contact_law)
+) -> tuple[list[Scalar], list[list[Scalar]]]:
+    """Accelerations under joint torques and contact forces, and results of the contact law per point."""
+    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, contact_law)
     right = [torque - load for torque, load in zip(tau, bias.torques, strict=True)]
-    return Dynamics(solve_along_tree(bodies, mass_matrix(bodies, poses), right), bias.contacts)
-
-
-def inverse_dynamics(
-    bodies: Sequence[BodyArrays],
-    q: Vector,
-    v: Vector,
-    a: Vector,
-    gravity: Vector,
-    contacts: Sequence[ContactPoint] = (),
-    contact_law: ContactLaw | None = None,
-) -> InverseDynamics:
-    """Torques of a motion; see :func:`newton_euler`."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    return newton_euler(bodies, poses, v, a, gravity, contacts, contact_law)
+    return solve_along_tree(bodies, mass_matrix(bodies, q), right), bias.contacts
 
 
 def joint_space_inertia(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
     """Mass matrix with armature, both triangles."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    lower = mass_matrix(bodies, poses)
-    n = len(bodies)
-    return [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
+    lower, places = mass_matrix(bodies, q), range(len(bodies))
+    return [[lower[max(i, j)][min(i, j)] for j in places] for i in places]
 
 
 def potential_energy(bodies: Sequence[BodyArrays], q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+    poses = _poses(bodies, q)
     world: list[tuple[Matrix, Vector] | None] = []
     energy: Scalar = 0.0
     for body, pose in zip(bodies, poses, strict=True):

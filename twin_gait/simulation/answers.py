@@ -29,11 +29,7 @@ class Answer(NamedTuple):
 def answers_in(
     log: pd.DataFrame, modes: ModeTable, table: GaitTable, initial: str | None, body_weight: float
 ) -> Iterator[Answer]:
-    """Read the answers from a log.
-
-    ``log``: of the run. ``modes``: its operating modes. ``table``: its gait table. ``initial``: mode in which
-    it began; None for the first. ``body_weight``: of wearer and device in [N].
-    """
+    """Read the answers from a log; ``initial``: mode in which the run began, None for the first."""
     first = 0 if initial is None else modes.phase_index(initial)
     codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(
         int
@@ -53,10 +49,7 @@ def answer_at(
     table: GaitTable,
     body_weight: float,
 ) -> Answer:
-    """What became of the request of a tick.
-
-    ``tick``: row of the log. ``before``: mode in which it was made. ``ticks``: since that was entered.
-    """
+    """What became of the request of a tick, ``ticks`` after the mode ``before`` was entered."""
     row = log.iloc[tick]
     after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]
     why = ""

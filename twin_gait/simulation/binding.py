@@ -85,10 +85,7 @@ def _names_in(code: CodeType) -> tuple[str, ...]:
 
 
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
-    """Functions of a generated kernel by name, to be bound.
-
-    ``text``: from :func:`twin_gait.kernels.generated.write_kernel`. ``called``: what its functions call.
-    """
+    """Functions of a generated kernel by name, to be bound; ``called``: what they call."""
     scope = {"__name__": f"{OURS}generated_kernel", **called}
     exec(compile(text, "generated kernel", "exec"), scope)
     return {

@@ -11,7 +11,13 @@ import numpy as np
 from twin_gait.control import Trip
 from twin_gait.control.controller import TickFunction
 from twin_gait.gait.machine import PhaseSwitch
-from twin_gait.kernels.generated import SIDE_BY_SIDE, body_values, kernel_structure, write_kernel
+from twin_gait.kernels.generated import (
+    SIDE_BY_SIDE,
+    KernelBodies,
+    body_values,
+    kernel_structure,
+    write_kernel,
+)
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
@@ -105,10 +111,10 @@ class CompiledEngine:
         return self._store, self._efforts
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
-        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
+        """Run ticks ``first`` to ``end`` - 1, fewer if the wearer falls or the state diverges on the way.
 
-        ``first``: tick to begin with. ``end``: one past the last. ``rows``: log, shape ``(n, n_columns)``;
-        changed in place. ``first_row``: tick of its first row. Returns the ticks run since the start.
+        ``rows``: log, shape ``(n, n_columns)``, whose first row is that of tick ``first_row``; changed in
+        place. Returns the ticks run since the start.
         """
         assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
@@ -123,9 +129,8 @@ class CompiledEngine:
     ) -> EngineResult:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
-        ``progress``: called with ticks done and ticks in all, now and then. ``should_stop``: asked now and
-        then; True ends the run. ``columns``: positions of the columns of the log that are kept; all by
-        default. Returns the log up to there and how it ended.
+        ``progress`` is called with ticks done and in all, ``should_stop`` asked now and then. ``columns``:
+        positions of the columns of the log that are kept; all by default.
         """
         width = len(self.layout.names)
         kept = range(width) if columns is None else columns
@@ -145,10 +150,7 @@ class CompiledEngine:
         return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip(), traffic)
 
     def result(self, done: int, rows: np.ndarray) -> EngineResult:
-        """The result of a run that has ended by itself after some ticks.
-
-        ``rows``: its log.
-        """
+        """The result of a run that has ended by itself after some ticks, with its log."""
         return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip(), self.traffic(done))
 
     def trip(self) -> Trip | None:
@@ -178,7 +180,7 @@ class Pattern(NamedTuple):
 
     episode: np.dtype[Any]  # Layout of the record.
     row: np.dtype[Any]  # Layout of a row of the log.
-    bodies: Bodies  # What the kernel is written for.
+    bodies: KernelBodies  # What the kernel is written for.
     structure: Structure  # Constants that are bound.
     controller: str  # Name of the controller.
     functions: Mapping[str, TickFunction]  # Of the controller, that are bound.
@@ -186,7 +188,7 @@ class Pattern(NamedTuple):
     @property
     def text(self) -> str:
         """All that the loop depends on beside its sources, and functions that are not of this package."""
-        bodies = kernel_structure(*self.bodies)
+        bodies = kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
         return repr((_text(self.episode), _text(self.row), bodies, self.structure, ours))
 
@@ -196,22 +198,8 @@ class Pattern(NamedTuple):
         return tuple(item for item in self.functions.values() if not is_ours(item))
 
 
-class Bodies(NamedTuple):
-    """What a kernel is written for, as :func:`twin_gait.kernels.generated.write_kernel` takes it."""
-
-    bodies: list[BodyArrays]
-    points: list[ContactPoint]
-    control_bodies: list[BodyArrays]
-    up_axis: str
-    guides: Sequence[int]
-    sloped: bool
-
-
-def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, Structure]:
-    """Bodies of a problem, its episode at tick 0, and the constants to bind.
-
-    ``record``: whether the log is written.
-    """
+def laid_out(problem: Problem, *, record: bool = True) -> tuple[KernelBodies, Episode, Structure]:
+    """Bodies of a problem, its episode at tick 0, and the constants to bind."""
     world = problem.world
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
     bodies, points = _forest(world.chains, frames)
@@ -221,7 +209,7 @@ def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode,
     episode = new_episode(
         problem, body_values(bodies, points), body_values(control_bodies), len(points), record=record
     )
-    kernel = Bodies(bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0)
+    kernel = KernelBodies(bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0)
     return kernel, episode, structure_of(problem, len(points))
 
 
@@ -279,9 +267,9 @@ def _text(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def bound_kernel(bodies: Bodies) -> dict[str, Any]:
+def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    return kernel_functions(write_kernel(*bodies), {item.name: item.function for item in SIDE_BY_SIDE})
+    return kernel_functions(write_kernel(bodies), {item.name: item.function for item in SIDE_BY_SIDE})
 
 
 @lru_cache(maxsize=32)

@@ -183,11 +183,9 @@ class CompiledLoop(NamedTuple):
 def compile_loop(
     entry: Callable[..., int], names: Mapping[str, Any], own: str = "", manner: Manner = ALONE
 ) -> CompiledLoop:
-    """Bind and compile a loop.
+    """Bind an entry, which takes and returns whole numbers, to names, and compile it.
 
-    ``entry``: takes and returns whole numbers; addresses are some. ``names``: what the loop is bound to.
-    ``own``: what messages call functions of the user's among the names; empty
-    without any. ``manner``: how.
+    ``own``: what messages call functions of the user's among the names; empty without any.
     """
     loop = bind(
         entry,
@@ -234,9 +232,8 @@ def compiled_ticks(
 ) -> dict[str, Any]:
     """The user's functions among those of a controller, compiled.
 
-    ``controller``: its name. ``functions``: by the names that a loop knows them by. ``device``: layout of the
-    record that they are handed, with their memory in it. Raises UncompiledControllerError if numba cannot
-    compile one. Raises ParameterError if one returns something.
+    ``device``: layout of the record that they are handed, with their memory in it. Raises
+    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something.
     """
     return {
         name: _compiled_tick(controller, tick, name == "assisted_tick", device)

@@ -68,10 +68,7 @@ def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str
 def switches_of(
     problem: Problem, switches: Iterable[tuple[int, int, int, int, int]]
 ) -> tuple[PhaseSwitch, ...]:
-    """Changes of phase by name.
-
-    ``switches``: tick, leg, source, target and transition of each.
-    """
+    """Changes of phase by name, of tick, leg, source, target and transition of each."""
     names, sides = problem.table.phase_names, problem.sides
     causes = [item.cause for item in problem.table.transitions]
     return tuple(
@@ -91,9 +88,8 @@ def run_in_chunks(
 ) -> tuple[int, RunStatus, str]:
     """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
-    ``chunk``: ticks between two looks at progress and requests. ``run_ticks``: from first tick and one past
-    the last to the ticks run since the start and the status of the episode. ``progress``: called with ticks
-    done and ticks in all. ``should_stop``: true ends the run. Returns the ticks run, how it ended, and why.
+    ``run_ticks``: from first tick and one past the last of a chunk to the ticks run since the start and the
+    status of the episode. Returns the ticks run, how it ended, and why.
     """
     total, done = problem.experiment.n_ticks, 0
     status, reason = RunStatus.COMPLETED, ""

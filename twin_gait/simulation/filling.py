@@ -66,10 +66,7 @@ Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 
 
 def structure_of(problem: Problem, n_points: int) -> Structure:
-    """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`.
-
-    ``n_points``: points of all soles.
-    """
+    """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`."""
     experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
     legs = len(problem.sides)
     return {
@@ -106,11 +103,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
 def new_episode(
     problem: Problem, bodies: list[float], control_bodies: list[float], n_points: int, *, record: bool = True
 ) -> Episode:
-    """The episode of a problem at tick 0.
-
-    ``bodies``: run-time values of the plant's kernel. ``control_bodies``: of the controller's. ``n_points``:
-    points of all soles. ``record``: whether the log is written.
-    """
+    """The episode of a problem at tick 0, with run-time values of the kernels of plant and controller."""
     experiment, world = problem.experiment, problem.world
     n, stepping = len(world.start_q), experiment.stepping
     faults = fault_records(problem)

@@ -33,12 +33,10 @@ def dynamics(
     a: list[float],
     points: list[Point],
 ) -> float:
-    """Accelerations under joint torques and contact forces.
+    """Accelerations under joint torques and contact forces; ``a`` and ``points`` are changed in place.
 
-    ``q``: coordinates, n entries. ``v``: velocities, n entries. ``torque``: on the coordinates, n entries.
     ``bodies``: masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
-    ``gravity``: in [m] / [s²]. ``ground``: under the feet. ``a``: accelerations, n entries; changed in place.
-    ``points``: of the soles; changed in place. Returns the power of the contact forces in [W].
+    Returns the power of the contact forces in [W].
     """
     raise NotImplementedError
 
@@ -75,11 +73,10 @@ def side_by_side(
     law: Callable[..., float],
     give: Callable[[Episode, int, float], None],
 ) -> None:
-    """Apply a law in places that do not touch each other; in the loop of one episode they are vectors.
+    """Apply a law of numbers in places that do not touch each other, as vectors in the loop of one episode.
 
-    ``places``: where; one at least. ``staged``: whether the state is that of a stage of the integration.
-    ``take``: from episode, place and ``staged`` to the arguments of the law. ``law``: of numbers alone.
-    ``give``: takes episode, place and result.
+    ``take``: from episode, place and ``staged``, whether the state is that of a stage of the integration, to
+    the arguments of the law. ``give``: takes episode, place and result.
     """
     for place in places:
         for one in lanes(e):

@@ -93,8 +93,8 @@ def read_own(path: Path) -> bytes | None:
 def seal(name: str, content: bytes) -> str | None:
     """Proof that this user's own program kept a content under a name: HMAC-SHA256 with the user's secret.
 
-    ``name``: of the file; one file in place of another is noticed too. Returns the proof in hexadecimal
-    digits, or None if there is no place for a secret.
+    In hexadecimal digits; None if there is no place for a secret. One file in place of another is noticed
+    too.
     """
     try:
         secret = _secret(_home("XDG_DATA_HOME", ".local/share") / "twin_gait" / "cache.key")
@@ -127,11 +127,7 @@ def _home(variable: str, folder: str) -> Path:
 
 @lru_cache(maxsize=8)
 def source_key(what: str, *more: str) -> str:
-    """Hash over what is compiled and every source, package and processor that it depends on.
-
-    ``what``: of the loop itself, beside its sources. ``more``: further sources, as :data:`SOURCES` names
-    them.
-    """
+    """Hash over what is compiled and every source, package and processor that it depends on."""
     digest = hashlib.sha256(what.encode() + _content(*SOURCES, *more))
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())

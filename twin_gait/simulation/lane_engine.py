@@ -48,11 +48,7 @@ class LaneEngine:
         self._ends = np.zeros_like(self._totals)
 
     def run(self, columns: Sequence[int] | None = None) -> list[EngineResult]:
-        """Run all episodes to their ends.
-
-        ``columns``: positions of the columns of the logs that are kept; all by default. Returns the result of
-        each, as :meth:`CompiledEngine.run` gives it.
-        """
+        """Run all episodes to their ends, each with the result that :meth:`CompiledEngine.run` gives it."""
         width, record = len(self.engines[0].layout.names), bool(self._numbers("recording", "on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
         # Apart, so that each goes when its run does.

@@ -231,10 +231,7 @@ class LogRow:
 
 
 def columns_of(row: type) -> dict[str, tuple[str, str]]:
-    """Columns that a class of rows declares.
-
-    Returns the unit and meaning by name, in order.
-    """
+    """Columns that a class of rows declares: unit and meaning by name, in order."""
     return {
         _name_of(item): (item.metadata["unit"], item.metadata["meaning"])
         for item in fields(row)
@@ -258,18 +255,14 @@ WORK_SOURCES, BRACED_WORK_SOURCES = (
 
 
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
-    """Sources of work that a log has columns for.
-
-    Returns their names; the braces are one of them if there are any.
-    """
+    """Sources of work that a log has columns for; the braces are one of them if there are any."""
     return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
 
 
 def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
-    """Columns that hold the state of a model.
+    """Columns of the coordinates of a model and of its velocities, in its order.
 
-    ``wearer``: whether the state is the wearer's own, where braces bind them to the device. Returns the
-    columns of its coordinates and of its velocities, in the order of the model.
+    ``wearer``: whether the state is the wearer's own, where braces bind them to the device.
     """
     own = "wearer_" * wearer
     names = {
@@ -290,10 +283,7 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
 
 
 def unit_of(name: str) -> str:
-    """Unit of a column, from the end of its name.
-
-    Returns the unit, for example ``N m/rad``; ``name`` of a phase and ``code`` of a state.
-    """
+    """Unit of a column from the end of its name; ``name`` of a phase and ``code`` of a state."""
     if name.endswith("_phase"):
         return "name"
     known = columns_of(LogRow) | columns_of(SupervisorRow)

@@ -46,10 +46,7 @@ def write_code(path: Path, code: MachineCode) -> None:
 
 
 def read_code(path: Path) -> MachineCode | None:
-    """Read compiled code.
-
-    Returns the code, or None if there is none, it is not the user's own, or it is not what was kept.
-    """
+    """Compiled code from a file; None if there is none, it is not the user's own, or not what was kept."""
     proof, _, content = (read_own(path) or b"").partition(b"\n")
     expected = seal(path.name, content)
     if expected is None or not hmac.compare_digest(proof, expected.encode()):
@@ -70,11 +67,10 @@ def load_function(code: MachineCode) -> NativeFunction:
 
 
 def function_at(address: int, owner: Any, controller: str | None = None) -> NativeFunction:
-    """A compiled function by its address.
+    """A compiled function by the address of a native one, which writes its result through a pointer.
 
-    ``address``: of the native function, which returns a status and writes its result through a pointer.
     ``owner``: what has to live as long as the function. ``controller``: name of the user's control law in it,
-    if there is one. Returns the function; it raises ParameterError if the user's law raises something.
+    if there is one; if that raises something, the function raises ParameterError.
     """
     pointers = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_void_p)
     native = ctypes.CFUNCTYPE(ctypes.c_int, *pointers, *(ctypes.c_int64,) * ARGUMENTS)(address)

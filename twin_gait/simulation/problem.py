@@ -121,10 +121,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
 
 
 def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt) -> Plan:
-    """What the controller of an experiment knows.
-
-    ``inertia``: effective inertia of a joint of the controller's model.
-    """
+    """What the controller of an experiment knows."""
     scenario = experiment.scenario
     walking = scenario.walking
     return Plan(
@@ -139,10 +136,7 @@ def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt)
 
 
 def starting_at(experiment: Experiment, begin: Mapping[Side, Mapping[JointName, float]]) -> Experiment:
-    """Let the legs begin where the controller wants them to, whatever the scenario says.
-
-    ``begin``: joint angles in [rad] by leg; itself if there are none.
-    """
+    """Let the legs begin at the angles in [rad] that the controller wants, whatever the scenario says."""
     if not begin:
         return experiment
     return replace(experiment, scenario=experiment.scenario.starting_in(begin))

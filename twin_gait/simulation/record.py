@@ -38,10 +38,7 @@ _known: dict[type, tuple[tuple[str, type], ...]] = {}  # reading hints takes lon
 
 
 def dtype_of(sample: Any) -> np.dtype[Any]:
-    """The dtype of a record, aligned as C would.
-
-    ``sample``: an instance; its lists have the lengths of the dtype.
-    """
+    """The dtype of a record, aligned as C would; lists have the lengths of those of the instance."""
     layout = []
     for name, kind in kinds_of(type(sample)):
         value, shape = getattr(sample, name), []
@@ -54,10 +51,7 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
 
 
 def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
-    """An instance as a NumPy record.
-
-    Returns shape ``(1,)``; its entry is the record.
-    """
+    """An instance as a NumPy record, the entry of an array of shape ``(1,)``."""
     return np.array([entries(sample)], dtype_of(sample))
 
 
@@ -107,10 +101,7 @@ def _collect(value: Any, found: list[float]) -> None:
 
 
 def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
-    """A record whose fields are the attributes of the same name of something else.
-
-    ``source``: for example the parameters of a law. ``more``: fields that it does not have.
-    """
+    """A record whose fields are the attributes of the same name of something else, or among ``more``."""
     values = {item.name: getattr(source, item.name) for item in fields(kind) if item.name not in more}  # type: ignore[arg-type]
     return kind(**values, **more)
 

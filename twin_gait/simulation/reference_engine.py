@@ -90,11 +90,7 @@ class ReferenceEngine:
         )
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
-        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
-
-        ``first``: tick to begin with. ``end``: one past the last. ``rows``: log, shape ``(n, n_columns)``;
-        changed in place. Returns the ticks run since the start.
-        """
+        """As :meth:`twin_gait.simulation.compiled_engine.CompiledEngine.run_ticks`."""
         for tick in range(first, end):
             self._run_ticks(self.episode, tick, tick + 1)
             if self.episode.recording.on:

@@ -93,10 +93,7 @@ class Run:
         return tuple(self.experiment.leg.legs)
 
     def leg_record(self, side: Side, *, device: bool = False) -> LegRecord:
-        """What gait measures read of a leg.
-
-        ``device``: whether the angles are the device's where braces let the wearer move against it.
-        """
+        """What gait measures read of a leg; ``device``: angles of the device, not of a wearer in braces."""
         return self._read_leg(side, device=True) if device else self._legs[side]
 
     def leg_records(self) -> list[LegRecord]:
@@ -126,10 +123,7 @@ class Run:
         )
 
     def walk_measures(self, *, skip: int = SKIPPED_STRIDES) -> dict[Side, WalkMeasures]:
-        """Ground forces, joints and powers of each leg; see :mod:`twin_gait.measures.walk`.
-
-        ``skip``: so many strides at the start do not count. Returns them by leg; nothing without a walkway.
-        """
+        """Ground forces, joints and powers of each leg (:mod:`twin_gait.measures.walk`); by leg."""
         walkway, names = self.walkway, self.table.phase_names
         if walkway is None:
             return {}
@@ -193,11 +187,10 @@ class Run:
 def log_table(
     rows: np.ndarray, layout: LogLayout, table: GaitTable, columns: Sequence[int] | None = None
 ) -> pd.DataFrame:
-    """Make the log table of the numbers that an engine wrote.
+    """Make the log table of the numbers that an engine wrote, with ``time_s`` in front and phases by name.
 
-    ``rows``: shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other. ``table``:
-    for the names of the phases. ``columns``: positions of the columns in the layout, the phases among them;
-    all by default. Returns the table, with ``time_s`` in front and phases by name.
+    ``rows``: shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other. ``columns``:
+    their positions in the layout, the phases among them; all by default.
     """
     names = list(layout.names) if columns is None else [layout.names[place] for place in columns]
     log = pd.DataFrame(np.asfortranarray(rows), columns=names, copy=False)

@@ -83,10 +83,7 @@ def run_of(
 def engine_of(
     problem: Problem, on_compile: Callable[[], None] | None = None
 ) -> ReferenceEngine | CompiledEngine:
-    """The engine that an experiment asks for, at tick 0.
-
-    ``on_compile``: called if it has to be compiled first.
-    """
+    """The engine that an experiment asks for, at tick 0."""
     if problem.experiment.engine is Engine.COMPILED:
         try:
             return CompiledEngine(problem, on_compile=on_compile)

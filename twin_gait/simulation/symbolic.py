@@ -38,7 +38,7 @@ def equations_of_motion(
     """
     kernel, episode, structure = laid_out(problem, record=False)
     called = {item.name: laws.get(item.name, item.function) for item in SIDE_BY_SIDE}
-    names = {**structure, **laws, **kernel_functions(write_kernel(*kernel), called)}
+    names = {**structure, **laws, **kernel_functions(write_kernel(kernel), called)}
     room = bind(acceleration, names)
 
     def motion(q: Sequence[Any], v: Sequence[Any], motor: Sequence[Any], a: Sequence[Any]) -> Motion:

@@ -65,10 +65,9 @@ class Block(NamedTuple):
 
 
 def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[Block]:
-    """Cut episodes into blocks of the same kind and of similar duration.
+    """Cut episodes into blocks of the same kind (None for one that runs alone) and of similar duration.
 
-    ``kinds``: what the episodes of a block have in common; None for one that runs alone. ``ticks``:
-    durations. Returns the blocks: every position once, those that run one by one together in front.
+    Returns every position once, those that run one by one together in front.
     """
     groups: dict[Hashable, list[int]] = {}
     for place, kind in enumerate(kinds):
@@ -95,10 +94,7 @@ def _cut(places: Sequence[int], ticks: Sequence[int]) -> Iterator[tuple[int, ...
 
 
 def block_size(experiment: Experiment, total: int) -> int:
-    """How many episodes to hand over at a time, so that whoever gets them can run them as a block.
-
-    ``experiment``: one of them. ``total``: all that there are.
-    """
+    """How many of so many episodes to hand over at a time, so that they can be run as a block."""
     if total < FEWEST_IN_ALL or experiment.engine is not Engine.COMPILED:
         return 1
     return _most(experiment.n_ticks)
@@ -203,11 +199,7 @@ def _run(
 
 
 def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
-    """Compile what an experiment needs and keep it, for processes that are about to run many like it.
-
-    ``experiment``: one of them. If it cannot be run, that will be told when it is. ``total``: how many.
-    ``on_compile``: called if there is anything to compile.
-    """
+    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later."""
     with suppress(TwinGaitError):
         engine = engine_of(build_problem(experiment), on_compile)
         if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:

@@ -33,11 +33,7 @@ class BusTraffic(NamedTuple):
 
 
 def bus_traffic(problem: Problem, network: Any, ticks: int) -> BusTraffic | None:
-    """Read the counts of a run from its record.
-
-    ``network``: :class:`~twin_gait.simulation.episode.Network` at the end, or the same as a NumPy record.
-    ``ticks``: so many have been run, at least 1. Returns what was carried; None without a bus.
-    """
+    """Read the counts of a run of at least 1 tick from its record, plain or NumPy's; None without a bus."""
     if problem.experiment.network is None:
         return None
     bus, boards = network.bus, [f"{joint.side}_{joint.joint}" for joint in problem.joints]

@@ -148,10 +148,7 @@ def _each_of(item: Called) -> Any:
 
 
 def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
-    """What a loop of one episode is bound to so that laws for several things at once become vectors.
-
-    ``kernel``: functions by name.
-    """
+    """What a loop of one episode is bound to so that laws for several things at once become vectors."""
     found = {"side_by_side": side_by_side}
     for item in SIDE_BY_SIDE:
         each = _each_of(item)

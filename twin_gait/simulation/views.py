@@ -187,10 +187,7 @@ def _length(view):  # numba compares this with the signature of what it returns
 
 
 def make_view(context: Any, builder: Any, kind: Any, base: Any, lane: Any) -> Any:
-    """A view in machine code.
-
-    ``kind``: its type. ``base``: address of its part of the first lane. ``lane``: which is meant.
-    """
+    """A view in machine code, from the address of its part of the first lane and the lane that is meant."""
     made = cgutils.create_struct_proxy(kind)(context, builder)
     made.base, made.lane = base, lane
     return made._getvalue()

@@ -74,10 +74,9 @@ def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
 
 
 def trip_of(problem: Problem, tick: int, cause: int, place: int) -> Trip | None:
-    """What the engine's numbers say of a trip.
+    """What the engine's numbers say of a trip; None if its tick is negative.
 
-    ``tick``: of the trip, or a negative number. ``place``: a joint, or the number of joints plus a leg, or a
-    negative number for the supply. Returns the trip, or None if there was none.
+    ``place``: a joint, or the number of joints plus a leg, or a negative number for the supply.
     """
     if tick < 0:
         return None

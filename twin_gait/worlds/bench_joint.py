@@ -255,10 +255,7 @@ class DutyControl(quantities.Parameters):
     ] = 0.9
 
     def voltages(self, actuator: parameters.ActuatorParameters) -> tuple[float, float, float]:
-        """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] for a motor.
-
-        ``actuator``: motor and gear. Returns the three motor parameters of equation (2.1b).
-        """
+        """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] of equation (2.1b) for a motor."""
         torque_per_current = actuator.torque_constant * actuator.gear_ratio
         return (
             self.static_voltage,
@@ -401,11 +398,10 @@ class BenchJoint(quantities.Parameters):
 
 
 def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
-    """The bench with the motor and friction of a joint.
+    """The bench with the motor and friction of a joint, knee or hip; without ``control`` the winding is open.
 
-    ``joint``: knee or hip. ``changes``: attributes of :class:`BenchJoint` that differ; without ``control``
-    the winding is open. Raises ParameterError if there is no such joint on the bench, or a value is out of
-    its range.
+    ``changes``: attributes of :class:`BenchJoint` that differ. Raises ParameterError if there is no such
+    joint on the bench, or a value is out of its range.
     """
     require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
     chosen: dict[str, object] = {

@@ -51,11 +51,9 @@ Step = Callable[[np.ndarray, float], np.ndarray]
 
 
 def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
-    r"""What one step of the classical Runge-Kutta method makes of the state of a linear system.
+    r"""What one step h of the classical Runge-Kutta method makes of the state of :math:`\dot x = A x`.
 
-    :math:`R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}`
-
-    ``system``: A of :math:`\dot x = A x`, shape ``(m, m)``. ``step``: h in [s]. Returns R, shape ``(m, m)``.
+    :math:`R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}`, shape ``(m, m)``.
     """
     term = growth = np.eye(len(system))
     for power in range(1, RK4_ORDER + 1):
@@ -65,11 +63,7 @@ def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
 
 
 def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
-    r"""What one step of the semi-implicit Euler method makes of positions and velocities.
-
-    ``system``: A of :math:`\dot x = A x` with positions first, velocities after them, shape ``(m, m)``.
-    ``step``: h in [s].
-    """
+    """As :func:`rk4_growth` of the semi-implicit Euler method; positions are first, then velocities."""
     half = len(system) // 2
     velocity = np.eye(len(system))[half:] + step * system[half:]
     position = np.eye(len(system))[:half] + step * velocity

@@ -55,10 +55,9 @@ def noise(e: BenchEpisode, tick: int, place: int) -> float:
 
 
 def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
-    """Run ticks ``first`` to ``end - 1``, or until the test is over or has diverged.
+    """Run ticks ``first`` to ``end - 1``, or until the test is over or has diverged, as ``e.status`` says.
 
-    ``e``: the test; changed in place. Returns the ticks that have been run since the start; ``e.status`` says
-    whether it has diverged.
+    Returns the ticks that have been run since the start.
     """
     for tick in range(first, end):
         measure(e, tick)

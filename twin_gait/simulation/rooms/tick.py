@@ -19,8 +19,8 @@ from twin_gait.simulation.rooms.upper_body import place_chair, use_crutches
 def run_ticks(e: Episode, first: int, end: int) -> int:
     """Run ticks ``first`` to ``end - 1``, or until the wearer falls or the state diverges.
 
-    ``e``: the episode, or those that run in lockstep; changed in place. Returns the ticks that have been run
-    since the start of the episode; ``e.status`` says how it stands.
+    ``e``: the episode, or those that run in lockstep. Returns the ticks that have been run since the start;
+    ``e.status`` says how it stands.
     """
     for tick in range(first, end):
         sense(e, tick)
