@@ -33,22 +33,8 @@ from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bu
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.parameters.wearer import WEARER_JOINTS
+from twin_gait.simulation import episode
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
-from twin_gait.simulation.episode import (
-    Asked,
-    Efforts,
-    Ends,
-    Episode,
-    Joint,
-    Lately,
-    Limb,
-    Network,
-    Recording,
-    Sole,
-    Stages,
-    Supply,
-    Wire,
-)
 from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
@@ -102,7 +88,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
 
 def new_episode(
     problem: Problem, bodies: list[float], control_bodies: list[float], n_points: int, *, record: bool = True
-) -> Episode:
+) -> episode.Episode:
     """The episode of a problem at tick 0, with run-time values of the kernels of plant and controller."""
     experiment, world = problem.experiment, problem.world
     n, stepping = len(world.start_q), experiment.stepping
@@ -111,7 +97,7 @@ def new_episode(
     legs = world.model.legs.items()
     ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
-    return Episode(
+    return episode.Episode(
         step=stepping.step,
         substeps=stepping.substeps,
         gravity=experiment.plant.gravity,
@@ -126,7 +112,7 @@ def new_episode(
         motor=[0.0] * n,
         external=[0.0] * n,
         torque=[0.0] * n,
-        stages=Stages(*([0.0] * n for _ in range(4))),
+        stages=episode.Stages(*([0.0] * n for _ in range(4))),
         bodies=bodies,
         rates=Rates(
             period=TICK,
@@ -136,7 +122,7 @@ def new_episode(
         ),
         supply=_supply(problem),
         limits=_limits(problem),
-        ends=Ends(
+        ends=episode.Ends(
             -math.inf if world.fall_height is None else float(world.fall_height),
             DIVERGED_VELOCITY,
             world.fall_pitch,
@@ -144,7 +130,7 @@ def new_episode(
         ),
         controller=_controller(problem, control_bodies),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
-        soles=[Sole() for _ in problem.sides],
+        soles=[episode.Sole() for _ in problem.sides],
         network=_network(problem),
         limbs=_limbs(problem),
         ankles=ankles,
@@ -158,7 +144,7 @@ def new_episode(
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         requests=_requests(problem),
-        efforts=Efforts(
+        efforts=episode.Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
         trunk=copied(world.trunk),
@@ -173,7 +159,7 @@ def new_episode(
         if world.arms or world.seat is not None
         else [],
         seat=copied(world.seat),
-        recording=Recording(
+        recording=episode.Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
     )
@@ -201,12 +187,12 @@ def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
     return [Setpoint(*row) for row in rows]
 
 
-def _joint(problem: Problem, number: int) -> Joint:
+def _joint(problem: Problem, number: int) -> episode.Joint:
     joint, experiment = problem.joints[number], problem.experiment
     actuator, inverter = problem.actuator(joint), experiment.plant.electronics.inverter_resistance
     motor = taken_from(Motor, actuator, resistance=actuator.resistance + inverter)
     angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
-    return Joint(
+    return episode.Joint(
         place=joint.coordinate,
         board=BoardState(
             encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
@@ -223,20 +209,20 @@ def _joint(problem: Problem, number: int) -> Joint:
     )
 
 
-def _limbs(problem: Problem) -> list[Limb]:
+def _limbs(problem: Problem) -> list[episode.Limb]:
     wearer, model = problem.wearer, problem.world.model
     places = [model.index(side, joint) for side in problem.sides for joint in WEARER_JOINTS]
     return [
-        Limb(place, condition, moments.tolist() if wearer.acts else [])
+        episode.Limb(place, condition, moments.tolist() if wearer.acts else [])
         for place, condition, moments in zip(places, wearer.conditions, wearer.moments, strict=True)
     ]
 
 
-def _network(problem: Problem) -> Network:
+def _network(problem: Problem) -> episode.Network:
     """The bus; where there is none, nothing is left of it in the record."""
     parameters = problem.experiment.network
     if parameters is None:
-        absent: Network = ABSENT
+        absent: episode.Network = ABSENT
         return absent
     boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     messages = load_messages(parameters.dbc)
@@ -245,7 +231,7 @@ def _network(problem: Problem) -> Network:
         [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
         for kind in (SETPOINT, MEASUREMENT)
     )
-    return Network(
+    return episode.Network(
         bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
         delay=delay,
         setpoints=setpoints,
@@ -258,9 +244,9 @@ def _delay_ticks(network: NetworkParameters | None) -> int:
     return 0 if network is None else round(network.delay / TICK)
 
 
-def _wire(message: Message, frames: list[Message], delay: int) -> Wire:
+def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
     room = (delay // _LATELY + 1) * _LATELY
-    return Wire(frames.index(message), message.layout, [Lately() for _ in range(room)])
+    return episode.Wire(frames.index(message), message.layout, [episode.Lately() for _ in range(room)])
 
 
 def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
@@ -310,13 +296,13 @@ def _supervisor(problem: Problem) -> Supervisor:
     )
 
 
-def _requests(problem: Problem) -> list[Asked]:
+def _requests(problem: Problem) -> list[episode.Asked]:
     """Requests of the schedule, with room, so that schedules of like length share one loop."""
     modes, requests = problem.experiment.modes, problem.experiment.requests
     if modes is None:
         return []
-    asked = [Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
-    return asked + [Asked() for _ in range(_capacity(len(asked)) - len(asked))]
+    asked = [episode.Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
+    return asked + [episode.Asked() for _ in range(_capacity(len(asked)) - len(asked))]
 
 
 def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJoint:
@@ -365,9 +351,9 @@ def _pad(entries: list[Record], blank: Record) -> None:
     entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]
 
 
-def _supply(problem: Problem) -> Supply:
+def _supply(problem: Problem) -> episode.Supply:
     battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
-    return Supply(
+    return episode.Supply(
         voltage=battery.voltage,
         resistance=battery.internal_resistance,
         constant_power=electronics.constant_power + len(problem.joints) * electronics.inverter_power,
