@@ -8,18 +8,8 @@ import math
 from dataclasses import dataclass
 
 # Kinds of faults, as the array numbers them.
-(
-    ENCODER_FREEZE,
-    ENCODER_JUMP,
-    ENCODER_MISSING,
-    ENCODER_DRIFT,
-    ENCODER_OFFSET,
-    MOTOR_DEAD,
-    MOTOR_STUCK,
-    CONTROLLER_RUNAWAY,
-    FOOT_LOAD_STUCK,
-    SUPPLY_DIP,
-) = range(10)
+ENCODER_FREEZE, ENCODER_JUMP, ENCODER_MISSING, ENCODER_DRIFT, ENCODER_OFFSET = range(5)
+MOTOR_DEAD, MOTOR_STUCK, CONTROLLER_RUNAWAY, FOOT_LOAD_STUCK, SUPPLY_DIP = range(5, 10)
 
 NO_FAULT = -1
 JUMP_TICKS = 5  # a jump is a glitch of so many ticks; what lasts is an offset

@@ -124,36 +124,33 @@ def parse_fault(text: str) -> Fault:
 
     Raises ParameterError if it cannot be read.
     """
-    match = _SHAPE.fullmatch(text.strip())
-    if match is None:
-        raise ParameterError(
-            f"fault {text!r}: expected KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s"
-        )
-    kind_text, place, time_text, size = match.groups()
-    if kind_text not in list(FaultKind):
-        raise ParameterError(f"fault {text!r}: no kind {kind_text!r}; there are {', '.join(FaultKind)}")
-    kind = FaultKind(kind_text)
     try:
-        time = float(time_text)
-    except ValueError:
-        raise ParameterError(f"fault {text!r}: expected a time in seconds, got {time_text!r}") from None
-    side, joint = _place(text, kind, place)
-    try:
-        return Fault(kind=kind, time=time, side=side, joint=joint, magnitude=_magnitude(text, kind, size))
+        return _parsed(text.strip())
     except ParameterError as error:
         raise ParameterError(f"fault {text!r}: {error}") from error
 
 
-def _place(text: str, kind: FaultKind, place: str | None) -> tuple[Side | None, JointName | None]:
-    if place is None:
-        return None, None
-    side, _, name = place.partition("_")
-    if side not in list(Side) or name not in (FOOT, *JointName):
-        raise ParameterError(f"fault {text!r}: no place {place!r}; expected {_expected_place(kind)}")
-    return Side(side), None if name == FOOT else JointName(name)
+def _parsed(text: str) -> Fault:
+    match = _SHAPE.fullmatch(text)
+    if match is None:
+        raise ParameterError("expected KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s")
+    name, place, time, size = match.groups()
+    if name not in list(FaultKind):
+        raise ParameterError(f"no kind {name!r}; there are {', '.join(FaultKind)}")
+    kind, side, joint = FaultKind(name), None, None
+    try:
+        seconds = float(time)
+    except ValueError:
+        raise ParameterError(f"expected a time in seconds, got {time!r}") from None
+    if place is not None:
+        leg, _, part = place.partition("_")
+        if leg not in list(Side) or part not in (FOOT, *JointName):
+            raise ParameterError(f"no place {place!r}; expected {_expected_place(kind)}")
+        side, joint = Side(leg), None if part == FOOT else JointName(part)
+    return Fault(kind=kind, time=seconds, side=side, joint=joint, magnitude=_magnitude(kind, size))
 
 
-def _magnitude(text: str, kind: FaultKind, size: str | None) -> float | None:
+def _magnitude(kind: FaultKind, size: str | None) -> float | None:
     if size is None:
         return None
     match = _MAGNITUDE.fullmatch(size)
