@@ -116,13 +116,13 @@ def brace_torque(
 class ImposedMotion:
     """A spring and damper that lead a coordinate along a cosine path until they let go."""
 
-    place: int  # The coordinate; -1 for none.
-    start_angle: float  # Where the path begins in [rad].
-    amplitude: float  # From end to end of the path in [rad].
-    frequency: float  # In [Hz].
-    stiffness: float  # Of the grip in [N m] / [rad].
-    damping: float  # Of the grip in [N m s] / [rad].
-    release_time: float  # In [s].
+    place: int = -1  # The coordinate; -1 for none.
+    start_angle: float = 0.0  # Where the path begins in [rad].
+    amplitude: float = 0.0  # From end to end of the path in [rad].
+    frequency: float = 0.0  # In [Hz].
+    stiffness: float = 0.0  # Of the grip in [N m] / [rad].
+    damping: float = 0.0  # Of the grip in [N m s] / [rad].
+    release_time: float = 0.0  # In [s].
     torque: float = 0.0  # On the coordinate in [N m], as it was last.
 
 

@@ -214,11 +214,7 @@ class Waiver(quantities.Parameters):
 
 
 class State(Protocol):
-    """What every phase of a state machine has.
-
-    Attributes:
-        minimum_ticks: It is not left before so many ticks.
-    """
+    """What every phase of a state machine has."""
 
     @property
     def minimum_ticks(self) -> int:

@@ -139,7 +139,7 @@ def new_episode(
         ground=world.ground(),
         points=[Point() for _ in range(max(n_points, 1))],
         belt=copied(world.belt),
-        imposed_motion=_imposed_motion(problem),
+        imposed_motion=copied(world.imposed_motion or ImposedMotion()),
         braces=[] if world.braces is None else copied(list(world.braces.braces)),
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
@@ -395,8 +395,3 @@ def _trunk_unit(problem: Problem) -> TrunkUnit:
     sensor, place = problem.experiment.sensors.trunk, problem.world.model.pitch_index
     gain, pitch = first_order_gain(TICK, sensor.time_constant), float(problem.world.start_q[place])
     return taken_from(TrunkUnit, sensor, gain=gain, pitch=pitch)
-
-
-def _imposed_motion(problem: Problem) -> ImposedMotion:
-    motion = problem.world.imposed_motion
-    return ImposedMotion(-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if motion is None else copied(motion)

@@ -126,7 +126,7 @@ def _acceleration(test: BenchJoint, unit: InertialUnit) -> record.Acceleration:
 def _imposed_motion(test: BenchJoint) -> ImposedMotion:
     motion = test.imposed_motion
     if motion is None or (motion.stiffness == 0.0 and motion.damping == 0.0):
-        return ImposedMotion(-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return ImposedMotion()
     return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle, torque=0.0)
 
 
