@@ -381,7 +381,7 @@ def test_plain_python_and_machine_code_agree_in_every_bit() -> None:
     entry = run_at
     entry.__module__ = can_bus.__name__  # only functions of the package are bound
     write.__module__ = can_bus.__name__
-    loop = compile_loop(entry, {"record_here": record_at(stored(bus_of(star(0))).dtype)}, 3)
+    loop = compile_loop(entry, {"record_here": record_at(stored(bus_of(star(0))).dtype)})
     assert loop.code is not None  # needs nothing but the C library, and so can be kept
     for name, make in CASES.items():
         plain, compiled = make(), stored(make())

@@ -57,10 +57,10 @@ def test_a_model_of_more_joints_than_the_limit_is_refused():
     limit = kernel.STRAIGHT_LINE_LIMIT
     fits, too_many = (export_bodies(chain(joints)) for joints in (limit, limit + 1))
     control = export_bodies(chain(2))
-    assert "def dynamics(" in kernel.write_kernel(fits, [], control, "z")
-    assert kernel.kernel_structure(fits, [], control, "z")
+    assert "def dynamics(" in kernel.write_kernel(kernel.KernelBodies(fits, [], control, "z"))
+    assert kernel.kernel_structure(kernel.KernelBodies(fits, [], control, "z"))
     with pytest.raises(ModelError, match=f"{limit + 1} joints.* at most {limit}; use engine: pinocchio"):
-        kernel.kernel_structure(too_many, [], control, "z")
+        kernel.kernel_structure(kernel.KernelBodies(too_many, [], control, "z"))
 
 
 def test_the_largest_model_of_an_experiment_is_within_the_limit():

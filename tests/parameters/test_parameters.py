@@ -35,8 +35,15 @@ from twin_gait.replay.request import ReplayRequest
 from twin_gait.studies.campaign import Spread, TwoWayProtocol
 from twin_gait.studies.virtual_people import SIZES, BodySizes
 from twin_gait.vocabulary import Sex
-from twin_gait.worlds.bench_joint.control import CosinePath, DutyControl, OldFrictionModel
-from twin_gait.worlds.bench_joint.link import CatalogueEfficiency, DriveParameters, LinkParameters, Torsion
+from twin_gait.worlds.bench_joint import (
+    CatalogueEfficiency,
+    CosinePath,
+    DriveParameters,
+    DutyControl,
+    LinkParameters,
+    OldFrictionModel,
+    Torsion,
+)
 
 # Every parameter with a value just outside its range.
 OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [

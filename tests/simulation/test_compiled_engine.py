@@ -18,11 +18,11 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
-from twin_gait.kernels.generated import body_values, write_kernel
+from twin_gait.kernels.generated import KernelBodies, body_values, write_kernel
 from twin_gait.kernels.tracing import Trace, sine_and_cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import keeping, loops
-from twin_gait.simulation.compiled_engine import Bodies, CompiledEngine, bound_kernel, laid_out
+from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
@@ -63,7 +63,7 @@ def random_model(seed: int, joints: int, *, armature: bool = True) -> pin.Model:
 def plain_kernel(model: pin.Model):
     """The generated functions as plain Python, and what they are called with."""
     bodies = export_bodies(model)
-    return bound_kernel(Bodies(bodies, [], bodies, "z", (0,), False)), body_values(bodies)
+    return bound_kernel(KernelBodies(bodies, [], bodies, "z")), body_values(bodies)
 
 
 @settings(max_examples=25)
@@ -90,7 +90,7 @@ def test_another_wearer_needs_no_other_kernel():
         model = load_experiment("treadmill", [f"patient.mass_kg={mass}"]).experiment.build_world().model
         frames = [name for leg in model.legs.values() for name in leg.contact_frames]
         bodies = export_bodies(model.model)
-        texts.add(write_kernel(bodies, contact_points(model.model, frames), bodies, "z"))
+        texts.add(write_kernel(KernelBodies(bodies, contact_points(model.model, frames), bodies, "z")))
     assert len(texts) == 1
 
 
@@ -418,7 +418,7 @@ def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
     CompiledEngine(problem)
     monkeypatch.setattr(loops, "_loops", {})
     codes = []
-    monkeypatch.setattr(loops, "load_function", lambda code, n_arguments: codes.append(code))
+    monkeypatch.setattr(loops, "load_function", lambda code: codes.append(code))
     CompiledEngine(problem)
     (code,) = codes
     called = {word.lstrip(b"_") for word in code.object_code.split(b"\0")} & MATHEMATICS

@@ -198,7 +198,7 @@ def test_a_loop_is_compiled_with_its_own_settings_and_the_users_are_kept(
 
     monkeypatch.setattr(Dispatcher, "compile", note)
     before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
-    loop = compile_loop(entry, {}, 3)
+    loop = compile_loop(entry, {})
     assert seen[0] == (ALONE.level, 0, False) and not ALONE.vectorise
     assert (numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()) == before
     assert loop.function(0, 3, 10) == 7
@@ -228,10 +228,10 @@ def test_the_next_loop_of_a_process_compiles_only_what_is_different_in_it(
         return compile_as_ever(self, signature)
 
     monkeypatch.setattr(Dispatcher, "compile", note)
-    assert compile_loop(scaled_at, {"COUNT": 2}, 3).function(0, 10, 7) == 2 * 10 + 10 + 7
+    assert compile_loop(scaled_at, {"COUNT": 2}).function(0, 10, 7) == 2 * 10 + 10 + 7
     assert compiled == ["scaled_at", "scaled", "summed"]
     compiled.clear()
-    assert compile_loop(scaled_at, {"COUNT": 3}, 3).function(0, 10, 7) == 3 * 10 + 10 + 7
+    assert compile_loop(scaled_at, {"COUNT": 3}).function(0, 10, 7) == 3 * 10 + 10 + 7
     assert compiled == ["scaled_at", "scaled"]
 
 
@@ -245,7 +245,7 @@ def test_machine_code_is_made_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch)
         finalize(self)
 
     monkeypatch.setattr(JITCodeLibrary, "_finalize_specific", note)
-    assert compile_loop(scaled_at, {"COUNT": 4}, 3).function(0, 10, 7) == 4 * 10 + 10 + 7
+    assert compile_loop(scaled_at, {"COUNT": 4}).function(0, 10, 7) == 4 * 10 + 10 + 7
     assert made == ["scaled_at"]
 
 
@@ -256,7 +256,7 @@ def wrong(address: int, first: int, end: int) -> int:
 def test_settings_are_put_back_after_an_error_too() -> None:
     before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
     with pytest.raises(TypingError):
-        compile_loop(wrong, {}, 3)
+        compile_loop(wrong, {})
     assert (numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()) == before
 
 
@@ -279,7 +279,7 @@ def test_records_and_rows_are_found_behind_an_address_and_can_be_kept() -> None:
         return pairs(state.numbers, number)
 
     names = {"state_at": record_at(dtype), "row_of": jit(row_of), "pair_of": jit(pair_of)}
-    loop = compile_loop(walk_at, names, 3)
+    loop = compile_loop(walk_at, names)
     assert loop.code is not None
     assert loop.function(state.ctypes.data, 1, 4) == 3
     assert table["twice"].tolist() == [0.0, 4.0, 6.0, 8.0, 0.0]

@@ -21,7 +21,7 @@ from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.block import SHARED, WIDTH, shared_words, side_by_side, word_of
-from twin_gait.simulation.compiled_engine import ARGUMENTS, CompiledEngine, bound_to, run_at
+from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
 from twin_gait.simulation.compiling import ON_BITS, compile_loop, compiled_in, jit
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, kind_of
@@ -453,7 +453,7 @@ def compiled(function: Callable[[Any], Any]) -> Any:
     loop = bind(
         enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, manner=IN_LOCKSTEP)
     )
-    signature = (numba.intp,) * ARGUMENTS
+    signature = (numba.intp,) * 3
     with compiled_in(IN_LOCKSTEP):
         loop.compile(signature)
     return loop.overloads[signature]
@@ -510,7 +510,7 @@ def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd)
     block[word_of(TOY, "step")] = np.array(0.25).view(np.int64)
     names = {**bound_in_lanes(TOY, ROW), "room": function}
     expected = in_plain_python(function, block)
-    compile_loop(enter_at, names, ARGUMENTS, manner=IN_LOCKSTEP).function(block.ctypes.data, 0, 1)
+    compile_loop(enter_at, names, manner=IN_LOCKSTEP).function(block.ctypes.data, 0, 1)
     assert np.array_equal(block, expected)
 
 
@@ -530,5 +530,5 @@ def bench_and_treadmill() -> dict[str, Problem]:
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
     pattern = CompiledEngine(bench_and_treadmill()[name]).pattern
     names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
-    compile_loop(run_at, names, ARGUMENTS, manner=IN_LOCKSTEP)
+    compile_loop(run_at, names, manner=IN_LOCKSTEP)
     assert capfd.readouterr().err == ""

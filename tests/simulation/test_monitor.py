@@ -426,16 +426,16 @@ def test_compiled_the_monitor_leaves_the_same_record_in_every_case(laid, look):
     sample, structure = laid
     episode_at = record_at(dtype_of(sample))
 
-    def look_at(address: int, tick: int) -> int:
+    def look_at(address: int, tick: int, end: int) -> int:
         watched(episode_at(address), tick)
         return 0
 
-    loop = compile_loop(look_at, structure, 2).function
+    loop = compile_loop(look_at, structure).function
 
     def both(e: Episode, tick: int) -> None:
         store = stored(e)
         look(e, tick)
-        loop(store.ctypes.data, tick)
+        loop(store.ctypes.data, tick, tick + 1)
         assert repr(store.tolist()) == repr(stored(e).tolist())
 
     for case in CASES.values():

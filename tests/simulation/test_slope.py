@@ -111,9 +111,9 @@ def test_level_ground_has_a_kernel_that_knows_no_slope():
         laid_out(build_problem(load_experiment("treadmill", [f"scenario.slope_deg={slope}"]).experiment))
         for slope in (0, 2)
     )
-    assert "slope" not in write_kernel(*level[0])
-    assert "slope_sine" in write_kernel(*sloped[0])
-    assert kernel_structure(*level[0]) != kernel_structure(*sloped[0])
+    assert "slope" not in write_kernel(level[0])
+    assert "slope_sine" in write_kernel(sloped[0])
+    assert kernel_structure(level[0]) != kernel_structure(sloped[0])
     assert (level[2]["SLOPED"], sloped[2]["SLOPED"]) == (False, True)
 
 

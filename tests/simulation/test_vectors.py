@@ -112,7 +112,7 @@ def keep(state: Any, place: int, torque: float) -> None:
     state.friction[place] = torque
 
 
-def rub(address: int) -> int:
+def rub(address: int, first: int, end: int) -> int:
     side_by_side(state_at(address), PLACES, False, sliding, rotational_friction_torque, keep)
     return 0
 
@@ -124,13 +124,13 @@ def state_at(address: int) -> Any:
 @pytest.mark.compile
 def test_a_law_in_several_places_gives_the_bits_of_one_by_one(rng: np.random.Generator) -> None:
     own = {"sliding": jit(sliding), "keep": jit(keep), "state_at": record_at(STATE)}
-    compiled = compile_loop(rub, {**in_vectors({}), **own}, 1)
+    compiled = compile_loop(rub, {**in_vectors({}), **own})
     states = np.zeros(2, STATE).view(np.recarray)
     plain = bind(rub, {"state_at": lambda address: states[1]})
     for _ in range(20):
         states.velocity[:] = rng.normal(size=6)
         states.friction[:] = 0.0
-        plain(0)
-        compiled.function(states.ctypes.data)
+        plain(0, 0, 0)
+        compiled.function(states.ctypes.data, 0, 0)
         assert states[0].tobytes() == states[1].tobytes()
         assert np.flatnonzero(states.friction[0]).tolist() == list(PLACES)

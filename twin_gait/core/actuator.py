@@ -1,39 +1,25 @@
 """Motor, gear and battery as the joint sees them.
 
-Currents and voltages are those of the DC equivalent of the block-commutated motor (the convention
-of the motor's data sheet); torques are those of the motor times the gear ratio.
+Currents in [A] and voltages in [V] are those of the DC equivalent of the block-commutated motor (the
+convention of the motor's data sheet); torques in [N m] are those of the motor times the gear ratio τ, motor
+turns per joint turn. K_t in [N m] / [A] is K_e in SI units; R, line to line, is in [Ω]; ω of the joint in
+[rad] / [s].
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
 
 @dataclass(slots=True)
 class Motor:
-    """Motor and gear of a joint.
+    """Motor and gear of a joint."""
 
-    Attributes:
-        torque_constant: K_t in [N m] / [A].
-        gear_ratio: Motor turns per joint turn.
-        resistance: Of winding, switches and shunt, line to line, in [Ω].
-    """
-
-    torque_constant: float
-    gear_ratio: float
-    resistance: float
+    torque_constant: float  # K_t in [N m] / [A].
+    gear_ratio: float  # Motor turns per joint turn.
+    resistance: float  # Of winding, switches and shunt, line to line, in [Ω].
 
 
 def saturate(value: float, limit: float) -> float:
-    """Limit a value symmetrically to ``[-limit, limit]``.
-
-    Args:
-        value: Any value; NaN passes through so that a guard above can see it.
-        limit: Positive bound in the unit of the value.
-
-    Returns:
-        The bounded value.
-    """
+    """Limit a value symmetrically to ``[-limit, limit]``; NaN passes through for a guard above to see."""
     if value > limit:
         return limit
     if value < -limit:
@@ -46,29 +32,12 @@ def torque_to_current(joint_torque: float, torque_constant: float, gear_ratio: f
 
     The firmware knows nothing of what the gear loses on the way
     (:func:`twin_gait.core.friction.gear_loss_torque`).
-
-    Args:
-        joint_torque: :math:`T` in [N m].
-        torque_constant: :math:`K_t` in [N m] / [A].
-        gear_ratio: :math:`\tau`.
-
-    Returns:
-        Current in [A].
     """
     return joint_torque / (torque_constant * gear_ratio)
 
 
 def current_to_torque(current: float, torque_constant: float, gear_ratio: float) -> float:
-    """Motor torque seen at the joint, before the losses of the gear; inverts :func:`torque_to_current`.
-
-    Args:
-        current: Motor current in [A].
-        torque_constant: In [N m] / [A].
-        gear_ratio: Motor turns per joint turn.
-
-    Returns:
-        Torque in [N m].
-    """
+    """Motor torque seen at the joint, before the losses of the gear; inverts :func:`torque_to_current`."""
     return current * torque_constant * gear_ratio
 
 
@@ -82,22 +51,7 @@ def voltage_limited_current(
 ) -> float:
     r"""Current that the bus voltage can drive through the winding against the back-EMF.
 
-    .. math::
-
-        \frac{-V_{bus} - K_e\,\tau\,\omega}{R} \le I \le \frac{V_{bus} - K_e\,\tau\,\omega}{R}
-
-    with :math:`K_e = K_t` in SI units.
-
-    Args:
-        current: Wanted current in [A].
-        joint_velocity: :math:`\omega` at the joint in [rad] / [s].
-        bus_voltage: :math:`V_{bus}` in [V].
-        resistance: :math:`R`, line to line, in [Ω].
-        torque_constant: :math:`K_t` in [N m] / [A].
-        gear_ratio: :math:`\tau`.
-
-    Returns:
-        Current in [A].
+    :math:`\frac{-V_{bus} - K_e\,\tau\,\omega}{R} \le I \le \frac{V_{bus} - K_e\,\tau\,\omega}{R}`
     """
     back_emf = torque_constant * gear_ratio * joint_velocity
     highest = (bus_voltage - back_emf) / resistance
@@ -112,59 +66,28 @@ def voltage_limited_current(
 def winding_voltage(current: float, joint_velocity: float, resistance: float, emf_constant: float) -> float:
     r"""Voltage on a winding that carries a steady current: :math:`U = R I + K_e\,\tau\,\omega`.
 
-    Args:
-        current: :math:`I` in [A].
-        joint_velocity: :math:`\omega` at the joint in [rad] / [s].
-        resistance: :math:`R`, line to line, in [Ω].
-        emf_constant: :math:`K_e\,\tau` at the joint in [V s] / [rad].
-
-    Returns:
-        Voltage in [V].
+    ``emf_constant``: :math:`K_e\,\tau` at the joint in [V s] / [rad].
     """
     return resistance * current + emf_constant * joint_velocity
 
 
 def motor_electrical_power(
-    current: float,
-    joint_velocity: float,
-    resistance: float,
-    torque_constant: float,
-    gear_ratio: float,
+    current: float, joint_velocity: float, resistance: float, torque_constant: float, gear_ratio: float
 ) -> float:
-    r"""Electrical power that a motor draws: copper loss and back-EMF power.
+    r"""Electrical power in [W] that a motor draws: copper loss and back-EMF power.
 
     :math:`P = R I^2 + K_e\,\tau\,\omega\,I`, negative while the motor brakes and feeds the bus.
-
-    Args:
-        current: In [A].
-        joint_velocity: At the joint in [rad] / [s].
-        resistance: In [Ω].
-        torque_constant: In [N m] / [A].
-        gear_ratio: Motor turns per joint turn.
-
-    Returns:
-        Power in [W].
     """
     return resistance * current * current + torque_constant * gear_ratio * joint_velocity * current
 
 
 def battery_power(motor_power: float, constant_power: float, regeneration: float) -> float:
-    r"""Power that a battery gives to a bus on which motors draw and feed.
+    r"""Power in [W] that a battery gives to a bus on which motors draw and feed; negative charges it.
 
-    .. math::
+    :math:`P = P_m + P_0, \qquad P_{bat} = \begin{cases} P & P \ge 0 \\ \rho\,P & P < 0 \end{cases}`
 
-        P = P_m + P_0, \qquad P_{bat} = \begin{cases} P & P \ge 0 \\ \rho\,P & P < 0 \end{cases}
-
-    What a braking motor feeds into the bus serves the other motors and the electronics first; of the rest the
-    share :math:`\rho` comes back to the battery, and a brake chopper burns what does not.
-
-    Args:
-        motor_power: :math:`P_m` of all motors in [W]; negative while they feed the bus.
-        constant_power: :math:`P_0` of inverters and electronics in [W].
-        regeneration: :math:`\rho` in [0, 1].
-
-    Returns:
-        Power in [W]; negative charges.
+    What braking motors feed into the bus (P_m below 0) serves the other motors and the electronics (P_0)
+    first; of the rest the share ρ comes back to the battery, and a brake chopper burns what does not.
     """
     power = motor_power + constant_power
     return power if power >= 0.0 else regeneration * power
@@ -175,16 +98,7 @@ def sagged_bus_voltage(
 ) -> float:
     """Bus voltage under load, from the voltage and the power of the tick before.
 
-    ``V = V_oc - R_i P / V_before``: the current is taken at the last voltage, so that no algebraic
-    loop has to be solved; at 1 kHz the difference is far below the sag itself.
-
-    Args:
-        open_circuit_voltage: In [V].
-        internal_resistance: Of the pack in [Ω].
-        battery_power: From :func:`battery_power` in the last tick in [W]; negative feeds the pack.
-        bus_voltage: Voltage of the last tick in [V], positive.
-
-    Returns:
-        Bus voltage in [V].
+    ``V = V_oc - R_i P / V_before``: the current is taken at the last voltage, so that no algebraic loop has
+    to be solved; at 1 kHz the difference is far below the sag itself.
     """
     return open_circuit_voltage - internal_resistance * battery_power / bus_voltage

@@ -3,8 +3,6 @@
 A trip of the safety monitor, or the operator's Stop, brings a belt to rest with or without a profile.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -13,86 +11,48 @@ from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend_share
 
 @dataclass(slots=True)
 class Belt:
-    """What sets the speed of a treadmill.
+    """What sets the speed of a treadmill."""
 
-    Attributes:
-        cruise: Speed between the ramps in [m] / [s].
-        start: Begin of the command to walk in [s].
-        stop: Its end in [s].
-        ramp: Length of a ramp in [s]; 0 for a belt that runs evenly.
-        delay: From a command until the belt follows it in [s].
-        stop_ramp: Time to rest after a trip in [s]; infinite for a belt that runs on.
-    """
-
-    cruise: float = 0.0
-    start: float = 0.0
-    stop: float = math.inf
-    ramp: float = 0.0
-    delay: float = 0.0
-    stop_ramp: float = math.inf
+    cruise: float = 0.0  # Speed between the ramps in [m] / [s].
+    start: float = 0.0  # Begin of the command to walk in [s].
+    stop: float = math.inf  # Its end in [s].
+    ramp: float = 0.0  # Length of a ramp in [s]; 0 for a belt that runs evenly.
+    delay: float = 0.0  # From a command until the belt follows it in [s].
+    stop_ramp: float = math.inf  # Time to rest after a trip in [s]; infinite for a belt that runs on.
 
 
 def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: float) -> float:
-    r"""Speed of a belt that starts and stops along minimum-jerk ramps.
+    r"""Speed in [m] / [s], backwards positive, of a belt that starts and stops along minimum-jerk ramps.
 
-    .. math::
-
-        u(t) = u_c\,\Bigl[s\Bigl(\frac{t - t_1}{T}\Bigr) - s\Bigl(\frac{t - t_2}{T}\Bigr)\Bigr]
+    :math:`u(t) = u_c\,\Bigl[s\Bigl(\frac{t - t_1}{T}\Bigr) - s\Bigl(\frac{t - t_2}{T}\Bigr)\Bigr]`
 
     with :func:`~twin_gait.core.blending.blend_share` as s: speed and acceleration are continuous, and the
-    belt does not run before ``start`` or after ``stop + ramp``.
-
-    Args:
-        time: In [s].
-        cruise: Speed u_c between the ramps in [m] / [s].
-        start: t_1, at which the belt begins to move, in [s].
-        stop: t_2, at which it begins to slow down, not before ``start``, in [s]; infinite if it never does.
-        ramp: Length T of each ramp in [s], positive.
-
-    Returns:
-        Speed in [m] / [s], backwards positive.
+    belt does not run before ``start`` t_1 or after ``stop`` t_2 (not before t_1, maybe infinite) and ``ramp``
+    T (positive), in [s]. ``cruise``: u_c between the ramps.
     """
     up = blend_share((time - start) / ramp, BLEND_MINIMUM_JERK)
     return cruise * (up - blend_share((time - stop) / ramp, BLEND_MINIMUM_JERK))
 
 
 def belt_travel(time: float, cruise: float, start: float, stop: float, ramp: float) -> float:
-    r"""Way that the belt has gone since time 0: the integral of :func:`belt_speed`.
+    r"""Way in [m] that the belt has gone since time 0: the integral of :func:`belt_speed`.
 
     .. math::
 
         x(t) = u_c\,T\,\Bigl[S\Bigl(\frac{t - t_1}{T}\Bigr) - S\Bigl(\frac{t - t_2}{T}\Bigr)\Bigr],
         \qquad S(p) = \tfrac{5}{2} p^4 - 3 p^5 + p^6
 
-    on the ramp, :math:`S = p - \tfrac{1}{2}` behind it, 0 before.
-
-    Args:
-        time: In [s].
-        cruise: As in :func:`belt_speed`.
-        start: Likewise, 0 or later.
-        stop: Likewise.
-        ramp: Likewise.
-
-    Returns:
-        Way in [m], backwards positive.
+    on the ramp, :math:`S = p - \tfrac{1}{2}` behind it, 0 before; t_1 is 0 or later.
     """
     return cruise * ramp * (_ramp_way((time - start) / ramp) - _ramp_way((time - stop) / ramp))
 
 
 def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
-    r"""Speed of the belt of a treadmill, with or without a profile, which a trip brings to rest.
+    r"""Speed in [m] / [s] of the belt of a treadmill, backwards positive, which a trip brings to rest.
 
-    .. math::
+    :math:`u(t) = u(t_0)\,\Bigl[1 - s\Bigl(\frac{t - t_0}{T_0}\Bigr)\Bigr] \quad\text{for}\quad t > t_0`
 
-        u(t) = u(t_0)\,\Bigl[1 - s\Bigl(\frac{t - t_0}{T_0}\Bigr)\Bigr] \quad\text{for}\quad t > t_0
-
-    Args:
-        belt: Its profile; :math:`T_0` is ``stop_ramp``.
-        time: In [s].
-        trip_time: :math:`t_0` of the trip in [s]; infinite if there is none.
-
-    Returns:
-        Speed in [m] / [s], backwards positive.
+    after a trip at t_0 in [s], infinite for none; T_0 is the ``stop_ramp``.
     """
     speed = belt.cruise
     if belt.ramp > 0.0:
@@ -103,16 +63,7 @@ def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
 
 
 def treadmill_travel(belt: Belt, time: float, trip_time: float) -> float:
-    """Way that the belt has gone since time 0: the integral of :func:`treadmill_speed`.
-
-    Args:
-        belt: Its profile.
-        time: In [s].
-        trip_time: As in :func:`treadmill_speed`.
-
-    Returns:
-        Way in [m], backwards positive.
-    """
+    """Way in [m] that the belt has gone since time 0: the integral of :func:`treadmill_speed`."""
     before = min(time, trip_time)
     way = belt.cruise * before
     if belt.ramp > 0.0:
@@ -127,7 +78,6 @@ def treadmill_travel(belt: Belt, time: float, trip_time: float) -> float:
 
 
 def _ramp_way(progress: float) -> float:
-    """Integral of the share of a ramp over its progress."""
     if progress <= 0.0:
         return 0.0
     if progress >= 1.0:
@@ -136,14 +86,5 @@ def _ramp_way(progress: float) -> float:
 
 
 def walk_command(time: float, start: float, stop: float) -> float:
-    """What the legs are told.
-
-    Args:
-        time: In [s].
-        start: From when on they are to walk in [s].
-        stop: From when on they are to stand in [s].
-
-    Returns:
-        1 to walk, 0 to stand.
-    """
+    """What the legs are told at a time in [s]: 1 to walk, from ``start`` to ``stop``, and 0 to stand."""
     return 1.0 if start <= time < stop else 0.0

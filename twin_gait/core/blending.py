@@ -1,24 +1,15 @@
 """How the parameters of a phase fade into those of the next."""
 
-from __future__ import annotations
-
 BLEND_NONE = 0
 BLEND_LINEAR = 1
 BLEND_MINIMUM_JERK = 2
 
 
 def blend_share(progress: float, law: int) -> float:
-    """Share of the new value after a given part of the blending time.
+    """Share of the new value, 0 to 1, after a given part of the blending time, which is held at its ends.
 
-    The minimum-jerk law is ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan, 1985): zero velocity and
-    acceleration at both ends.
-
-    Args:
-        progress: Elapsed part of the blending time; below 0 and above 1 are held.
-        law: One of the ``BLEND_*`` constants.
-
-    Returns:
-        Share in [0, 1]: 0 keeps the old value, 1 is the new one.
+    The minimum-jerk law is ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan, 1985): zero velocity and acceleration
+    at both ends. ``law``: one of the ``BLEND_*`` constants.
     """
     if progress >= 1.0 or law == BLEND_NONE:
         return 1.0
@@ -30,14 +21,5 @@ def blend_share(progress: float, law: int) -> float:
 
 
 def blend(old: float, new: float, share: float) -> float:
-    """Value between old and new.
-
-    Args:
-        old: Value at the start of the blend.
-        new: Value at its end, same unit.
-        share: From :func:`blend_share`.
-
-    Returns:
-        ``old + share (new - old)``.
-    """
+    """``old + share (new - old)``, with a share from :func:`blend_share`."""
     return old + share * (new - old)

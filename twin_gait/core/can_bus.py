@@ -13,8 +13,6 @@ Of the error confinement of the CAN specification 2.0 the counter of transmit er
 recovery; not the counter of receive errors, the passive error flag, and the 8 bits that a node then waits.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from twin_gait.core.can_frame import Header, frame_bits
@@ -32,159 +30,93 @@ _WORD = 0xFFFFFFFF
 
 @dataclass(slots=True)
 class Payload:
-    """What a frame carries.
+    """What a frame carries."""
 
-    Attributes:
-        halves: Bytes 0 to 3 of the data and bytes 4 to 7, the first of them in the lowest bits.
-        tick: In which it was queued.
-        event: For which it was queued, in [ps].
-    """
-
+    # Bytes 0 to 3 of the data and bytes 4 to 7, the first of them in the lowest bits.
     halves: list[int] = field(default_factory=lambda: [0, 0])
-    tick: int = 0
-    event: int = 0
+    tick: int = 0  # In which it was queued.
+    event: int = 0  # For which it was queued, in [ps].
 
 
 @dataclass(slots=True)
 class Frame:
-    """A cyclic frame: of its sender, in its mailbox, at its receiver.
+    """A cyclic frame: of its sender, in its mailbox, at its receiver."""
 
-    Attributes:
-        header: Of its length and CRC.
-        sender: Node that sends it.
-        receiver: Node that it is for.
-        period: Of its sender's clock in [ps].
-        jitter: Longest time from event to release in [ps].
-        key: Of its draws, 32 bits.
-        event: Next one in [ps].
-        release: Next one in [ps].
-        outgoing: What the sender queues when the frame is released; its halves are written before.
-        mailbox: What waits, or was sent last.
-        waiting: Whether something waits.
-        received: What arrived last.
-        arrived: Tick from which the receiver has it; 0 before anything came.
-        drawn: How many numbers were drawn.
-        worst_response: Longest time from event to arrival in [ps].
-        sent: Frames that the sender believes it has sent.
-        lost: Of these, those that did not arrive.
-        replaced: Payloads that a newer one took the place of before they were sent.
-        destroyed: Transmissions that ended in an error frame.
-    """
-
-    header: Header
-    sender: int
-    receiver: int
-    period: int
-    jitter: int
-    key: int
-    event: int
-    release: int
+    header: Header  # Of its length and CRC.
+    sender: int  # Node that sends it.
+    receiver: int  # Node that it is for.
+    period: int  # Of its sender's clock in [ps].
+    jitter: int  # Longest time from event to release in [ps].
+    key: int  # Of its draws, 32 bits.
+    event: int  # Next one in [ps].
+    release: int  # Next one in [ps].
+    # What the sender queues when the frame is released; its halves are written before.
     outgoing: Payload = field(default_factory=Payload)
-    mailbox: Payload = field(default_factory=Payload)
-    waiting: bool = False
-    received: Payload = field(default_factory=Payload)
-    arrived: int = 0
-    drawn: int = 0
-    worst_response: int = 0
-    sent: int = 0
-    lost: int = 0
-    replaced: int = 0
-    destroyed: int = 0
+    mailbox: Payload = field(default_factory=Payload)  # What waits, or was sent last.
+    waiting: bool = False  # Whether something waits.
+    received: Payload = field(default_factory=Payload)  # What arrived last.
+    arrived: int = 0  # Tick from which the receiver has it; 0 before anything came.
+    drawn: int = 0  # How many numbers were drawn.
+    worst_response: int = 0  # Longest time from event to arrival in [ps].
+    sent: int = 0  # Frames that the sender believes it has sent.
+    lost: int = 0  # Of these, those that did not arrive.
+    replaced: int = 0  # Payloads that a newer one took the place of before they were sent.
+    destroyed: int = 0  # Transmissions that ended in an error frame.
 
 
 @dataclass(slots=True)
 class Node:
-    """The CAN controller of the central unit or of a board.
+    """The CAN controller of the central unit or of a board."""
 
-    Attributes:
-        transmit_errors: Its counter (TEC): 8 more for an error, 1 less for a success.
-        recovering: Runs of 11 recessive bits that it still waits for, being bus-off; 0 if it is not.
-        back: When it is back on the bus in [ps].
-        bus_offs: How often it went bus-off.
-    """
-
-    transmit_errors: int = 0
-    recovering: int = 0
-    back: int = 0
-    bus_offs: int = 0
+    transmit_errors: int = 0  # Its counter (TEC): 8 more for an error, 1 less for a success.
+    recovering: int = 0  # Runs of 11 recessive bits that it still waits for, being bus-off; 0 if it is not.
+    back: int = 0  # When it is back on the bus in [ps].
+    bus_offs: int = 0  # How often it went bus-off.
 
 
 @dataclass(slots=True)
 class Outage:
-    """Something that keeps a node, or all of them, off the bus.
+    """Something that keeps a node, or all of them, off the bus."""
 
-    Attributes:
-        kind: ``SILENCE`` of a broken wire, which a node lives through and then goes on; ``REBOOT``, after
-            which its clock begins anew; ``BUS_OFF``, from which it recovers as from one of its own.
-        node: Which, or ``NOBODY`` in particular for the silence of the whole bus.
-        start: In [ps].
-        end: In [ps]; of no meaning for ``BUS_OFF``.
-    """
-
+    # ``SILENCE`` of a broken wire, which a node lives through and then goes on; ``REBOOT``, after which its
+    # clock begins anew; ``BUS_OFF``, from which it recovers as from one of its own.
     kind: int
-    node: int
-    start: int
-    end: int
+    node: int  # Which, or ``NOBODY`` in particular for the silence of the whole bus.
+    start: int  # In [ps].
+    end: int  # In [ps]; of no meaning for ``BUS_OFF``.
 
 
 @dataclass(slots=True)
 class Bus:
-    """The bus with all that is on it.
+    """The bus with all that is on it."""
 
-    Attributes:
-        tick: Length of a tick in [ps].
-        bit: Length of a bit in [ps].
-        error_share: Of the transmissions, that an error destroys, of ``EVERYTHING``.
-        loss_share: Of the frames sent, that do not arrive, of ``EVERYTHING``.
-        recovers: Whether a node that went bus-off waits for its recovery, or stays off.
-        frames: By identifier, the lowest first.
-        nodes: The central unit and the boards.
-        outages: By their start; the last one never starts.
-        next_outage: The first one that has not begun.
-        free: From when in [ps] another frame may begin.
-        idle_since: When in [ps] the last one ended, or runs of recessive bits were counted.
-        on_wire: The frame that is being sent, or ``NOBODY``.
-        wire: What it carries.
-        broken: Whether an error destroys it.
-        bus_off: How many nodes are recovering.
-        busy: Time in [ps] in which the bus was in use.
-    """
-
-    tick: int
-    bit: int
-    error_share: int
-    loss_share: int
-    recovers: bool
-    frames: list[Frame]
-    nodes: list[Node]
-    outages: list[Outage]
-    next_outage: int = 0
-    free: int = 0
-    idle_since: int = 0
-    on_wire: int = NOBODY
-    wire: Payload = field(default_factory=Payload)
-    broken: bool = False
-    bus_off: int = 0
-    busy: int = 0
+    tick: int  # Length of a tick in [ps].
+    bit: int  # Length of a bit in [ps].
+    error_share: int  # Of the transmissions, that an error destroys, of ``EVERYTHING``.
+    loss_share: int  # Of the frames sent, that do not arrive, of ``EVERYTHING``.
+    recovers: bool  # Whether a node that went bus-off waits for its recovery, or stays off.
+    frames: list[Frame]  # By identifier, the lowest first.
+    nodes: list[Node]  # The central unit and the boards.
+    outages: list[Outage]  # By their start; the last one never starts.
+    next_outage: int = 0  # The first one that has not begun.
+    free: int = 0  # From when in [ps] another frame may begin.
+    idle_since: int = 0  # When in [ps] the last one ended, or runs of recessive bits were counted.
+    on_wire: int = NOBODY  # The frame that is being sent, or ``NOBODY``.
+    wire: Payload = field(default_factory=Payload)  # What it carries.
+    broken: bool = False  # Whether an error destroys it.
+    bus_off: int = 0  # How many nodes are recovering.
+    busy: int = 0  # Time in [ps] in which the bus was in use.
 
 
 def mixed(number: int) -> int:
-    """Bits of a number so mixed that each depends on all: Thomas Mueller's hash of 32 bits.
-
-    Args:
-        number: Of 32 bits.
-    """
+    """Bits of a number of 32 bits so mixed that each depends on all: Thomas Mueller's hash."""
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
     return (number >> 16) ^ number
 
 
 def draw(frame: Frame) -> int:
-    """The next random number of a frame, a hash of its key and of how many there were.
-
-    Returns:
-        Evenly spread over 0 to ``EVERYTHING`` - 1.
-    """
+    """Next random number of a frame, 0 to ``EVERYTHING`` - 1: a hash of its key and its count."""
     frame.drawn += 1
     return mixed(mixed(frame.drawn & _WORD) ^ frame.key)
 
@@ -195,12 +127,7 @@ def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
 
 
 def advance(bus: Bus, tick: int) -> None:
-    """All that happens on the bus from the start of a tick to the start of the next one.
-
-    Args:
-        bus: Changed in place. What the frames carry that are due has been written.
-        tick: Present tick.
-    """
+    """All that happens on the bus from the start of a tick to the next; what is due has been written."""
     end, now = (tick + 1) * bus.tick, NOBODY
     while now < end:
         outage = bus.outages[bus.next_outage]
@@ -248,7 +175,6 @@ def _begin(bus: Bus, tick: int, until: int) -> None:
 
 
 def _queue(frame: Frame, tick: int) -> None:
-    """Put what a node has to say into the frame's mailbox."""
     if frame.waiting:
         frame.replaced += 1
     frame.waiting = True
@@ -270,7 +196,6 @@ def _schedule(frame: Frame, event: int) -> None:
 
 
 def _send(bus: Bus, number: int) -> None:
-    """Put a frame on the wire, as far as it comes."""
     frame = bus.frames[number]
     bus.on_wire, frame.waiting, bus.broken = number, False, False
     _copy(frame.mailbox, bus.wire)
@@ -285,7 +210,6 @@ def _send(bus: Bus, number: int) -> None:
 
 
 def _finish(bus: Bus, tick: int) -> None:
-    """Take a frame off the wire: to its receiver, or to be sent again."""
     frame = bus.frames[bus.on_wire]
     sender = bus.nodes[frame.sender]
     bus.on_wire, bus.idle_since = NOBODY, bus.free
@@ -359,7 +283,6 @@ def _count_recessive(bus: Bus, runs: int) -> None:
 
 
 def _break(bus: Bus, outage: Outage) -> None:
-    """Begin an outage; a frame of it on the wire is destroyed."""
     now, everybody = outage.start, outage.node == NOBODY
     if bus.on_wire != NOBODY:
         frame = bus.frames[bus.on_wire]

@@ -5,8 +5,6 @@ No signal crosses from one half to the other and the highest bit of a half stays
 non-negative number of 32 bits, in Python, in machine code and in C alike.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,43 +14,25 @@ HALF_BITS = 31  # that signals may use
 
 @dataclass(slots=True)
 class SignalLayout:
-    """Where a signal stands in its frame, and what a step of its code means.
+    """Where a signal stands in its frame, and what a step of its code means."""
 
-    Attributes:
-        half: 0 for bytes 0 to 3 of the frame, 1 for bytes 4 to 7.
-        start: Place of its lowest bit in the half.
-        mask: All of its bits, as if it started at bit 0.
-        sign: Its highest bit if it is signed, as two's complement, otherwise 0.
-        missing: Code that says that there is no number.
-        scale: A step of the code in the unit of the signal.
-        offset: What code 0 means, in the unit of the signal.
-        lowest: Least code of a number, a whole number.
-        highest: Largest code of a number, a whole number.
-    """
-
-    half: int
-    start: int
-    mask: int
-    sign: int
-    missing: int
-    scale: float
-    offset: float
-    lowest: float
-    highest: float
+    half: int  # 0 for bytes 0 to 3 of the frame, 1 for bytes 4 to 7.
+    start: int  # Place of its lowest bit in the half.
+    mask: int  # All of its bits, as if it started at bit 0.
+    sign: int  # Its highest bit if it is signed, as two's complement, otherwise 0.
+    missing: int  # Code that says that there is no number.
+    scale: float  # A step of the code in the unit of the signal.
+    offset: float  # What code 0 means, in the unit of the signal.
+    lowest: float  # Least code of a number, a whole number.
+    highest: float  # Largest code of a number, a whole number.
 
 
 def signal_code(signal: SignalLayout, value: float) -> int:
     r"""Code of a number, the nearest one within the range of the signal.
 
-    .. math::
+    :math:`c = \left\lfloor \frac{x - x_0}{s} + \frac{1}{2} \right\rfloor`
 
-        c = \left\lfloor \frac{x - x_0}{s} + \frac{1}{2} \right\rfloor
-
-    Args:
-        value: x in the unit of the signal; NaN for none.
-
-    Returns:
-        c, negative only if the signal is signed.
+    ``value``: x in the unit of the signal; NaN for none. Returns c, negative only if the signal is signed.
     """
     steps = (value - signal.offset) / signal.scale
     if steps != steps:
@@ -67,8 +47,7 @@ def signal_code(signal: SignalLayout, value: float) -> int:
 def signal_value(signal: SignalLayout, code: int) -> float:
     r"""Number that a code stands for, :math:`x = s c + x_0`.
 
-    Returns:
-        x in the unit of the signal; NaN for a code outside its range.
+    Returns x in the unit of the signal; NaN for a code outside its range.
     """
     if code < signal.lowest or code > signal.highest:
         return math.nan
@@ -78,9 +57,7 @@ def signal_value(signal: SignalLayout, code: int) -> float:
 def pack_frame(signals: Sequence[SignalLayout], values: Sequence[float], halves: list[int]) -> None:
     """Write numbers into the bits of a frame; bits of no signal become 0.
 
-    Args:
-        values: One for each signal, in its unit.
-        halves: Of the frame; changed in place.
+    ``values``: one for each signal, in its unit. ``halves``: of the frame; changed in place.
     """
     halves[0] = 0
     halves[1] = 0
@@ -91,9 +68,7 @@ def pack_frame(signals: Sequence[SignalLayout], values: Sequence[float], halves:
 def unpack_frame(signals: Sequence[SignalLayout], halves: Sequence[int], values: list[float]) -> None:
     """Read numbers from the bits of a frame.
 
-    Args:
-        halves: Of the frame.
-        values: One for each signal, in its unit; changed in place.
+    ``halves``: of the frame. ``values``: one for each signal, in its unit; changed in place.
     """
     for index, signal in enumerate(signals):
         bits = (halves[signal.half] >> signal.start) & signal.mask

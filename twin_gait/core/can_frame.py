@@ -5,8 +5,6 @@ Bosch's CAN specification 2.0 (1991), part A: 0 is dominant, the start of frame 
 significant bit comes first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -21,19 +19,12 @@ _HALF_BYTES = 4
 
 @dataclass(slots=True)
 class Header:
-    """What of a frame's length and CRC is settled before its data.
+    """What of a frame's length and CRC is settled before its data."""
 
-    Attributes:
-        length: Of the data in bytes, 0 to 8.
-        crc: Up to the data.
-        run: Last bit and how often it stood in a row up to the data, as the tables here number them.
-        stuffed: Stuff bits up to the data.
-    """
-
-    length: int
-    crc: int
-    run: int
-    stuffed: int
+    length: int  # Of the data in bytes, 0 to 8.
+    crc: int  # Up to the data.
+    run: int  # Last bit and how often it stood in a row up to the data, as the tables here number them.
+    stuffed: int  # Stuff bits up to the data.
 
 
 def _next_crc(crc: int, bit: int) -> int:
@@ -85,12 +76,7 @@ _RUN = np.array([_run_entry(run, byte) for run in range(8) for byte in range(256
 
 
 def new_header(identifier: int, length: int) -> Header:
-    """Header of a data frame.
-
-    Args:
-        identifier: Of 11 bits.
-        length: Of the data in bytes, 0 to 8.
-    """
+    """Header of a data frame, by its identifier of 11 bits and its length in bytes, 0 to 8."""
     bits = (0, *_bits(identifier, 11), 0, 0, 0, *_bits(length, 4))
     crc = 0
     for bit in bits:
@@ -100,14 +86,9 @@ def new_header(identifier: int, length: int) -> Header:
 
 
 def frame_crc(header: Header, halves: Sequence[int]) -> int:
-    """CRC of a frame.
+    """CRC of a frame, 15 bits.
 
-    Args:
-        header: Of the frame.
-        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
-
-    Returns:
-        Of 15 bits.
+    ``halves``: bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
     """
     crc, rest = header.crc, halves[0]
     for number in range(header.length):
@@ -119,15 +100,10 @@ def frame_crc(header: Header, halves: Sequence[int]) -> int:
 
 
 def frame_bits(header: Header, halves: Sequence[int]) -> int:
-    """Length of a frame on the wire, with its stuff bits and the interframe space.
+    """Length in bits of a frame on the wire, with its stuff bits and the interframe space.
 
-    Args:
-        header: Of the frame.
-        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
-
-    Returns:
-        In bits: :math:`8n + 47` and one for each stuff bit, of which there are at most
-        :func:`most_stuff_bits`.
+    :math:`8n + 47` and one for each stuff bit, of which there are at most :func:`most_stuff_bits`.
+    ``halves``: as in :func:`frame_crc`.
     """
     crc, run, stuffed, rest = header.crc, header.run, header.stuffed, halves[0]
     for number in range(header.length):
@@ -146,18 +122,10 @@ def frame_bits(header: Header, halves: Sequence[int]) -> int:
 
 
 def most_stuff_bits(length: int) -> int:
-    r"""Most stuff bits of a frame, :math:`\lfloor (34 + 8n - 1) / 4 \rfloor`.
-
-    Args:
-        length: Of the data in bytes.
-    """
+    r"""Most stuff bits of a frame with n bytes of data, :math:`\lfloor (34 + 8n - 1) / 4 \rfloor`."""
     return (_HEADER_BITS + _CRC_BITS + 8 * length - 1) // (_LONGEST_RUN - 1)
 
 
 def most_frame_bits(length: int) -> int:
-    """Bits of the longest frame with so many bytes of data, interframe space included.
-
-    Args:
-        length: Of the data in bytes.
-    """
+    """Bits of the longest frame with so many bytes of data, interframe space included."""
     return _HEADER_BITS + 8 * length + _CRC_BITS + most_stuff_bits(length) + _UNSTUFFED_BITS

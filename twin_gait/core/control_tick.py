@@ -1,9 +1,8 @@
 """What the firmware does in one tick of 1 ms, joint by joint.
 
-Memory (last angles, rings) is handed in and changed in place; nothing is kept between calls.
+Memory (last angles, rings) is handed in and changed in place; nothing is kept between calls. Angles are in
+[rad], ``period`` is the length of a tick in [s], and a reading what the sensor reads, noise included.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -27,39 +26,21 @@ _ROOM = 16  # windows of any length up to the next multiple share one compiled l
 
 @dataclass(slots=True)
 class Encoder:
-    """Encoder of a joint with its two velocity estimates.
+    """Encoder of a joint with its two velocity estimates."""
 
-    Attributes:
-        resolution: Angle of a count in [rad]; 0 for an ideal sensor.
-        angle: Measured in [rad].
-        velocity_fast: First-order estimate in [rad] / [s].
-        velocity_slow: Decimated and averaged estimate in [rad] / [s].
-        last_angle: Of the tick before.
-        last_fast: Fast velocity of the tick before.
-        decimated_angle: Angle at the last slow sample.
-        window: Slow samples that are averaged.
-        ring: Last slow samples in [rad] / [s], with room for more than the window.
-    """
-
-    resolution: float
-    angle: float
-    velocity_fast: float
-    velocity_slow: float
-    last_angle: float
-    last_fast: float
-    decimated_angle: float
-    window: int
-    ring: list[float]
+    resolution: float  # Angle of a count in [rad]; 0 for an ideal sensor.
+    angle: float  # Measured in [rad].
+    velocity_fast: float  # First-order estimate in [rad] / [s].
+    velocity_slow: float  # Decimated and averaged estimate in [rad] / [s].
+    last_angle: float  # Of the tick before.
+    last_fast: float  # Fast velocity of the tick before.
+    decimated_angle: float  # Angle at the last slow sample.
+    window: int  # Slow samples that are averaged.
+    ring: list[float]  # Last slow samples in [rad] / [s], with room for more than the window.
 
 
 def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
-    """An encoder that is referenced at an angle, at rest.
-
-    Args:
-        resolution: Angle of a count in [rad]; 0 for an ideal sensor.
-        angle: In [rad].
-        window: Slow samples that are averaged.
-    """
+    """An encoder that is referenced at an angle, at rest; the resolution of an ideal one is 0."""
     room = -(-window // _ROOM) * _ROOM
     return Encoder(resolution, angle, 0.0, 0.0, 0.0, 0.0, 0.0, window, [0.0] * room)
 
@@ -67,19 +48,11 @@ def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
 def measure_joint(
     encoder: Encoder, tick: int, reading: float, period: float, fast_gain: float, decimation: int
 ) -> None:
-    r"""Encoder and the two velocity estimates of one tick.
+    """Encoder and the two velocity estimates of one tick; in tick 0 only the angle is read.
 
-    ``velocity_fast`` is the 1 kHz encoder difference through a first-order filter. ``velocity_slow``
-    is the thesis's: the difference over ``decimation`` ticks, averaged over the last samples in the
-    ring (thesis 2.3.1; about 50 ms late).
-
-    Args:
-        encoder: Changed in place.
-        tick: Present tick; in tick 0 only the angle is read.
-        reading: What the sensor reads, noise included, in [rad].
-        period: Length of a tick in [s].
-        fast_gain: From :func:`~twin_gait.core.estimation.first_order_gain`.
-        decimation: Ticks between two samples of the slow estimate.
+    ``velocity_fast`` is the 1 kHz encoder difference through a first-order filter. ``velocity_slow`` is the
+    thesis's: the difference over ``decimation`` ticks, averaged over the last samples in the ring (thesis
+    2.3.1; about 50 ms late).
     """
     measure_angle(encoder, tick == 0, reading, period, fast_gain)
     if tick > 0 and tick % decimation == 0:
@@ -89,12 +62,7 @@ def measure_joint(
 def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, fast_gain: float) -> None:
     """Encoder and fast velocity estimate of one tick; see :func:`measure_joint`.
 
-    Args:
-        encoder: Changed in place.
-        first: Whether only the angle is read, for want of one before.
-        reading: What the sensor reads, noise included, in [rad].
-        period: Length of a tick in [s].
-        fast_gain: Of the filter.
+    ``first``: whether only the angle is read, for want of one before.
     """
     angle = quantise(reading, encoder.resolution)
     fast = first_order_step(encoder.velocity_fast, (angle - encoder.angle) / period, fast_gain)
@@ -108,13 +76,7 @@ def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, 
 
 
 def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
-    """Take a sample of the slow velocity estimate, and the mean over the window.
-
-    Args:
-        encoder: Changed in place.
-        number: Of the sample.
-        interval: Between two samples in [s].
-    """
+    """Take a sample of the slow velocity estimate, and the mean over the window; interval in [s]."""
     sample = (encoder.angle - encoder.decimated_angle) / interval
     encoder.decimated_angle = encoder.angle
     window = encoder.window
@@ -127,29 +89,18 @@ def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
 
 @dataclass(slots=True)
 class Setpoint:
-    """What a gait table asks of a joint.
+    """What a gait table asks of a joint."""
 
-    Attributes:
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium: θ0 in [rad].
-        gain: G, of the friction compensation.
-    """
-
-    stiffness: float
-    damping: float
-    equilibrium: float
-    gain: float
+    stiffness: float  # k in [N m] / [rad].
+    damping: float  # b in [N m s] / [rad].
+    equilibrium: float  # θ0 in [rad].
+    gain: float  # G, of the friction compensation.
 
 
 def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Setpoint) -> None:
     """Fade the setpoint of a joint from where it was at the switch to that of the phase.
 
-    Args:
-        start: Values at the switch.
-        target: Values of the phase.
-        share: From :func:`~twin_gait.core.blending.blend_share`.
-        blended: Present values; changed in place.
+    ``share``: from :func:`~twin_gait.core.blending.blend_share`. ``blended`` is changed in place.
     """
     blended.stiffness = blend(start.stiffness, target.stiffness, share)
     blended.damping = blend(start.damping, target.damping, share)
@@ -158,11 +109,7 @@ def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Set
 
 
 def copy_setpoint(source: Setpoint, target: Setpoint) -> None:
-    """Give a setpoint the values of another.
-
-    Args:
-        target: Changed in place.
-    """
+    """Give a setpoint, ``target``, the values of another."""
     target.stiffness = source.stiffness
     target.damping = source.damping
     target.equilibrium = source.equilibrium
@@ -179,41 +126,23 @@ def controller_torques(
     friction_compensation_gain: float,
     model_friction_torque: float,
 ) -> tuple[float, float]:
-    r"""Impedance on friction compensation, equations (2.17) and (2.18) of the thesis.
+    r"""Impedance and friction compensation in [N m], equations (2.17) and (2.18) of the thesis.
 
     .. math::
 
         \tau_{imp} = -[k(\theta-\theta_0) + b\,\hat\omega_{fast}], \qquad
         \tau_{fc} = G\,T_{fr}(\hat\omega_{slow})
 
-    Args:
-        angle: Measured angle in [rad].
-        velocity_fast: Fast velocity estimate in [rad] / [s], for the damper.
-        velocity_slow: Slow estimate in [rad] / [s]; this law needs it only through the friction model.
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium_angle: θ0 in [rad].
-        friction_compensation_gain: G.
-        model_friction_torque: T_fr of the compensator's friction model at the slow velocity in [N m].
-
-    Returns:
-        Impedance torque and friction-compensation torque in [N m].
+    This law needs the slow velocity only through T_fr, the friction of the compensator's model at it.
     """
     impedance = impedance_torque(angle, velocity_fast, stiffness, damping, equilibrium_angle)
     return impedance, friction_compensation_gain * model_friction_torque
 
 
 def target_current(motor: Motor, command: float, torque_limit: float, current_limit: float) -> float:
-    """Current that the firmware asks the drive for: torque limit, conversion, current limit.
+    """Current in [A] that the firmware asks the drive for: torque limit, conversion, current limit.
 
-    Args:
-        motor: Motor and gear.
-        command: Sum of the controller's torques in [N m].
-        torque_limit: In [N m].
-        current_limit: In [A].
-
-    Returns:
-        Current in [A].
+    ``command``: sum of the controller's torques in [N m].
     """
     limited = saturate(command, torque_limit)
     wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio)
@@ -225,16 +154,9 @@ def driven_motor(
 ) -> tuple[float, float]:
     """What a motor gives when its drive is asked for a current: what the bus voltage allows at this speed.
 
-    The current loop (20 kHz) is ideal within the tick.
-
-    Args:
-        motor: Motor and gear.
-        current: Asked for, from :func:`target_current`, in [A].
-        joint_velocity: True joint velocity in [rad] / [s], for the back-EMF.
-        bus_voltage: In [V].
-
-    Returns:
-        Measured current in [A], motor torque at the joint before the losses of the gear in [N m].
+    The current loop (20 kHz) is ideal within the tick. ``joint_velocity``: the true one, for the back-EMF.
+    Returns the measured current in [A] and the motor torque at the joint, before the losses of the gear, in
+    [N m].
     """
     measured = voltage_limited_current(
         current, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio

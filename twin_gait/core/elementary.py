@@ -14,8 +14,6 @@ Every coefficient is a number of its own here, not computed: it belongs to the f
 tests/core/test_elementary.py derives them anew and bounds the errors against mpmath.
 """
 
-from __future__ import annotations
-
 import math
 
 # To this a number below 2^51 adds its nearest whole number in the lowest bits; less this, it is that number.
@@ -55,11 +53,8 @@ _SATURATED = 22.0
 def power_of_two(shifted: float) -> float:
     """Two to the power of a whole number, exactly.
 
-    Args:
-        shifted: The whole number, from -1023 to 1024, added to 1.5 2^52.
-
-    Returns:
-        The power; 0 at -1023, infinity at 1024, NaN of NaN.
+    ``shifted``: the whole number, from -1023 to 1024, added to 1.5 2^52. Returns the power; 0 at -1023,
+    infinity at 1024, NaN of NaN.
     """
     number = shifted - _SHIFT
     if number != number:
@@ -72,8 +67,7 @@ def power_of_two(shifted: float) -> float:
 def whole_number(shifted: float) -> int:
     """The whole number in the lowest bits of a sum with 1.5 2^52; only its own lowest bits count.
 
-    Args:
-        shifted: The sum; of what is not finite any number is returned.
+    ``shifted``: the sum; of what is not finite any number is returned.
     """
     return int(shifted - _SHIFT) if math.isfinite(shifted) else 0
 
@@ -98,12 +92,8 @@ def _grown(x: float) -> tuple[float, float]:
 def exponential(x: float) -> float:
     """Exponential function, within 1 unit in the last place.
 
-    Args:
-        x: Any number; NaN gives NaN.
-
-    Returns:
-        :math:`e^x`; 0 below -708.74, where it would be less than 1.6e-308, and infinity above 709.43, where
-        it would be more than 1.2e308.
+    ``x``: any number; NaN gives NaN. Returns :math:`e^x`; 0 below -708.74, where it would be less than
+    1.6e-308, and infinity above 709.43, where it would be more than 1.2e308.
     """
     x = _LEAST if x < _LEAST else x
     x = _MOST if x > _MOST else x
@@ -114,12 +104,8 @@ def exponential(x: float) -> float:
 def settled_share(x: float) -> float:
     """Share by which an exponential has settled, however small it is.
 
-    Args:
-        x: Time in time constants, or whatever else counts in them; NaN gives NaN.
-
-    Returns:
-        :math:`1 - e^{-x}`, within 1 unit in the last place, and within 2 where it is negative; held at
-        -1.2e308 below -709.4.
+    ``x``: time in time constants, or whatever else counts in them; NaN gives NaN. Returns :math:`1 - e^{-x}`,
+    within 1 unit in the last place, and within 2 where it is negative; held at -1.2e308 below -709.4.
     """
     x = -_FINITE if x < -_FINITE else x
     x = -_LEAST if x > -_LEAST else x
@@ -137,11 +123,7 @@ def hyperbolic_tangent(x: float) -> float:
         \tanh |x| = \frac{e^{2|x|} - 1}{e^{2|x|} + 1} = \frac{N}{N + 2\,(R - r)}, \qquad
         N = (s - 1)\,R + (s + 1)\,r
 
-    Args:
-        x: Any number; NaN gives NaN.
-
-    Returns:
-        Value in [-1, 1], exactly odd.
+    ``x``: any number; NaN gives NaN. Returns the value in [-1, 1], exactly odd.
     """
     magnitude = abs(x)
     magnitude = _SATURATED if magnitude > _SATURATED else magnitude
@@ -167,11 +149,8 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     off by as much as two roundings of its own; beyond :math:`10^9` rad they mean nothing and may lie outside
     [-1, 1]. A run that gets there has diverged long before.
 
-    Args:
-        angle: :math:`\varphi` in [rad]; NaN and infinity give NaN.
-
-    Returns:
-        Sine and cosine, exactly odd and even.
+    ``angle``: :math:`\varphi` in [rad]; NaN and infinity give NaN. Returns the sine and cosine, exactly odd
+    and even.
     """
     shifted = angle * _PER_QUARTER + _SHIFT
     number, quadrant = shifted - _SHIFT, whole_number(shifted)

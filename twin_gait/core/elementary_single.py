@@ -10,8 +10,6 @@ The polynomials stay, each coefficient rounded. What depends on the length of a 
 tests/firmware/test_elementary_single.py derives them anew and bounds the errors against mpmath.
 """
 
-from __future__ import annotations
-
 SINGLE: dict[str, float] = {
     "_SHIFT": 12582912.0,  # 1.5 2^23
     "_PER_LN2": 1.4426950216293335,

@@ -1,7 +1,5 @@
 """Encoder and the two velocity estimates of the firmware, and samples that come late."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -11,14 +9,9 @@ _ROOM = 16  # delays up to the next multiple share one compiled loop
 
 
 def quantise(angle: float, resolution: float) -> float:
-    """Angle as an encoder of a given resolution reports it.
+    """Angle in [rad] as an encoder reports it, whose count is ``resolution``; 0 or less is an ideal one.
 
-    Args:
-        angle: True angle in [rad].
-        resolution: Angle of one count in [rad]; zero or less means an ideal sensor.
-
-    Returns:
-        Angle in [rad], a whole number of counts; NaN, a reading that is missing, passes through.
+    A whole number of counts; NaN, a reading that is missing, passes through.
     """
     if resolution <= 0.0 or angle != angle:
         return angle
@@ -26,14 +19,9 @@ def quantise(angle: float, resolution: float) -> float:
 
 
 def first_order_gain(period: float, time_constant: float) -> float:
-    r"""Gain :math:`\alpha = 1 - e^{-T/\tau}` of the discrete first-order low-pass filter.
+    r"""Gain :math:`\alpha = 1 - e^{-T/\tau}` in (0, 1] of the discrete first-order low-pass filter.
 
-    Args:
-        period: Sampling period :math:`T` in [s].
-        time_constant: :math:`\tau` in [s]; zero means no filter.
-
-    Returns:
-        Gain in (0, 1].
+    Times in [s]; a time constant of zero means no filter.
     """
     if time_constant <= 0.0:
         return 1.0
@@ -41,52 +29,28 @@ def first_order_gain(period: float, time_constant: float) -> float:
 
 
 def first_order_step(estimate: float, sample: float, gain: float) -> float:
-    """One step of the first-order low-pass filter.
-
-    Args:
-        estimate: Filter output before.
-        sample: New input, same unit.
-        gain: From :func:`first_order_gain`.
-
-    Returns:
-        Filter output after.
-    """
+    """Output of the first-order low-pass filter after one more sample."""
     return estimate + gain * (sample - estimate)
 
 
 @dataclass(slots=True)
 class DelayLine:
-    """Samples that are under way.
+    """Samples that are under way."""
 
-    Attributes:
-        delay: How many samples later one is used.
-        samples: Taken in turn, with room for more than the delay.
-    """
-
-    delay: int
-    samples: list[float]
+    delay: int  # How many samples later one is used.
+    samples: list[float]  # Taken in turn, with room for more than the delay.
 
 
 def new_delay_line(delay: int, first: float = 0.0) -> DelayLine:
-    """A delay line that is full of one sample.
-
-    Args:
-        delay: In samples, 0 or more.
-        first: The sample.
-    """
+    """A delay line of so many samples, 0 or more, that is full of one sample."""
     return DelayLine(delay, [first] * ((delay // _ROOM + 1) * _ROOM))
 
 
 def delayed_sample(line: DelayLine, number: int, sample: float) -> float:
     """Put a sample in at one end and take the one that is due out at the other.
 
-    Args:
-        line: Changed in place.
-        number: Of the sample, from 0 on.
-        sample: The new one.
-
-    Returns:
-        The sample whose number is smaller by the delay; what the line was full of if there was none yet.
+    ``number``: of the sample, from 0 on. Returns the sample whose number is smaller by the delay; what the
+    line was full of if there was none yet.
     """
     size = line.delay + 1
     line.samples[number % size] = sample

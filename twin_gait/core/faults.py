@@ -1,23 +1,15 @@
-"""Faults between the true state and what the controller sees, or between command and motor."""
+"""Faults between the true state and what the controller sees, or between command and motor.
 
-from __future__ import annotations
+``joint`` and ``leg`` are numbers, ``tick`` is the present one, ``period`` its length in [s], ``faults`` are
+those of the episode.
+"""
 
 import math
 from dataclasses import dataclass
 
 # Kinds of faults, as the array numbers them.
-(
-    ENCODER_FREEZE,
-    ENCODER_JUMP,
-    ENCODER_MISSING,
-    ENCODER_DRIFT,
-    ENCODER_OFFSET,
-    MOTOR_DEAD,
-    MOTOR_STUCK,
-    CONTROLLER_RUNAWAY,
-    FOOT_LOAD_STUCK,
-    SUPPLY_DIP,
-) = range(10)
+ENCODER_FREEZE, ENCODER_JUMP, ENCODER_MISSING, ENCODER_DRIFT, ENCODER_OFFSET = range(5)
+MOTOR_DEAD, MOTOR_STUCK, CONTROLLER_RUNAWAY, FOOT_LOAD_STUCK, SUPPLY_DIP = range(5, 10)
 
 NO_FAULT = -1
 JUMP_TICKS = 5  # a jump is a glitch of so many ticks; what lasts is an offset
@@ -27,42 +19,22 @@ LEAST_BUS_VOLTAGE = 1.0  # [V]; the capacitors of the bus are never quite empty
 
 @dataclass(slots=True)
 class Fault:
-    """A fault of an episode.
+    """A fault of an episode."""
 
-    Attributes:
-        kind: See above.
-        place: A joint, a leg, or of no meaning for the supply.
-        start_tick: First tick with the fault.
-        magnitude: In SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque
-            in [N m] of a stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
-    """
-
-    kind: int
-    place: int
-    start_tick: int
+    kind: int  # See above.
+    place: int  # A joint, a leg, or of no meaning for the supply.
+    start_tick: int  # First tick with the fault.
+    # In SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque in [N m] of a
+    # stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
     magnitude: float
 
 
 def faulty_angle(
-    joint: int,
-    tick: int,
-    period: float,
-    faults: list[Fault],
-    reading: float,
-    last_reading: float,
+    joint: int, tick: int, period: float, faults: list[Fault], reading: float, last_reading: float
 ) -> float:
-    """What a joint's encoder reads under its faults.
+    """What a joint's encoder reads under its faults in [rad]; NaN if it is missing.
 
-    Args:
-        joint: Index of the joint.
-        tick: Present tick.
-        period: Length of a tick in [s].
-        faults: Of the episode.
-        reading: Of the healthy encoder in [rad].
-        last_reading: What it read in the tick before in [rad].
-
-    Returns:
-        Reading in [rad]; NaN if it is missing.
+    ``reading``: of the healthy encoder. ``last_reading``: what it read in the tick before.
     """
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -80,17 +52,9 @@ def faulty_angle(
 
 
 def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load: float) -> float:
-    """What the load sensor of a foot reads under its faults.
+    """What the load sensor of a foot reads under its faults, in the unit of the load.
 
-    Args:
-        leg: Index of the leg.
-        tick: Present tick.
-        faults: Of the episode.
-        load: Of the healthy sensor.
-        last_load: What it read in the tick before.
-
-    Returns:
-        Reading, in the unit of the load.
+    ``load``: of the healthy sensor. ``last_load``: what it read in the tick before.
     """
     for fault in faults:
         stuck = fault.kind == FOOT_LOAD_STUCK and fault.place == leg
@@ -100,17 +64,7 @@ def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load
 
 
 def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) -> float:
-    """Torque that a controller gone wrong adds: a ramp.
-
-    Args:
-        joint: Index of the joint.
-        tick: Present tick.
-        period: Length of a tick in [s].
-        faults: Of the episode.
-
-    Returns:
-        Torque in [N m].
-    """
+    """Torque in [N m] that a controller gone wrong adds: a ramp."""
     torque = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -120,16 +74,7 @@ def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) ->
 
 
 def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
-    """The fault of a joint's drive that is at work.
-
-    Args:
-        joint: Index of the joint.
-        tick: Present tick.
-        faults: Of the episode.
-
-    Returns:
-        Its row, the first one if there are several, or ``NO_FAULT``.
-    """
+    """Row of the fault of a joint's drive that is at work, the first one of several, or ``NO_FAULT``."""
     for row in range(len(faults)):
         fault = faults[row]
         broken = fault.kind == MOTOR_DEAD or fault.kind == MOTOR_STUCK
@@ -139,15 +84,7 @@ def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
 
 
 def supply_drop(tick: int, faults: list[Fault]) -> float:
-    """Voltage that the supply lacks.
-
-    Args:
-        tick: Present tick.
-        faults: Of the episode.
-
-    Returns:
-        Voltage in [V], 0 without a dip.
-    """
+    """Voltage in [V] that the supply lacks, 0 without a dip."""
     drop = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -157,17 +94,10 @@ def supply_drop(tick: int, faults: list[Fault]) -> float:
 
 
 def dipped_bus_voltage(voltage: float, drop: float, highest_back_emf: float) -> float:
-    """Bus voltage in a dip of the supply.
+    """Bus voltage in [V] in a dip of the supply.
 
     Turning motors charge the bus through the diodes of their bridges, so that it does not fall below the
-    highest back-EMF; what feeds the bus is cut off, so nothing but its capacitors takes that current.
-
-    Args:
-        voltage: Without the dip in [V].
-        drop: Of the supply in [V].
-        highest_back_emf: Largest magnitude over the motors in [V].
-
-    Returns:
-        Voltage in [V].
+    highest back-EMF of all motors; what feeds the bus is cut off, so nothing but its capacitors takes that
+    current.
     """
     return max(voltage - drop, highest_back_emf, LEAST_BUS_VOLTAGE)

@@ -1,7 +1,5 @@
 """Friction of a joint with motor and harmonic drive, seen at the joint."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -29,36 +27,22 @@ class PlantFriction:
     """Friction of a coordinate of the plant: which law, and the parameters of all of them.
 
     A law leaves alone what it does not know; :func:`friction_torque` says who reads what.
-
-    Attributes:
-        law: ``FRICTIONLESS``, ``ROTATIONAL``, ``ASYMMETRIC`` or ``BRISTLE``.
-        breakaway_torque: a of (3.1), F_s of the others, in [N m].
-        coulomb_friction: b of (3.1), F_c of the others, in [N m].
-        stribeck_velocity: c of (3.1), ω_s of the others, in [rad] / [s], not zero.
-        viscous_friction_forward: d of (3.1) in [N m s] / [rad]; F_v+ of the others, in [N m] at 1 rad/s.
-        viscous_friction_backward: F_v- in [N m] at 1 rad/s.
-        gear_efficiency: η under load, beside all that; 1 for a gear without such losses.
-        offset: T_0 in [N m].
-        transition_velocity: ω_t in [rad] / [s], above 0.
-        stribeck_exponent: δ.
-        viscous_exponent: α.
-        bristle_stiffness: σ0 in [N m] / [rad]; 0 for laws without bristles.
-        bristle_damping: σ1 in [N m s] / [rad].
     """
 
-    law: int = FRICTIONLESS
-    breakaway_torque: float = 0.0
-    coulomb_friction: float = 0.0
-    stribeck_velocity: float = 1.0
+    law: int = FRICTIONLESS  # ``FRICTIONLESS``, ``ROTATIONAL``, ``ASYMMETRIC`` or ``BRISTLE``.
+    breakaway_torque: float = 0.0  # a of (3.1), F_s of the others, in [N m].
+    coulomb_friction: float = 0.0  # b of (3.1), F_c of the others, in [N m].
+    stribeck_velocity: float = 1.0  # c of (3.1), ω_s of the others, in [rad] / [s], not zero.
+    # d of (3.1) in [N m s] / [rad]; F_v+ of the others, in [N m] at 1 rad/s.
     viscous_friction_forward: float = 0.0
-    viscous_friction_backward: float = 0.0
-    gear_efficiency: float = 1.0
-    offset: float = 0.0
-    transition_velocity: float = 1.0
-    stribeck_exponent: float = 2.0
-    viscous_exponent: float = 1.0
-    bristle_stiffness: float = 0.0
-    bristle_damping: float = 0.0
+    viscous_friction_backward: float = 0.0  # F_v- in [N m] at 1 rad/s.
+    gear_efficiency: float = 1.0  # η under load, beside all that; 1 for a gear without such losses.
+    offset: float = 0.0  # T_0 in [N m].
+    transition_velocity: float = 1.0  # ω_t in [rad] / [s], above 0.
+    stribeck_exponent: float = 2.0  # δ.
+    viscous_exponent: float = 1.0  # α.
+    bristle_stiffness: float = 0.0  # σ0 in [N m] / [rad]; 0 for laws without bristles.
+    bristle_damping: float = 0.0  # σ1 in [N m s] / [rad].
 
 
 def rotational_friction_torque(
@@ -68,10 +52,10 @@ def rotational_friction_torque(
     breakaway_velocity: float,
     viscous_friction: float,
 ) -> float:
-    r"""Magnitude of the rotational friction torque, with the sign of the velocity.
+    r"""Magnitude of the rotational friction torque in [N m], with the sign of the velocity; odd in it.
 
-    Equation (3.1) of the thesis, with breakaway torque :math:`a`, Coulomb friction :math:`b`,
-    breakaway velocity :math:`c` and viscous coefficient :math:`d`:
+    Equation (3.1) of the thesis, with breakaway torque a and Coulomb friction b in [N m], breakaway velocity
+    c in [rad] / [s], not zero, and viscous coefficient d in [N m s] / [rad]:
 
     .. math::
 
@@ -80,16 +64,6 @@ def rotational_friction_torque(
 
     The torque on the plant is :math:`-T_{fr}`; a compensator adds :math:`+G\,T_{fr}`. With :math:`a < b`, as
     in table 3.1, the first term is a dip near 0.13 rad/s instead of a Stribeck peak.
-
-    Args:
-        velocity: Joint velocity in [rad] / [s].
-        breakaway_torque: :math:`a` in [N m].
-        coulomb_friction: :math:`b` in [N m].
-        breakaway_velocity: :math:`c` in [rad] / [s], not zero.
-        viscous_friction: :math:`d` in [N m s] / [rad].
-
-    Returns:
-        Friction torque in [N m]; odd in the velocity.
     """
     x = velocity / breakaway_velocity
     stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * exponential(-(x * x)) * x
@@ -97,7 +71,7 @@ def rotational_friction_torque(
 
 
 def gear_loss_torque(velocity: float, load: float, efficiency: float, transition_velocity: float) -> float:
-    r"""Torque that the gear loses under load, with the sign of the velocity.
+    r"""Torque in [N m] that the gear loses under load, with the sign of the velocity.
 
     Driving, the joint receives :math:`\eta\tau` of what the motor puts into the gear; driven backwards, it
     takes :math:`\tau/\eta` to overcome the motor:
@@ -117,17 +91,7 @@ def gear_loss_torque(velocity: float, load: float, efficiency: float, transition
 
     As :math:`B < A`, it never gives energy. In other words: friction of the gear that grows with its load
     (model M3 of Duclusaud et al. 2025), :math:`K_l\,|\tau|` with :math:`K_l = 1 - \eta` driving and
-    :math:`1/\eta - 1` driven.
-
-    Args:
-        velocity: Joint velocity :math:`\omega` in [rad] / [s].
-        load: Torque :math:`\tau` that the gear passes on in [N m], either sign: that of the motor less what
-            turns the rotor.
-        efficiency: :math:`\eta` in (0, 1].
-        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
-
-    Returns:
-        Torque in [N m]; on the plant acts its negative.
+    :math:`1/\eta - 1` driven. The load τ is that of the motor less what turns the rotor, η in (0, 1].
     """
     return _gear_loss(hyperbolic_tangent(velocity / transition_velocity), load, efficiency)
 
@@ -150,14 +114,7 @@ def geared_friction_torque(
 ) -> float:
     """:func:`rotational_friction_torque` and what the gear loses under load, which turn over together.
 
-    They share their hyperbolic tangent, and a compiler finds it.
-
-    Args:
-        load: Torque that the gear passes on in [N m].
-        gear_efficiency: In (0, 1].
-
-    Returns:
-        Torque in [N m] with the sign of the velocity.
+    They share their hyperbolic tangent, and a compiler finds it. Load in [N m], efficiency in (0, 1].
     """
     friction = rotational_friction_torque(
         velocity, breakaway_torque, coulomb_friction, breakaway_velocity, viscous_friction
@@ -167,11 +124,11 @@ def geared_friction_torque(
 
 
 def friction_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
-    r"""Friction of a coordinate of the plant, by whichever law it has.
+    r"""Friction of a coordinate of the plant in [N m] by whichever law it has, with the sign of the velocity.
 
-    ``ROTATIONAL`` is (3.1) with the losses of the gear, :func:`geared_friction_torque`.
-    ``ASYMMETRIC`` is :func:`twin_gait.core.friction_models.asymmetric_torque`, ``BRISTLE`` LuGre's model
-    with directions (Dahl's with :math:`F_s = F_c`, :math:`\sigma_1 = 0`):
+    ``ROTATIONAL`` is (3.1) with the losses of the gear, :func:`geared_friction_torque`. ``ASYMMETRIC`` is
+    :func:`twin_gait.core.friction_models.asymmetric_torque`, ``BRISTLE`` LuGre's model with directions
+    (Dahl's with :math:`F_s = F_c`, :math:`\sigma_1 = 0`) and the deflection z in [rad]:
 
     .. math::
 
@@ -180,15 +137,6 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
 
     with the Stribeck curve :math:`g_l = g(\omega)`. All lose :func:`gear_loss_torque` beside it, with
     :math:`\omega_t = c/10` of (3.1); of bristles it raises the level, :math:`g_l = g(\omega) + |T_l|`.
-
-    Args:
-        friction: Law and parameters.
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` of the bristles in [rad]; laws without bristles do not look at it.
-        load: Torque :math:`\tau` that the gear passes on in [N m], either sign.
-
-    Returns:
-        Torque in [N m] with the sign of the velocity; on the plant acts its negative.
     """
     rotational = rotational_torque(friction, velocity, load)
     return whole_friction_torque(friction, rotational, velocity, deflection, load)
@@ -254,21 +202,12 @@ def _directional_torque(friction: PlantFriction, velocity: float, deflection: fl
 def advanced_deflection(
     friction: PlantFriction, displacement: float, velocity: float, deflection: float
 ) -> float:
-    """Deflection of the bristles after a small displacement of the joint.
+    """Deflection in [rad] of the bristles after a small displacement of the joint in [rad].
 
-    Bristles follow the way, not the time; only their level g depends on the speed. For a level that stays
-    this is exact (:func:`twin_gait.core.friction_models.bristle_step`), however long the way: sliding
-    bristles come to the level of the velocity at its end, so that a step may be longer than they take to
-    slide.
-
-    Args:
-        friction: Law and parameters; those without bristles leave the deflection as it is.
-        displacement: Of the joint in [rad].
-        velocity: At the end of the displacement in [rad] / [s].
-        deflection: z before in [rad].
-
-    Returns:
-        z after, in [rad].
+    Bristles follow the way, not the time; only their level g depends on the speed, that at the end. For a
+    level that stays this is exact (:func:`twin_gait.core.friction_models.bristle_step`), however long the
+    way: a step may be longer than bristles take to slide. Laws without bristles leave the deflection as it
+    is.
     """
     if friction.law != BRISTLE:
         return deflection
@@ -277,15 +216,7 @@ def advanced_deflection(
 
 
 def steady_deflection(friction: PlantFriction, velocity: float) -> float:
-    """Deflection of bristles that slide at a constant velocity: g sgn ω / σ0, and none at rest.
-
-    Args:
-        friction: Law and parameters.
-        velocity: In [rad] / [s].
-
-    Returns:
-        z in [rad]; 0 for laws without bristles.
-    """
+    """Deflection in [rad] of bristles that slide at a constant velocity: g sgn ω / σ0, or 0."""
     if friction.law != BRISTLE:
         return 0.0
     return sign_of(velocity) * _level(friction, velocity) / friction.bristle_stiffness

@@ -1,21 +1,20 @@
 """Friction laws of the literature beside the thesis's own: what an identification chooses from.
 
-They return the friction torque with the sign of the velocity; the torque on the plant is its negative. Each
-is linear in all of its torques and coefficients, which the identification makes use of; velocities and
-exponents enter non-linearly. They are written without branches on numbers, with :func:`chosen` instead, so
-that the identification runs these very functions over arrays (:mod:`twin_gait.identification.laws`).
-"""
+They return the friction torque in [N m] with the sign of the velocity; the torque on the plant is its
+negative. Each is linear in all of its torques and coefficients, which the identification makes use of;
+velocities and exponents enter non-linearly. They are written without branches on numbers, with
+:func:`chosen` instead, so that the identification runs these very functions over arrays
+(:mod:`twin_gait.identification.laws`).
 
-from __future__ import annotations
+Of all laws: velocity ω in [rad] / [s]; ``coulomb`` F_c and ``breakaway`` F_s in [N m]; ``viscous`` F_v in
+[N m s] / [rad]; ``stribeck_velocity`` ω_s and ``transition_velocity`` ω_t in [rad] / [s], above 0;
+``deflection`` z of the bristles in [rad], their ``stiffness`` σ0 in [N m] / [rad], and their ``level`` g in
+[N m], above 0.
+"""
 
 import math
 
-from twin_gait.core.elementary import (
-    exponential,
-    hyperbolic_tangent,
-    settled_share,
-    sine_cosine,
-)
+from twin_gait.core.elementary import exponential, hyperbolic_tangent, settled_share, sine_cosine
 
 _SQRT_2E = math.sqrt(2.0 * math.e)
 REFERENCE_TEMPERATURE = 25.0  # [°C] at which motor data sheets state their values
@@ -32,30 +31,14 @@ def sign_of(velocity: float) -> float:
 
 
 def coulomb_viscous_torque(velocity: float, coulomb: float, viscous: float) -> float:
-    r"""Coulomb and viscous friction: :math:`F_c\,\mathrm{sgn}\,\omega + F_v\,\omega`, thesis (1.1).
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_c` in [N m].
-        viscous: :math:`F_v` in [N m s] / [rad].
-
-    Returns:
-        Torque in [N m].
-    """
+    r"""Coulomb and viscous friction, thesis (1.1): :math:`F_c\,\mathrm{sgn}\,\omega + F_v\,\omega`."""
     return coulomb * sign_of(velocity) + viscous * velocity
 
 
 def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float, steepness: float) -> float:
     r"""TWIN's old model, equation (2.5) of the thesis: :math:`F_v\,\omega + F_s \tanh(k\,\omega)`.
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_s` in [N m].
-        viscous: :math:`F_v` in [N m s] / [rad].
-        steepness: :math:`k` in [s] / [rad]; 40 in the firmware.
-
-    Returns:
-        Torque in [N m].
+    F_s is ``coulomb``, and k the ``steepness`` in [s] / [rad]; 40 in the firmware.
     """
     return coulomb * hyperbolic_tangent(steepness * velocity) + viscous * velocity
 
@@ -63,19 +46,9 @@ def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float,
 def stribeck_level(
     velocity: float, coulomb: float, breakaway: float, stribeck_velocity: float, exponent: float
 ) -> float:
-    r"""Magnitude of the friction without its viscous part.
+    r"""Magnitude of the friction without its viscous part, with the exponent δ.
 
     :math:`g(\omega) = F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}`.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_c` in [N m].
-        breakaway: :math:`F_s` in [N m].
-        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
-        exponent: :math:`\delta`.
-
-    Returns:
-        Torque in [N m].
     """
     return coulomb + (breakaway - coulomb) * exponential(-(abs(velocity / stribeck_velocity) ** exponent))
 
@@ -88,20 +61,9 @@ def stribeck_torque(
     stribeck_velocity: float,
     exponent: float,
 ) -> float:
-    r"""Stribeck friction, equation (1.2) of the thesis.
+    r"""Stribeck friction, equation (1.2) of the thesis, with an exponent δ that is often 2.
 
     :math:`[F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}]\,\mathrm{sgn}\,\omega + F_v\,\omega`.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        coulomb: :math:`F_c` in [N m].
-        breakaway: :math:`F_s` in [N m].
-        viscous: :math:`F_v` in [N m s] / [rad].
-        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
-        exponent: :math:`\delta`, often 2.
-
-    Returns:
-        Torque in [N m].
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, exponent)
     return level * sign_of(velocity) + viscous * velocity
@@ -125,18 +87,7 @@ def two_velocity_torque(
     With :math:`\omega_{St} = c` and :math:`\omega_{Coul} = c/10` it is equation (3.1),
     :func:`twin_gait.core.friction.rotational_friction_torque`; with
     :math:`\omega_{St} = \sqrt2\,\omega_{brk}` and :math:`\omega_{Coul} = \omega_{brk}/10`, the Rotational
-    Friction block of Simscape.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        breakaway: :math:`T_{brk}` in [N m].
-        coulomb: :math:`T_C` in [N m].
-        viscous: :math:`f` in [N m s] / [rad].
-        stribeck_velocity: :math:`\omega_{St}` in [rad] / [s], not 0.
-        coulomb_velocity: :math:`\omega_{Coul}` in [rad] / [s], not 0.
-
-    Returns:
-        Torque in [N m].
+    Friction block of Simscape. Neither velocity may be 0.
     """
     x = velocity / stribeck_velocity
     bump = _SQRT_2E * (breakaway - coulomb) * x * exponential(-(x * x))
@@ -161,21 +112,8 @@ def conditioned_torque(
         [F_c + F_l |T_L| + F_T (\vartheta - \vartheta_0)] \tanh\frac{\omega}{\omega_t}
         + [F_v + F_{vT} (\vartheta - \vartheta_0)]\,\omega
 
-    to first order about :math:`\vartheta_0 = 25` °C. The load term is that of Duclusaud et al. (2025).
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        load: :math:`T_L` in [N m], either sign.
-        temperature: :math:`\vartheta` in [°C].
-        coulomb: :math:`F_c` in [N m].
-        coulomb_per_load: :math:`F_l`, no unit.
-        coulomb_per_kelvin: :math:`F_T` in [N m] / [K].
-        viscous: :math:`F_v` in [N m s] / [rad].
-        viscous_per_kelvin: :math:`F_{vT}` in [N m s] / [rad K].
-        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
-
-    Returns:
-        Torque in [N m].
+    to first order about :math:`\vartheta_0 = 25` °C; ``load`` is T_L in [N m], either sign. The load term is
+    that of Duclusaud et al. (2025).
     """
     warmer = temperature - REFERENCE_TEMPERATURE
     level = coulomb + coulomb_per_load * abs(load) + coulomb_per_kelvin * warmer
@@ -184,19 +122,10 @@ def conditioned_torque(
 
 
 def directional_viscous_torque(velocity: float, forward: float, backward: float, exponent: float) -> float:
-    r"""Viscous friction of its own in each direction, with a power of the speed.
+    r"""Viscous friction of its own in each direction, with a power of the speed in [rad] / [s].
 
-    :math:`F_v^{\pm}\,|\omega|^\alpha\,\mathrm{sgn}\,\omega`, the speed in [rad] / [s]: grease thins as it is
-    sheared, so that measured exponents of harmonic drives often lie below 1.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        forward: :math:`F_v^+` where the velocity is positive, in [N m] at 1 rad/s.
-        backward: :math:`F_v^-` where it is negative, in [N m] at 1 rad/s.
-        exponent: :math:`\alpha`, 1 for linear friction.
-
-    Returns:
-        Torque in [N m].
+    :math:`F_v^{\pm}\,|\omega|^\alpha\,\mathrm{sgn}\,\omega` with ``forward`` and ``backward`` in [N m] at 1
+    rad/s: grease thins as it is sheared, and measured exponents of harmonic drives often lie below 1.
     """
     power = abs(velocity) ** exponent
     return chosen(velocity > 0.0, forward * power, -backward * power)
@@ -219,21 +148,6 @@ def asymmetric_torque(
     :math:`T_0 + g(\omega)\tanh(\omega/\omega_t) + F_v^{\pm}|\omega|^\alpha\,\mathrm{sgn}\,\omega`, with
     :math:`g` of :func:`stribeck_level`. The Coulomb friction is :math:`F_c + T_0` forwards and
     :math:`F_c - T_0` backwards: a difference in it and an offset are one and the same.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        offset: :math:`T_0` in [N m].
-        coulomb: :math:`F_c` in [N m].
-        breakaway: :math:`F_s` in [N m].
-        forward: :math:`F_v^+` in [N m] at 1 rad/s.
-        backward: :math:`F_v^-` in [N m] at 1 rad/s.
-        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
-        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
-        stribeck_exponent: :math:`\delta`.
-        viscous_exponent: :math:`\alpha`.
-
-    Returns:
-        Torque in [N m].
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, stribeck_exponent)
     viscous = directional_viscous_torque(velocity, forward, backward, viscous_exponent)
@@ -241,58 +155,29 @@ def asymmetric_torque(
 
 
 def ripple_torque(angle: float, cosine: float, sine: float, order: float) -> float:
-    r"""Torque that repeats with the joint angle: :math:`C\cos n\theta + S\sin n\theta`.
+    r"""Torque that repeats with the joint angle in [rad]: :math:`C\cos n\theta + S\sin n\theta`.
 
-    Args:
-        angle: :math:`\theta` in [rad].
-        cosine: :math:`C` in [N m].
-        sine: :math:`S` in [N m].
-        order: :math:`n`, periods in a turn of the joint.
-
-    Returns:
-        Torque in [N m].
+    ``order``: n, periods in a turn of the joint.
     """
     sine_of, cosine_of = sine_cosine(order * angle)
     return cosine * cosine_of + sine * sine_of
 
 
 def bristle_rate(velocity: float, deflection: float, level: float, stiffness: float) -> float:
-    r"""Rate of the bristle deflection of Dahl (1968) and LuGre (Canudas de Wit et al. 1995).
+    r"""Rate in [rad] / [s] of the bristle deflection of Dahl (1968) and LuGre (Canudas de Wit et al. 1995).
 
-    .. math::
-
-        \dot z = \omega - \sigma_0 \frac{|\omega|}{g(\omega)}\,z
-
-    with :math:`g` the Coulomb friction for Dahl's model (exponent 1) and :func:`stribeck_level` for LuGre.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` in [rad].
-        level: :math:`g(\omega)` in [N m], above 0.
-        stiffness: :math:`\sigma_0` in [N m] / [rad].
-
-    Returns:
-        :math:`\dot z` in [rad] / [s].
+    :math:`\dot z = \omega - \sigma_0 \frac{|\omega|}{g(\omega)}\,z` with the Coulomb friction for g in Dahl's
+    model (exponent 1) and :func:`stribeck_level` in LuGre's.
     """
     return velocity - stiffness * abs(velocity) / level * deflection
 
 
 def bristle_step(velocity: float, deflection: float, level: float, stiffness: float, period: float) -> float:
-    r"""Deflection after a period of constant velocity, the exact solution of :func:`bristle_rate`.
+    r"""Deflection after a period in [s] of constant velocity, the exact solution of :func:`bristle_rate`.
 
-    The law is linear in :math:`z` and very stiff; solved exactly it is stable for any period:
+    The law is linear in z and very stiff; solved exactly it is stable for any period:
     :math:`z(T) = z_{ss} + (z - z_{ss})\,e^{-\sigma_0|\omega|T/g}` with
     :math:`z_{ss} = g\,\mathrm{sgn}\,\omega/\sigma_0`.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` before in [rad].
-        level: :math:`g(\omega)` in [N m], above 0.
-        stiffness: :math:`\sigma_0` in [N m] / [rad].
-        period: :math:`T` in [s], 0 or more.
-
-    Returns:
-        :math:`z` after, in [rad].
     """
     travelled = stiffness * abs(velocity) * period / level
     grown = settled_share(travelled)
@@ -304,26 +189,10 @@ def bristle_step(velocity: float, deflection: float, level: float, stiffness: fl
 
 
 def lugre_torque(
-    velocity: float,
-    deflection: float,
-    rate: float,
-    stiffness: float,
-    damping: float,
-    viscous: float,
+    velocity: float, deflection: float, rate: float, stiffness: float, damping: float, viscous: float
 ) -> float:
     r"""Friction torque of the LuGre model: :math:`\sigma_0 z + \sigma_1 \dot z + \sigma_2\,\omega`.
 
-    Dahl's model is the same with :math:`\sigma_1 = 0`.
-
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        deflection: :math:`z` in [rad].
-        rate: :math:`\dot z` in [rad] / [s].
-        stiffness: :math:`\sigma_0` in [N m] / [rad].
-        damping: :math:`\sigma_1` in [N m s] / [rad].
-        viscous: :math:`\sigma_2` in [N m s] / [rad].
-
-    Returns:
-        Torque in [N m].
+    ``damping`` is σ1 and ``viscous`` σ2 in [N m s] / [rad]; Dahl's model is the same with σ1 = 0.
     """
     return stiffness * deflection + damping * rate + viscous * velocity

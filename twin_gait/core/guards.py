@@ -4,8 +4,6 @@ A gait table is compiled (in :mod:`twin_gait.gait`) into a :class:`GuardProgram`
 compiled engine, replay and checks all read it through these functions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,94 +17,56 @@ NO_TRANSITION = -1
 
 @dataclass(slots=True)
 class GuardNode:
-    """One step of a guard in postfix order.
+    """One step of a guard in postfix order."""
 
-    Attributes:
-        operation: What to do, one of the ``OP_*``.
-        operand: For ``OP_COMPARE`` the index of the comparison, for ``OP_PHASE`` a bit mask of phases of
-            the other leg, for ``OP_ALL`` and ``OP_ANY`` the number of results to join.
-    """
-
-    operation: int
+    operation: int  # What to do, one of the ``OP_*``.
+    # For ``OP_COMPARE`` the index of the comparison, for ``OP_PHASE`` a bit mask of phases of the other leg,
+    # for ``OP_ALL`` and ``OP_ANY`` the number of results to join.
     operand: int
 
 
 @dataclass(slots=True)
 class Comparison:
-    """True while ``factor_a x[signal_a] + factor_b x[signal_b] > threshold``, signals x in SI units.
+    """True while ``factor_a x[signal_a] + factor_b x[signal_b] > threshold``, signals x in SI units."""
 
-    Attributes:
-        signal_a: Index of the first signal.
-        signal_b: Index of the second signal; not read while ``factor_b`` is 0.
-        factor_a: Of the first signal, 1 or -1.
-        factor_b: Of the second signal, 1 or -1; 0 for a single signal.
-        threshold: In the SI unit of the signals: [rad], [rad] / [s], [s], or 1 for a ratio.
-    """
-
-    signal_a: int
-    signal_b: int
-    factor_a: float
-    factor_b: float
-    threshold: float
+    signal_a: int  # Index of the first signal.
+    signal_b: int  # Index of the second signal; not read while ``factor_b`` is 0.
+    factor_a: float  # Of the first signal, 1 or -1.
+    factor_b: float  # Of the second signal, 1 or -1; 0 for a single signal.
+    threshold: float  # In the SI unit of the signals: [rad], [rad] / [s], [s], or 1 for a ratio.
 
 
 @dataclass(slots=True)
 class TransitionRule:
-    """When a phase is left for another.
+    """When a phase is left for another."""
 
-    Attributes:
-        source: Index of the phase that is left.
-        target: Index of the phase that is entered.
-        first_node: First node of the guard.
-        end_node: One past its last node.
-        debounce_ticks: The guard has to be open for so many consecutive ticks of 1 [ms].
-        time_out_ticks: The phase has to last for so many ticks; negative without a time-out.
-    """
-
-    source: int
-    target: int
-    first_node: int
-    end_node: int
-    debounce_ticks: int
-    time_out_ticks: int
+    source: int  # Index of the phase that is left.
+    target: int  # Index of the phase that is entered.
+    first_node: int  # First node of the guard.
+    end_node: int  # One past its last node.
+    debounce_ticks: int  # The guard has to be open for so many consecutive ticks of 1 [ms].
+    time_out_ticks: int  # The phase has to last for so many ticks; negative without a time-out.
 
 
 @dataclass(slots=True)
 class GuardProgram:
-    """The transitions of a gait table with their guards.
+    """The transitions of a gait table with their guards."""
 
-    Attributes:
-        n_transitions: Number of transitions; a list may go on with entries that mean nothing.
-        minimum_ticks: A phase is not left before so many ticks of 1 [ms], one for each phase.
-        transitions: In the order of the table, which is their priority.
-        nodes: Of all guards, each in postfix order.
-        comparisons: Of all guards.
-    """
-
-    n_transitions: int
-    minimum_ticks: list[int]
-    transitions: list[TransitionRule]
-    nodes: list[GuardNode]
-    comparisons: list[Comparison]
+    n_transitions: int  # Number of transitions; a list may go on with entries that mean nothing.
+    minimum_ticks: list[int]  # A phase is not left before so many ticks of 1 [ms], one for each phase.
+    transitions: list[TransitionRule]  # In the order of the table, which is their priority.
+    nodes: list[GuardNode]  # Of all guards, each in postfix order.
+    comparisons: list[Comparison]  # Of all guards.
 
 
 def guard_holds(
     program: GuardProgram, first: int, end: int, signals: Sequence[float], other_phase: int
 ) -> bool:
-    """Whether a guard is true for a set of measured signals.
+    """Whether a guard is true for a set of measured signals: nodes ``first`` to ``end`` - 1 of a program.
 
-    Intermediate results are bits of one integer that serves as the stack. A comparison with NaN is
-    false, so a NaN never opens a guard.
-
-    Args:
-        program: The guards.
-        first: First node of the guard.
-        end: One past its last node.
-        signals: Signals of this leg and the other in SI units, shape ``(n_signals,)``.
-        other_phase: Index of the phase of the other leg, or a negative number without one.
-
-    Returns:
-        True if the guard is open.
+    Intermediate results are bits of one integer that serves as the stack. A comparison with NaN is false, so
+    a NaN never opens a guard. Signals of this leg and the other are in SI units; ``other_phase`` is negative
+    without another leg.
     """
     results = 0
     for index in range(first, end):
@@ -136,13 +96,7 @@ def is_among(phases: int, phase: int) -> bool:
 
 
 def joined(results: int, operation: int, count: int) -> int:
-    """Results with the last ones of them joined to one.
-
-    Args:
-        results: A bit each, the last one lowest.
-        operation: ``OP_ALL`` or ``OP_ANY``.
-        count: How many are joined.
-    """
+    """Results, a bit each and the last one lowest, with the last ``count`` of them joined to one."""
     mask = (1 << count) - 1
     found = results & mask
     true = found == mask if operation == OP_ALL else found != 0
@@ -158,11 +112,7 @@ def least_ticks_of(program: GuardProgram, index: int) -> int:
 def is_due(open_ticks: int, debounce_ticks: int, ticks_in_phase: int, least_ticks: int) -> bool:
     """Whether a transition with an open guard may be taken.
 
-    Args:
-        open_ticks: Consecutive ticks with an open guard, this one included.
-        debounce_ticks: Of the transition.
-        ticks_in_phase: Ticks since the phase was entered.
-        least_ticks: From :func:`least_ticks_of`.
+    ``open_ticks``: consecutive ticks with an open guard, this one included.
     """
     return open_ticks >= debounce_ticks and ticks_in_phase >= least_ticks
 
@@ -175,23 +125,13 @@ def next_transition(
     other_phase: int,
     debounce: list[int],
 ) -> int:
-    """Pick the transition that a leg takes in this tick, and count the debounce of all its exits.
+    """Index of the transition that a leg takes in this tick, or ``NO_TRANSITION``; debounces are counted.
 
-    Every exit of the phase is evaluated, so that its debounce counter (consecutive ticks with an open
-    guard) is right; the first listed one that is due wins. A transition with both a guard and a
-    time-out needs both.
+    Every exit of the phase is evaluated, so that its debounce counter (consecutive ticks with an open guard)
+    is right; the first listed one that is due wins. A transition with both a guard and a time-out needs both.
 
-    Args:
-        program: Transitions and guards.
-        phase: Index of the present phase.
-        ticks_in_phase: Ticks since it was entered (0 in the tick of entry).
-        signals: Signals of this leg and the other in SI units, shape ``(n_signals,)``.
-        other_phase: Index of the phase of the other leg at the start of the tick, or a negative number
-            without one.
-        debounce: Counters of this leg, one for each transition; changed in place.
-
-    Returns:
-        Index of the transition, or ``NO_TRANSITION``.
+    ``ticks_in_phase``: 0 in the tick of entry. ``signals`` and ``other_phase`` (at the start of the tick): as
+    in :func:`guard_holds`. ``debounce``: counters of this leg, one for each transition; changed in place.
     """
     chosen = NO_TRANSITION
     for index in range(program.n_transitions):

@@ -1,61 +1,28 @@
 """The virtual spring and damper laid over the compensated joint."""
 
-from __future__ import annotations
-
 import math
 
 
 def impedance_torque(
     angle: float, velocity: float, stiffness: float, damping: float, equilibrium_angle: float
 ) -> float:
-    r"""Torque of the virtual spring-damper on the joint.
+    r"""Torque in [N m] of the virtual spring-damper, positive in the direction of increasing angle.
 
     Equation (2.17) of the thesis with the damping of its chapter 5, as a torque *on the joint*:
 
-    .. math::
-
-        \tau = -\left[k\,(\theta - \theta_0) + b\,\omega\right]
-
-    Args:
-        angle: Joint angle in [rad].
-        velocity: Joint velocity in [rad] / [s].
-        stiffness: :math:`k` in [N m] / [rad].
-        damping: :math:`b` in [N m s] / [rad].
-        equilibrium_angle: :math:`\theta_0` in [rad].
-
-    Returns:
-        Torque in [N m], positive in the direction of increasing angle.
+    :math:`\tau = -\left[k\,(\theta - \theta_0) + b\,\omega\right]`
     """
     return -(stiffness * (angle - equilibrium_angle) + damping * velocity)
 
 
 def damping_from_ratio(damping_ratio: float, stiffness: float, inertia: float) -> float:
-    r"""Damping that gives a joint the damping ratio :math:`\zeta`.
+    r"""Damping in [N m s] / [rad] that gives a joint the damping ratio ζ: :math:`b = 2\,\zeta\,\sqrt{k\,I}`.
 
-    .. math::
-
-        b = 2\,\zeta\,\sqrt{k\,I}
-
-    Args:
-        damping_ratio: :math:`\zeta`, 1 is critical.
-        stiffness: :math:`k` in [N m] / [rad].
-        inertia: :math:`I`, effective joint inertia with armature, in [kg m²].
-
-    Returns:
-        Damping in [N m s] / [rad].
+    ``inertia``: I, effective joint inertia with armature, in [kg m²].
     """
     return 2.0 * damping_ratio * math.sqrt(stiffness * inertia)
 
 
 def damping_ratio_of(damping: float, stiffness: float, inertia: float) -> float:
-    r"""Damping ratio :math:`\zeta = b / (2\sqrt{k I})` of a joint, the inverse of the above.
-
-    Args:
-        damping: :math:`b` in [N m s] / [rad].
-        stiffness: :math:`k` in [N m] / [rad], not zero.
-        inertia: Effective joint inertia in [kg m²], not zero.
-
-    Returns:
-        Damping ratio.
-    """
+    r"""Damping ratio :math:`\zeta = b / (2\sqrt{k I})` of a joint, the inverse of the above."""
     return damping / (2.0 * math.sqrt(stiffness * inertia))

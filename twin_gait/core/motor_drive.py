@@ -4,8 +4,6 @@ Currents and voltages are those of the DC equivalent of the block-commutated mot
 :mod:`twin_gait.core.actuator`; torques are at the joint.
 """
 
-from __future__ import annotations
-
 import math
 
 from twin_gait.core.actuator import saturate
@@ -19,26 +17,15 @@ LOWEST_EFFICIENCY = 0.05
 def winding_current_step(
     current: float, voltage: float, back_emf: float, resistance: float, inductance: float, period: float
 ) -> tuple[float, float]:
-    r"""Current of the winding after a period of constant voltage and back-EMF, solved exactly.
+    r"""Current of the winding after a period of constant voltage and back-EMF, solved exactly, and its mean.
 
     .. math::
 
         L \frac{dI}{dt} = U - R I - E, \qquad
         I(T) = I_\infty + (I - I_\infty)\,e^{-RT/L}, \quad I_\infty = \frac{U - E}{R}
 
-    The mean over the period, which gives the mean torque, is
-    :math:`I_\infty + (I - I_\infty)\,(1 - e^{-RT/L})\,L/(RT)`.
-
-    Args:
-        current: :math:`I` at the start in [A].
-        voltage: :math:`U` in [V].
-        back_emf: :math:`E` in [V].
-        resistance: :math:`R`, line to line, in [Ω].
-        inductance: :math:`L`, line to line, in [H], above 0.
-        period: :math:`T` in [s], above 0.
-
-    Returns:
-        Current at the end of the period and its mean over the period in [A].
+    The mean over the period, which gives the mean torque, is :math:`I_\infty + (I - I_\infty)\,(1 -
+    e^{-RT/L})\,L/(RT)`. R in [Ω] and L in [H] are line to line; L and T in [s] are above 0.
     """
     steady = (voltage - back_emf) / resistance
     exponent = resistance * period / inductance
@@ -48,18 +35,10 @@ def winding_current_step(
 
 
 def current_loop_gains(resistance: float, inductance: float, bandwidth: float) -> tuple[float, float]:
-    r"""Gains of the current loop that cancel the pole of the winding.
+    r"""Gains of the current loop that cancel the pole of the winding, in [V] / [A] and [V] / [A s].
 
     With :math:`K_p = \omega_b L` and :math:`K_i = \omega_b R` the loop closed over an ideal measurement
     answers a step as :math:`1 - e^{-\omega_b t}`.
-
-    Args:
-        resistance: :math:`R` in [Ω].
-        inductance: :math:`L` in [H].
-        bandwidth: :math:`\omega_b` in [rad] / [s].
-
-    Returns:
-        :math:`K_p` in [V] / [A] and :math:`K_i` in [V] / [A s].
     """
     return bandwidth * inductance, bandwidth * resistance
 
@@ -75,18 +54,8 @@ def current_loop_step(
     r"""One step of the PI current loop of figure 2.13 of the thesis, with anti-windup.
 
     :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, limited to what the bus gives. The integral
-    stands still while the limit holds and the error would drive it further in.
-
-    Args:
-        error: Target less measured current in [A].
-        integral: Voltage of the integral part before in [V].
-        proportional_gain: :math:`K_p` in [V] / [A].
-        integral_gain: :math:`K_i` in [V] / [A s].
-        period: In [s].
-        voltage_limit: In [V].
-
-    Returns:
-        Voltage in [V] and integral part in [V] after.
+    stands still while the limit holds and the error would drive it further in. Returns voltage and integral
+    part in [V].
     """
     grown = integral + integral_gain * period * error
     wanted = proportional_gain * error + grown
@@ -99,39 +68,20 @@ def current_loop_step(
 def six_step_current(
     current: float, motor_angle: float, pole_pairs: float, ripple: float, noise: float
 ) -> float:
-    r"""Current that the shunts of a six-step inverter show.
+    r"""Current in [A] that the shunts of a six-step inverter show.
 
-    .. math::
-
-        I_m = I\,[1 + r \cos(6\,p\,\theta_m)] + n
-
-    the first harmonic of what repeats with every commutation: six in an electrical turn, :math:`6p` in a
-    turn of the motor.
-
-    Args:
-        current: True current :math:`I` in [A].
-        motor_angle: :math:`\theta_m` of the rotor in [rad].
-        pole_pairs: :math:`p`.
-        ripple: :math:`r`, relative.
-        noise: :math:`n` of this sample in [A].
-
-    Returns:
-        Current in [A].
+    :math:`I_m = I\,[1 + r \cos(6\,p\,\theta_m)] + n` with p pole pairs, rotor angle θ_m and noise n: the
+    first harmonic of what repeats with every commutation, six in an electrical turn, 6p in a turn of the
+    motor.
     """
     _, cosine = sine_cosine(_SIX_STEPS * pole_pairs * motor_angle)
     return current * (1.0 + ripple * cosine) + noise
 
 
 def inverter_voltage(duty: float, counts: float, bus_voltage: float) -> float:
-    """Mean voltage of the pulse-width modulation; the duty is a whole number of counts.
+    """Mean voltage in [V] of the pulse-width modulation; the duty is a whole number of counts.
 
-    Args:
-        duty: In counts.
-        counts: Of full duty; 0 or less for an inverter without steps, whose duty is a share.
-        bus_voltage: In [V].
-
-    Returns:
-        Voltage on the winding in [V], within the bus voltage.
+    ``counts``: of full duty; 0 or less for an inverter without steps, whose duty is a share.
     """
     if counts <= 0.0:
         return saturate(duty, 1.0) * bus_voltage
@@ -148,20 +98,9 @@ def drive_efficiency(
     per_degree_speed: float,
     per_speed_squared: float,
 ) -> float:
-    r"""Efficiency of a harmonic drive at rated torque, a quadratic fit in temperature and speed.
+    """Efficiency of a harmonic drive at rated torque, a quadratic fit, kept between 0.05 and 1.
 
-    Args:
-        temperature: :math:`\vartheta` of the grease in [°C].
-        input_speed: :math:`\omega_{in}` of the wave generator in [rad] / [s], either sign.
-        constant: Term without either.
-        per_degree: Of :math:`\vartheta`.
-        per_degree_squared: Of :math:`\vartheta^2`.
-        per_speed: Of :math:`|\omega_{in}|`.
-        per_degree_speed: Of :math:`\vartheta\,|\omega_{in}|`.
-        per_speed_squared: Of :math:`\omega_{in}^2`.
-
-    Returns:
-        Efficiency, kept between 0.05 and 1.
+    Of the temperature of the grease in [°C] and the speed of the wave generator in [rad] / [s], either sign.
     """
     speed = abs(input_speed)
     efficiency = (
@@ -173,16 +112,9 @@ def drive_efficiency(
 
 
 def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: float) -> float:
-    r"""Torque of the flexspline on the link: :math:`K\,\Delta + D\,\dot\Delta`.
+    r"""Torque of the flexspline on the link in [N m]: :math:`K\,\Delta + D\,\dot\Delta`.
 
-    Args:
-        twist: :math:`\Delta`, angle of the motor at the joint less that of the link, in [rad].
-        twist_rate: Its rate in [rad] / [s].
-        stiffness: :math:`K` in [N m] / [rad].
-        damping: :math:`D` in [N m s] / [rad].
-
-    Returns:
-        Torque on the link in [N m]; its negative acts on the motor side.
+    Δ is the angle of the motor at the joint less that of the link; the negative acts on the motor side.
     """
     return stiffness * twist + damping * twist_rate
 
@@ -190,15 +122,8 @@ def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: f
 def link_load_torque(angle: float, moment: float, gravity: float, horizontal_angle: float) -> float:
     r"""Torque of gravity on a link, equation (2.8) of the thesis: :math:`g\,m b \cos(\theta - \theta_h)`.
 
-    Args:
-        angle: :math:`\theta` in [rad].
-        moment: :math:`m b` of weight and link in [kg m].
-        gravity: :math:`g` in [m] / [s²].
-        horizontal_angle: :math:`\theta_h` at which the link is level: π/2 where the fall begins level, 0 in
-            the form that the thesis prints.
-
-    Returns:
-        Torque on the joint in [N m], positive along the fall.
+    In [N m], positive along the fall, with the ``moment`` m b of weight and link in [kg m] and the angle θ_h
+    at which the link is level: π/2 where the fall begins level, 0 in the form that the thesis prints.
     """
     _, cosine = sine_cosine(angle - horizontal_angle)
     return gravity * moment * cosine
@@ -207,17 +132,7 @@ def link_load_torque(angle: float, moment: float, gravity: float, horizontal_ang
 def cosine_path(
     time: float, start_angle: float, amplitude: float, frequency: float
 ) -> tuple[float, float, float]:
-    r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with its velocity and acceleration.
-
-    Args:
-        time: :math:`t` in [s].
-        start_angle: :math:`\theta_s` in [rad].
-        amplitude: :math:`A`, end to end, in [rad].
-        frequency: :math:`f` in [Hz].
-
-    Returns:
-        Angle in [rad], velocity in [rad] / [s], acceleration in [rad] / [s²].
-    """
+    r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with velocity and acceleration, in [rad]."""
     pulsation = 2.0 * math.pi * frequency
     half = 0.5 * amplitude
     sine, cosine = sine_cosine(pulsation * time)

@@ -8,165 +8,83 @@ the motor this gives a speed that needs no encoder (the back-EMF). The encoder i
 hold brakes on it, so that no broken encoder can drive the leg.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
 from twin_gait.core.control_tick import Encoder
 
 # Causes of a trip, as the log and the engines number them.
-(
-    NO_TRIP,
-    MISSING_TRIP,
-    JUMP_TRIP,
-    FROZEN_TRIP,
-    MODEL_TRIP,
-    SPEED_TRIP,
-    RANGE_TRIP,
-    COMMAND_TRIP,
-    TORQUE_TRIP,
-    CURRENT_TRIP,
-    HEAT_TRIP,
-    DRIVE_TRIP,
-    PHASE_TIME_OUT_TRIP,
-    LOAD_TRIP,
-    SUPPLY_TRIP,
-    OPERATOR_TRIP,
-    BUS_TRIP,
-) = range(17)
+NO_TRIP, MISSING_TRIP, JUMP_TRIP, FROZEN_TRIP, MODEL_TRIP, SPEED_TRIP, RANGE_TRIP, COMMAND_TRIP = range(8)
+TORQUE_TRIP, CURRENT_TRIP, HEAT_TRIP, DRIVE_TRIP, PHASE_TIME_OUT_TRIP, LOAD_TRIP = range(8, 14)
+SUPPLY_TRIP, OPERATOR_TRIP, BUS_TRIP = range(14, 17)
 
 
 @dataclass(slots=True)
 class Bounds:
-    """What the monitor holds the measurements of a joint against.
+    """What the monitor holds the measurements of a joint against."""
 
-    Attributes:
-        lower: Lowest angle in [rad].
-        upper: Highest angle in [rad].
-        highest_speed: In [rad] / [s].
-        stop_distance_factor: Half the inverse of the braking deceleration in [s²] / [rad].
-        angle_step: Largest change of the angle in a tick in [rad].
-        frozen_speed: Speed of the motor at which an encoder that stands still is broken in [rad] / [s].
-        frozen_ticks: How long it may.
-        model_gain: Period over the time constant in which the residual is forgotten.
-        model_deviation: Largest residual in [rad].
-        highest_torque: Command in [N m] that may be exceeded for a while.
-        torque_ticks: How long.
-        highest_command: Largest plausible command in [N m].
-        highest_current: In [A].
-        heating: Period over winding time constant and squared continuous current in 1 / [A²].
-        cooling: Period over winding time constant.
-        drive_deviation: Largest difference of current and target in [A].
-        drive_ticks: How long it may be larger.
-        emf_constant: Back-EMF at the joint in [V s] / [rad].
-        model_resistance: Of winding and inverter as the monitor assumes it in [Ω].
-    """
-
-    lower: float
-    upper: float
-    highest_speed: float
-    stop_distance_factor: float
-    angle_step: float
-    frozen_speed: float
-    frozen_ticks: int
-    model_gain: float
-    model_deviation: float
-    highest_torque: float
-    torque_ticks: int
-    highest_command: float
-    highest_current: float
-    heating: float
-    cooling: float
-    drive_deviation: float
-    drive_ticks: int
-    emf_constant: float
-    model_resistance: float
+    lower: float  # Lowest angle in [rad].
+    upper: float  # Highest angle in [rad].
+    highest_speed: float  # In [rad] / [s].
+    stop_distance_factor: float  # Half the inverse of the braking deceleration in [s²] / [rad].
+    angle_step: float  # Largest change of the angle in a tick in [rad].
+    frozen_speed: float  # Speed of the motor at which an encoder that stands still is broken in [rad] / [s].
+    frozen_ticks: int  # How long it may.
+    model_gain: float  # Period over the time constant in which the residual is forgotten.
+    model_deviation: float  # Largest residual in [rad].
+    highest_torque: float  # Command in [N m] that may be exceeded for a while.
+    torque_ticks: int  # How long.
+    highest_command: float  # Largest plausible command in [N m].
+    highest_current: float  # In [A].
+    heating: float  # Period over winding time constant and squared continuous current in 1 / [A²].
+    cooling: float  # Period over winding time constant.
+    drive_deviation: float  # Largest difference of current and target in [A].
+    drive_ticks: int  # How long it may be larger.
+    emf_constant: float  # Back-EMF at the joint in [V s] / [rad].
+    model_resistance: float  # Of winding and inverter as the monitor assumes it in [Ω].
 
 
 @dataclass(slots=True)
 class Watched:
-    """What the monitor remembers of a joint and its drive.
+    """What the monitor remembers of a joint and its drive."""
 
-    Attributes:
-        motor_speed: Joint speed that the drive infers in [rad] / [s].
-        residual: See :func:`model_residual`, in [rad].
-        heat: See :func:`winding_heat`.
-        motor_current: Measured in [A].
-        current_deviation: Of the measured current from what the drive should give in [A].
-        commanded: Command of the last tick in [N m].
-        frozen_streak: Consecutive ticks in which the encoder stood still while the motor turned.
-        torque_streak: Consecutive ticks with a command above the limit.
-        drive_streak: Consecutive ticks with a current that deviates.
-        cause: What :func:`watch_joint` found in this tick.
-    """
-
-    motor_speed: float = 0.0
-    residual: float = 0.0
-    heat: float = 0.0
-    motor_current: float = 0.0
-    current_deviation: float = 0.0
-    commanded: float = 0.0
-    frozen_streak: int = 0
-    torque_streak: int = 0
-    drive_streak: int = 0
-    cause: int = NO_TRIP
+    motor_speed: float = 0.0  # Joint speed that the drive infers in [rad] / [s].
+    residual: float = 0.0  # See :func:`model_residual`, in [rad].
+    heat: float = 0.0  # See :func:`winding_heat`.
+    motor_current: float = 0.0  # Measured in [A].
+    current_deviation: float = 0.0  # Of the measured current from what the drive should give in [A].
+    commanded: float = 0.0  # Command of the last tick in [N m].
+    frozen_streak: int = 0  # Consecutive ticks in which the encoder stood still while the motor turned.
+    torque_streak: int = 0  # Consecutive ticks with a command above the limit.
+    drive_streak: int = 0  # Consecutive ticks with a current that deviates.
+    cause: int = NO_TRIP  # What :func:`watch_joint` found in this tick.
 
 
 def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:
-    r"""Joint speed that a drive infers from the voltage and the current of its winding.
+    r"""Joint speed in [rad] / [s] that a drive infers from voltage U and current I of its winding.
 
-    .. math::
-
-        \hat\omega = \frac{U - \hat R I}{K_e\,\tau}
+    :math:`\hat\omega = \frac{U - \hat R I}{K_e\,\tau}`
 
     The true voltage drop of the winding (:func:`twin_gait.core.actuator.winding_voltage`) differs from the
-    model's when copper is warm: :math:`R` rises by 39 % in 100 K.
-
-    Args:
-        voltage: :math:`U` in [V].
-        current: :math:`I` in [A].
-        emf_constant: :math:`K_e \tau` at the joint in [V s] / [rad].
-        model_resistance: :math:`\hat R` that the monitor assumes in [Ω].
-
-    Returns:
-        Inferred joint velocity in [rad] / [s].
+    model's when copper is warm: R rises by 39 % in 100 K.
     """
     return (voltage - model_resistance * current) / emf_constant
 
 
 def model_residual(residual: float, change: float, speed: float, period: float, gain: float) -> float:
-    r"""Angle by which the encoder runs away from the motor's model, slowly forgotten.
+    r"""Angle in [rad] by which the encoder runs away from the motor's model, slowly forgotten.
 
-    .. math::
-
-        r_k = (1 - \alpha)\,r_{k-1} + \Delta\theta_k - \hat\omega_{k-1} T
-
-    Args:
-        residual: :math:`r_{k-1}` in [rad].
-        change: Change of the encoder's angle in this tick in [rad].
-        speed: Speed that the drive inferred in the tick before in [rad] / [s].
-        period: Length :math:`T` of a tick in [s].
-        gain: :math:`\alpha`, period over time constant of forgetting.
-
-    Returns:
-        :math:`r_k` in [rad].
+    :math:`r_k = (1 - \alpha)\,r_{k-1} + \Delta\theta_k - \hat\omega_{k-1} T` with the encoder's change in
+    this tick and the speed that the drive inferred in the tick before.
     """
     return residual + (change - speed * period) - gain * residual
 
 
 def stopping_angle(angle: float, velocity: float, distance_factor: float) -> float:
-    r"""Angle at which a joint stands still if it is braked from now on.
+    r"""Angle in [rad] at which a joint stands still if it is braked from now on.
 
-    The stop distance at present speed is :math:`\omega^2 / (2 a)`, in the direction of motion.
-
-    Args:
-        angle: In [rad].
-        velocity: In [rad] / [s].
-        distance_factor: :math:`1 / (2 a)` with the braking deceleration a, in [s²] / [rad].
-
-    Returns:
-        Angle in [rad].
+    The stop distance at present speed is :math:`\omega^2 / (2 a)`, in the direction of motion; the factor is
+    :math:`1 / (2 a)` with the braking deceleration a, in [s²] / [rad].
     """
     return angle + distance_factor * velocity * abs(velocity)
 
@@ -174,38 +92,19 @@ def stopping_angle(angle: float, velocity: float, distance_factor: float) -> flo
 def winding_heat(heat: float, current: float, heating: float, cooling: float) -> float:
     r"""Warm the winding for one tick: the RMS thermal model of a motor, I²t.
 
-    .. math::
+    :math:`h_k = h_{k-1} + \frac{T}{\tau_w}\left(\frac{I^2}{I_N^2} - h_{k-1}\right)`
 
-        h_k = h_{k-1} + \frac{T}{\tau_w}\left(\frac{I^2}{I_N^2} - h_{k-1}\right)
-
-    At the continuous current :math:`I_N` the heat tends to 1.
-
-    Args:
-        heat: :math:`h_{k-1}`.
-        current: :math:`I` in [A].
-        heating: :math:`T / (\tau_w I_N^2)` in 1 / [A²].
-        cooling: :math:`T / \tau_w`.
-
-    Returns:
-        :math:`h_k`.
+    At the continuous current :math:`I_N` the heat tends to 1. ``heating``: :math:`T / (\tau_w I_N^2)` in 1 /
+    [A²]. ``cooling``: :math:`T / \tau_w`.
     """
     return heat + (heating * current * current - cooling * heat)
 
 
 def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: float) -> int:
-    """Compare what is measured on one joint with its bounds.
+    """Compare what is measured on one joint with its bounds: the cause of a trip, or ``NO_TRIP``.
 
     Commands, currents and speeds that the monitor remembers are those of the tick before. NaN is outside
-    every bound.
-
-    Args:
-        bounds: Of the joint.
-        watched: Residual, heat and streaks are changed in place.
-        encoder: Measured in this tick.
-        period: Length of a tick in [s].
-
-    Returns:
-        Cause of a trip, or ``NO_TRIP``.
+    every bound. Residual, heat and streaks that are watched change in place.
     """
     angle, velocity = encoder.angle, encoder.velocity_fast
     speed, current = watched.motor_speed, watched.motor_current
@@ -244,41 +143,17 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
 
 
 def command_is_plausible(command: float, highest: float) -> bool:
-    """Whether a command may go to the drive; NaN may not.
-
-    Args:
-        command: In [N m].
-        highest: Largest plausible magnitude in [N m].
-
-    Returns:
-        True if it may.
-    """
+    """Whether a command in [N m] may go to the drive; NaN may not."""
     return abs(command) <= highest
 
 
 def hold_torque(speed: float, damping: float) -> float:
-    r"""Torque that brakes a held joint, :math:`-b_h \hat\omega`.
-
-    Args:
-        speed: Speed that the drive infers in [rad] / [s].
-        damping: :math:`b_h` in [N m s] / [rad].
-
-    Returns:
-        Torque on the joint in [N m].
-    """
+    r"""Torque in [N m] that brakes a held joint at the inferred speed, :math:`-b_h \hat\omega`."""
     return -damping * speed
 
 
 def support_share(ticks: int, lowering_ticks: int) -> float:
-    """Share of the leg's weight that the hold still carries, fading linearly so that the leg is lowered.
-
-    Args:
-        ticks: Since the trip.
-        lowering_ticks: Length of the fade.
-
-    Returns:
-        From 1 at the trip to 0.
-    """
+    """Share of the leg's weight that the hold carries, ticks after the trip: fading from 1 linearly to 0."""
     if ticks >= lowering_ticks:
         return 0.0
     return 1.0 - ticks / lowering_ticks

@@ -11,8 +11,6 @@ axis. With the thigh's elevation α from the vertical (hip flexion less pitch), 
 from the hips, and a force on it turns the thigh upwards with :math:`F_z x - F_x z`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.contact import contact_friction_force, mechanical_stop_torque
@@ -20,53 +18,31 @@ from twin_gait.core.contact import contact_friction_force, mechanical_stop_torqu
 
 @dataclass(slots=True)
 class Pad:
-    """What of the body meets the seat.
+    """What of the body meets the seat."""
 
-    Attributes:
-        stiffness: In [N] / [m].
-        dissipation: In [s] / [m].
-        thickness: From the axis of hip or thigh to the skin, uncompressed, in [m].
-        along: Way of it down the thigh in [m]; 0 for the buttocks.
-    """
-
-    stiffness: float
-    dissipation: float
-    thickness: float
-    along: float = 0.0
+    stiffness: float  # In [N] / [m].
+    dissipation: float  # In [s] / [m].
+    thickness: float  # From the axis of hip or thigh to the skin, uncompressed, in [m].
+    along: float = 0.0  # Way of it down the thigh in [m]; 0 for the buttocks.
 
 
 @dataclass(slots=True)
 class Seat:
-    """A level seat without a back.
+    """A level seat without a back."""
 
-    Attributes:
-        height: Over the ground in [m].
-        forward: Place of its front edge in [m].
-        depth: From there to its rear edge in [m].
-        rounding: Way behind an edge over which the seat comes to bear, in [m].
-        friction_coefficient: Coulomb coefficient.
-        transition_velocity: Of the regularised friction in [m] / [s].
-        buttocks: Both.
-        thigh: One.
-        hips: Places of the two hips in the coordinates.
-        behind: Way of its front edge behind the hips where it is put for a standing wearer, in [m].
-        normal: Sum of the normal forces as it was last, in [N].
-        friction: Of the forces along the seat, forwards positive; likewise.
-        power: Of all of them in [W]; likewise.
-    """
-
-    height: float
-    forward: float
-    depth: float
-    rounding: float
-    friction_coefficient: float
-    transition_velocity: float
-    buttocks: Pad
-    thigh: Pad
-    hips: list[int]
-    normal: float = 0.0
-    friction: float = 0.0
-    power: float = 0.0
+    height: float  # Over the ground in [m].
+    forward: float  # Place of its front edge in [m].
+    depth: float  # From there to its rear edge in [m].
+    rounding: float  # Way behind an edge over which the seat comes to bear, in [m].
+    friction_coefficient: float  # Coulomb coefficient.
+    transition_velocity: float  # Of the regularised friction in [m] / [s].
+    buttocks: Pad  # Both.
+    thigh: Pad  # One.
+    hips: list[int]  # Places of the two hips in the coordinates.
+    normal: float = 0.0  # Sum of the normal forces as it was last, in [N].
+    friction: float = 0.0  # Of the forces along the seat, forwards positive; likewise.
+    power: float = 0.0  # Of all of them in [W]; likewise.
+    # Way of its front edge behind the hips where it is put for a standing wearer, in [m].
     behind: float = 0.0
 
 
@@ -79,22 +55,12 @@ def bearing_share(seat: Seat, forward: float) -> float:
 def seat_force(
     seat: Seat, pad: Pad, forward: float, height: float, speed: float, rise: float
 ) -> tuple[float, float]:
-    r"""Force of the seat on a pad, of which nothing jumps.
+    r"""Forward and upward force in [N] of the seat on a pad, of which nothing jumps.
 
-    .. math::
+    :math:`N = s(x)\,k\,\delta\,\max(0, 1 + c\,\dot\delta), \qquad F = -\mu N \tanh(v / v_t)`
 
-        N = s(x)\,k\,\delta\,\max(0, 1 + c\,\dot\delta), \qquad F = -\mu N \tanh(v / v_t)
-
-    Args:
-        seat: Changed in place: force and power are added to its sums.
-        pad: Of the body.
-        forward: Place of the pad's skin, uncompressed, in [m].
-        height: Likewise.
-        speed: Of the pad forwards in [m] / [s].
-        rise: Upwards.
-
-    Returns:
-        Forward and upward force in [N].
+    Force and power are added to the sums of the seat. Place and height are those of the pad's skin,
+    uncompressed, in [m]; ``speed`` forwards and ``rise`` in [m] / [s].
     """
     share = bearing_share(seat, forward)
     normal = share * mechanical_stop_torque(height, rise, seat.height, height, pad.stiffness, pad.dissipation)
@@ -110,16 +76,8 @@ def seat_the_hips(
 ) -> tuple[float, float, float]:
     """Force of the seat on the buttocks; the sums of the seat begin with it.
 
-    Args:
-        seat: Changed in place.
-        forward: Place of the hips in [m].
-        height: Of the hips.
-        speed: Of the hips forwards in [m] / [s].
-        rise: Upwards.
-        pitching: Rate of the pitch in [rad] / [s].
-
-    Returns:
-        Forward and upward force in [N], and pitching moment about the hips in [N m].
+    Place and velocity are those of the hips. Returns forward and upward force in [N], and the pitching moment
+    about the hips in [N m].
     """
     seat.normal = seat.friction = seat.power = 0.0
     below = seat.buttocks.thickness
@@ -137,20 +95,10 @@ def seat_the_thigh(
     rise: float,
     turning: float,
 ) -> tuple[float, float, float]:
-    """Force of the seat on the back of a thigh.
+    """Force of the seat on the back of a thigh, by sine and cosine of its elevation and their rate.
 
-    Args:
-        seat: Changed in place.
-        sine: Of the elevation of the thigh.
-        cosine: Likewise.
-        forward: Place of the hips in [m].
-        height: Of the hips.
-        speed: Of the hips forwards in [m] / [s].
-        rise: Upwards.
-        turning: Rate of the elevation in [rad] / [s].
-
-    Returns:
-        Forward and upward force in [N], and moment about the hip that lifts the thigh, in [N m].
+    Place and velocity are those of the hips. Returns forward and upward force in [N], and the moment about
+    the hip that lifts the thigh, in [N m].
     """
     along, behind = seat.thigh.along, seat.thigh.thickness
     ahead, up = along * sine - behind * cosine, -along * cosine - behind * sine

@@ -1,7 +1,5 @@
 """Duty-based transparency control, equation (2.1) of the thesis: the motor follows the moved joint."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -11,46 +9,23 @@ from twin_gait.core.elementary import sine_cosine
 
 @dataclass(slots=True)
 class Transparency:
-    """Parameters of :func:`transparency_duty`.
+    """Parameters of :func:`transparency_duty`."""
 
-    Attributes:
-        amplitude: A in counts.
-        frequency: f in [Hz].
-        ticks_per_second: N, the ``steps`` of the thesis.
-        lowest_velocity: ω_min in [rad] / [s], below which (2.1a) holds.
-        transparency_gain: K.
-        static_voltage: p0 in [V].
-        voltage_per_velocity: p1 in [V s] / [rad].
-        voltage_per_velocity_squared: p2 in [V s²] / [rad²].
-        duty_limit: Safety limit in counts.
-    """
-
-    amplitude: float
-    frequency: float
-    ticks_per_second: float
-    lowest_velocity: float
-    transparency_gain: float
-    static_voltage: float
-    voltage_per_velocity: float
-    voltage_per_velocity_squared: float
-    duty_limit: float
+    amplitude: float  # A in counts.
+    frequency: float  # f in [Hz].
+    ticks_per_second: float  # N, the ``steps`` of the thesis.
+    lowest_velocity: float  # ω_min in [rad] / [s], below which (2.1a) holds.
+    transparency_gain: float  # K.
+    static_voltage: float  # p0 in [V].
+    voltage_per_velocity: float  # p1 in [V s] / [rad].
+    voltage_per_velocity_squared: float  # p2 in [V s²] / [rad²].
+    duty_limit: float  # Safety limit in counts.
 
 
 def breakaway_duty(tick: float, amplitude: float, frequency: float, ticks_per_second: float) -> float:
-    r"""Duty that shakes the joint at rest, equation (2.1a) of the thesis.
+    r"""Duty in counts that shakes the joint at rest in tick n, equation (2.1a) of the thesis.
 
-    .. math::
-
-        d = A \sin\frac{2\pi f\,n}{N}
-
-    Args:
-        tick: :math:`n`.
-        amplitude: :math:`A` in counts.
-        frequency: :math:`f` in [Hz].
-        ticks_per_second: :math:`N`, the ``steps`` of the thesis.
-
-    Returns:
-        Duty in counts.
+    :math:`d = A \sin\frac{2\pi f\,n}{N}`
     """
     sine, _ = sine_cosine(2.0 * math.pi * frequency * tick / ticks_per_second)
     return amplitude * sine
@@ -65,24 +40,14 @@ def viscous_duty(
     bus_voltage: float,
     counts: float,
 ) -> float:
-    r"""Duty that follows the moving joint, equation (2.1b) of the thesis.
+    r"""Duty in counts that follows the moving joint, equation (2.1b) of the thesis.
 
     .. math::
 
         d = \frac{PWM}{V_{bus}} \left\{p_0\,\mathrm{sgn}\,\omega
             + K\,[p_1\,\omega - p_2\,\mathrm{sgn}(\omega)\,\omega^2]\right\}
 
-    Args:
-        velocity: :math:`\omega` in [rad] / [s].
-        transparency_gain: :math:`K`.
-        static_voltage: :math:`p_0` in [V].
-        voltage_per_velocity: :math:`p_1` in [V s] / [rad].
-        voltage_per_velocity_squared: :math:`p_2` in [V s²] / [rad²].
-        bus_voltage: :math:`V_{bus}` in [V], above 0.
-        counts: :math:`PWM`, counts of full duty.
-
-    Returns:
-        Duty in counts.
+    ``counts``: PWM, of full duty; the other letters are those of :class:`Transparency`.
     """
     sign = (velocity > 0.0) * 1.0 - (velocity < 0.0) * 1.0
     following = voltage_per_velocity * velocity - voltage_per_velocity_squared * sign * velocity * velocity
@@ -92,18 +57,7 @@ def viscous_duty(
 def transparency_duty(
     law: Transparency, tick: float, velocity: float, bus_voltage: float, counts: float
 ) -> float:
-    r"""Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
-
-    Args:
-        law: Its parameters.
-        tick: Of the firmware.
-        velocity: :math:`\omega` in [rad] / [s].
-        bus_voltage: :math:`V_{bus}` in [V].
-        counts: Counts of full duty.
-
-    Returns:
-        Duty in counts.
-    """
+    """Duty in counts of transparency control, equations (2.1a) and (2.1b) of the thesis."""
     if abs(velocity) < law.lowest_velocity:
         duty = breakaway_duty(tick, law.amplitude, law.frequency, law.ticks_per_second)
     else:

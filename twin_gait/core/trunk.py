@@ -8,8 +8,6 @@ pitch, forwards positive. A force in a point (x, z) from the hips pitches the tr
     M = z F_x - x F_z
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.contact import mechanical_stop_torque
@@ -18,55 +16,32 @@ from twin_gait.core.plant import Stop
 
 @dataclass(slots=True)
 class Harness:
-    """A rope from a rail to the trunk; the trolley on the rail follows, so that the rope stays vertical.
+    """A rope from a rail to the trunk; the trolley on the rail follows, so that the rope stays vertical."""
 
-    Attributes:
-        height: Of the attachment above the hips, along the trunk, in [m].
-        force: Of body-weight support in [N].
-        damping: Of the rope's winch in [N s] / [m].
-        stop: What locks at a trip, from below, in heights of the attachment.
-        pull: On the trunk in [N], upwards, as it was last.
-    """
-
-    height: float
-    force: float
-    damping: float
-    stop: Stop
-    pull: float = 0.0
+    height: float  # Of the attachment above the hips, along the trunk, in [m].
+    force: float  # Of body-weight support in [N].
+    damping: float  # Of the rope's winch in [N s] / [m].
+    stop: Stop  # What locks at a trip, from below, in heights of the attachment.
+    pull: float = 0.0  # On the trunk in [N], upwards, as it was last.
 
 
 @dataclass(slots=True)
 class Trunk:
-    """The trunk of a wearer whose pelvis is free.
+    """The trunk of a wearer whose pelvis is free."""
 
-    Attributes:
-        shoulder: Height of the shoulders above the hips, along the trunk, in [m].
-        harness: That holds it.
-    """
-
-    shoulder: float
-    harness: Harness
+    shoulder: float  # Height of the shoulders above the hips, along the trunk, in [m].
+    harness: Harness  # That holds it.
 
 
 def pitching_moment(ahead: float, up: float, forward: float, upward: float) -> float:
-    """Moment in [N m] about the hips of a force in [N], forwards positive.
-
-    Args:
-        ahead: Where it acts, from the hips forwards, in [m].
-        up: Likewise upwards.
-        forward: Force.
-        upward: Likewise.
-    """
+    """Moment in [N m] about the hips, forwards positive, of a force in [N] in a point seen from them."""
     return up * forward - ahead * upward
 
 
 def harness_pull(harness: Harness, height: float, speed: float) -> float:
-    """Upward force of a rope on the trunk in [N].
+    """Upward force in [N] of a rope on the trunk, which the harness keeps.
 
-    Args:
-        harness: Changed in place: the force is kept.
-        height: Of the attachment in the world in [m].
-        speed: Of it, upwards, in [m] / [s].
+    ``height``: of the attachment in the world in [m]. ``speed``: of it, upwards.
     """
     stop, locked = harness.stop, 0.0
     if stop.stiffness != 0.0:

@@ -3,8 +3,6 @@
 All torques act on the joint and are positive in the direction of flexion.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -13,28 +11,20 @@ from twin_gait.core.elementary import exponential
 
 @dataclass(slots=True)
 class Condition:
-    """What the wearer does at a joint.
+    """What the wearer does at a joint."""
 
-    Attributes:
-        passive_share: Of the passive moment of healthy people.
-        contracture: By which the passive moments are shifted in [rad].
-        stretch_reflex_threshold: Speed beyond which a spastic muscle catches in [rad] / [s].
-        stretch_reflex_gain: In [N m s] / [rad].
-        effort: Share of the normative moment that the wearer gives.
-    """
-
-    passive_share: float
-    contracture: float
-    stretch_reflex_threshold: float
-    stretch_reflex_gain: float
-    effort: float
+    passive_share: float  # Of the passive moment of healthy people.
+    contracture: float  # By which the passive moments are shifted in [rad].
+    stretch_reflex_threshold: float  # Speed beyond which a spastic muscle catches in [rad] / [s].
+    stretch_reflex_gain: float  # In [N m s] / [rad].
+    effort: float  # Share of the normative moment that the wearer gives.
 
 
 _DEGREES = 180.0 / math.pi
 
 
 def passive_hip_torque(hip: float, knee: float) -> float:
-    r"""Passive elastic moment of the hip after Riener and Edrich (1999).
+    r"""Passive elastic moment of the hip in [N m] at flexions in [rad], after Riener and Edrich (1999).
 
     .. math::
 
@@ -43,13 +33,6 @@ def passive_hip_torque(hip: float, knee: float) -> float:
 
     with angles in degrees. R. Riener, T. Edrich: Identification of passive elastic joint moments in the lower
     extremities, Journal of Biomechanics 32 (1999) 539-544; mean over ten healthy men.
-
-    Args:
-        hip: Flexion in [rad].
-        knee: Flexion in [rad].
-
-    Returns:
-        Moment in [N m].
     """
     fh, fk = _DEGREES * hip, _DEGREES * knee
     extended = exponential(1.4655 - 0.0034 * fk - 0.0750 * fh)
@@ -58,7 +41,7 @@ def passive_hip_torque(hip: float, knee: float) -> float:
 
 
 def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
-    r"""Passive elastic moment of the knee after Riener and Edrich (1999).
+    r"""Passive elastic moment of the knee in [N m] after Riener and Edrich (1999).
 
     .. math::
 
@@ -67,14 +50,6 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
             + e^{2.220 - 0.150\,\varphi_k}
 
     with angles in degrees; the paper counts plantarflexion positive, here dorsiflexion is.
-
-    Args:
-        hip: Flexion in [rad].
-        knee: Flexion in [rad].
-        ankle: Dorsiflexion in [rad].
-
-    Returns:
-        Moment in [N m].
     """
     fh, fk, fa = _DEGREES * hip, _DEGREES * knee, _DEGREES * ankle
     two_joint = exponential(1.800 + 0.0460 * fa - 0.0352 * fk + 0.0217 * fh)
@@ -84,19 +59,10 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
 
 
 def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float) -> float:
-    r"""Torque of a spastic muscle that catches when it is stretched fast.
+    r"""Torque in [N m] of a spastic muscle that catches when it is stretched faster than ω_c.
 
-    .. math::
-
-        \tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| > \omega_c
-
-    Args:
-        velocity: Of the joint in [rad] / [s].
-        stretch_reflex_threshold: ω_c in [rad] / [s].
-        gain: g in [N m s] / [rad].
-
-    Returns:
-        Torque in [N m]; 0 below the speed of the catch.
+    :math:`\tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| >
+    \omega_c`
     """
     excess = abs(velocity) - stretch_reflex_threshold
     if excess <= 0.0:
@@ -107,14 +73,7 @@ def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float
 def posture_place(angle: float, lowest: float, step: float, entries: int) -> tuple[int, float]:
     """Where an angle falls on an even grid, for linear interpolation; held beyond its ends.
 
-    Args:
-        angle: In [rad].
-        lowest: First entry in [rad].
-        step: Between entries in [rad].
-        entries: Their number, 2 or more.
-
-    Returns:
-        Number of the entry below, and the share of the next one.
+    Returns the number of the entry below, and the share of the next one.
     """
     place = (angle - lowest) / step
     if place <= 0.0:

@@ -179,11 +179,6 @@ def parse_guard(
     if minus is not None and signal_of(signal).unit != signal_of(minus).unit:
         units = " and ".join(signal_of(name).unit.words for name in (signal, minus))
         raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units: {units}")
-    return Comparison(signal=signal, minus=minus, operator=operator, threshold=_finite(text, number))
-
-
-def _finite(text: str, number: str) -> float:
-    value = float(number)
-    if not math.isfinite(value):
+    if not math.isfinite(float(number)):
         raise GaitTableError(f"guard {text!r}: the threshold is not a finite number")
-    return value
+    return Comparison(signal=signal, minus=minus, operator=operator, threshold=float(number))

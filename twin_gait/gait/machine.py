@@ -129,21 +129,15 @@ class GaitStateMachine:
     def advance(self, tick: int, signals: Sequence[float], other_phase: int) -> PhaseSwitch | None:
         """Advance by one tick on a list of signals.
 
-        Args:
-            tick: Present tick.
-            signals: This leg's signals, the other's, then the device's, in the order of
-                :func:`twin_gait.gait.signals.all_signal_names`, SI units; NaN marks the signals of a
-                leg that is not there. A list is read faster than a NumPy array.
-            other_phase: Index of the other leg's phase at the start of the tick, -1 without one.
-
-        Returns:
-            The switch, or None if the leg stays.
-
-        Raises:
-            MeasurementError: If a signal of this leg, of a present other leg, or of the device is not finite.
+        ``signals``: this leg's signals, the other's, then the device's, in the order of
+        :func:`twin_gait.gait.signals.all_signal_names`, SI units; NaN marks the signals of a leg that is not
+        there. A list is read faster than a NumPy array. ``other_phase``: index of the other leg's phase at
+        the start of the tick, -1 without one. Returns the switch, or None if the leg stays. Raises
+        MeasurementError if a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
-        index = self._choose(tick - self.entry_tick, signals, other_phase)
+        ticks = tick - self.entry_tick
+        index = next_transition(self.program, self._index, ticks, signals, other_phase, self._debounce)
         if index == NO_TRANSITION:
             return None
         source = self.phase
@@ -157,12 +151,6 @@ class GaitStateMachine:
         """Be in a phase from a tick on, whatever the table says: it is entered from outside."""
         self.phase, self._index, self.entry_tick = phase, self.table.phase_index(phase), tick
         self._debounce[:] = [0] * len(self._debounce)
-
-    def _choose(self, ticks_in_phase: int, signals: Sequence[float], other_phase: int) -> int:
-        """Index of the transition that is due, or ``NO_TRANSITION``; debounce is counted."""
-        return next_transition(
-            self.program, self._index, ticks_in_phase, signals, other_phase, self._debounce
-        )
 
     def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
         names = self._names

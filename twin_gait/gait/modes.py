@@ -164,7 +164,6 @@ def why_refused(
 def _missing(
     table: ModeTable, item: Transition, request: str, signals: Mapping[str, float], ticks: int
 ) -> list[str]:
-    """What a transition lacks, in words."""
     values = table.in_si({**signals, TIME: ticks * TICK})
     least = max(table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
     waits = [f"{item.source} for {ticks * TICK:g} s, less than {least * TICK:g} s"] if ticks < least else []

@@ -191,9 +191,6 @@ class Scaling(quantities.Parameters):
     hip_centre: Annotated[quantities.Angle, WIDE] = 0.0
 
 
-SCALING_EXPONENTS = ("carried_mass_exponent", "speed_exponent", "height_exponent")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Waiver(quantities.Parameters):
     """A warning of the check that the table lives with.
@@ -217,11 +214,7 @@ class Waiver(quantities.Parameters):
 
 
 class State(Protocol):
-    """What every phase of a state machine has.
-
-    Attributes:
-        minimum_ticks: It is not left before so many ticks.
-    """
+    """What every phase of a state machine has."""
 
     @property
     def minimum_ticks(self) -> int:

@@ -9,8 +9,6 @@ of joints, and the time to compile it faster still: models of more than :data:`S
 refused.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -35,19 +33,12 @@ POINT_FIELDS = tuple(item.name for item in fields(Point))
 
 
 class Called(NamedTuple):
-    """A function that kernels call for several things at once, which may become vectors.
+    """A function that kernels call for several things at once, which may become vectors."""
 
-    Attributes:
-        function: Of one of them.
-        shared: Arguments that all have in common; they come first.
-        arguments: Of each.
-        results: Of each.
-    """
-
-    function: Callable[..., tuple[float, ...]]
-    shared: int
-    arguments: int
-    results: int
+    function: Callable[..., tuple[float, ...]]  # Of one of them.
+    shared: int  # Arguments that all have in common; they come first.
+    arguments: int  # Of each.
+    results: int  # Of each.
 
     @property
     def name(self) -> str:
@@ -190,7 +181,7 @@ def write_dynamics(
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
-    result = rigid_body.forward_dynamics(
+    acceleration, contacts = rigid_body.forward_dynamics(
         inputs,
         _inputs(trace, "q", n),
         _inputs(trace, "v", n),
@@ -199,7 +190,7 @@ def write_dynamics(
         places,
         _ground(trace, heights, powers, sloped),
     )
-    stores = _stores("a", result.acceleration) + _point_stores(result.contacts, heights)
+    stores = _stores("a", acceleration) + _point_stores(contacts, heights)
     signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
     return _function(signature, trace, stores, [_total(powers)])
 
@@ -225,10 +216,7 @@ def write_contact_forces(
 
 
 def write_observe(
-    bodies: Sequence[BodyArrays],
-    points: Sequence[ContactPoint],
-    up_axis: str,
-    guides: Sequence[int] = (0,),
+    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str, guides: Sequence[int] = (0,)
 ) -> str:
     """Source of ``observe``; the wrench is that of all guides, each about its own origin."""
     trace = Trace()
@@ -274,24 +262,23 @@ def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     return _function("control_inertia(q, a, bodies, torque)", trace, _stores("torque", torques), [])
 
 
-def write_kernel(
-    bodies: Sequence[BodyArrays],
-    points: Sequence[ContactPoint],
-    control_bodies: Sequence[BodyArrays],
-    up_axis: str,
-    guides: Sequence[int] = (0,),
-    sloped: bool = False,
-) -> str:
+class KernelBodies(NamedTuple):
+    """What a kernel is written for."""
+
+    bodies: Sequence[BodyArrays]
+    points: Sequence[ContactPoint]  # Of the plant, that may touch the ground.
+    control_bodies: Sequence[BodyArrays]
+    up_axis: str  # ``"z"`` or ``"y"``.
+    guides: Sequence[int] = (0,)
+    sloped: bool = False  # Whether the ground may rise forwards; else it is level and nothing is turned.
+
+
+def write_kernel(kernel: KernelBodies) -> str:
     """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
 
-    Args:
-        points: Points of the plant that may touch the ground.
-        up_axis: ``"z"`` or ``"y"``.
-        sloped: Whether the ground may rise forwards; else it is level and nothing is turned.
-
-    Returns:
-        Python source; it needs the functions of :data:`SIDE_BY_SIDE` in its module.
+    It needs the functions of :data:`SIDE_BY_SIDE` in its module.
     """
+    bodies, points, control_bodies, up_axis, guides, sloped = kernel
     functions = [
         write_dynamics(bodies, points, up_axis, sloped),
         write_contact_forces(bodies, points, sloped),
@@ -303,11 +290,7 @@ def write_kernel(
 
 
 def write_side_by_side(text: str) -> list[str]:
-    """Source of the functions that a kernel calls for several things at once: one thing after the other.
-
-    Args:
-        text: Of the kernel.
-    """
+    """Source of what the text of a kernel calls for several things at once: one thing after the other."""
     found = []
     for item in SIDE_BY_SIDE:
         for count in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
@@ -322,19 +305,12 @@ def write_side_by_side(text: str) -> list[str]:
     return found
 
 
-def kernel_structure(
-    bodies: Sequence[BodyArrays],
-    points: Sequence[ContactPoint],
-    control_bodies: Sequence[BodyArrays],
-    up_axis: str,
-    guides: Sequence[int] = (0,),
-    sloped: bool = False,
-) -> str:
+def kernel_structure(kernel: KernelBodies) -> str:
     """What the text of :func:`write_kernel` depends on; it takes a hundredth of the time to write that.
 
-    Raises:
-        ModelError: If the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
+    Raises ModelError if the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
     """
+    bodies, points, control_bodies, up_axis, guides, sloped = kernel
     if len(bodies) > STRAIGHT_LINE_LIMIT:
         raise ModelError(
             f"the model has {len(bodies)} joints, those in braces counted twice, and the compiled engine "

@@ -4,8 +4,6 @@ It shares the laws of :mod:`twin_gait.core` and the rooms of a tick with the com
 dynamics, and so is what that one is checked against.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -52,17 +50,7 @@ class GroundContacts:
             first += len(frames)
 
     def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Sequence[Point]) -> float:
-        """Evaluate a state.
-
-        Args:
-            q: Coordinates of the model, shape ``(nv,)``.
-            v: Velocities, shape ``(nv,)``.
-            ground: Under the feet.
-            points: Of all soles; changed in place.
-
-        Returns:
-            Power of the forces in [W].
-        """
+        """Evaluate a state of the model; the points of the soles are changed. Returns the power in [W]."""
         pin.forwardKinematics(self.model, self.data, q, v)
         return sum(self._press(foot, ground, points) for foot in self.feet.values())
 
@@ -93,11 +81,7 @@ class GroundContacts:
         return power
 
     def wrench(self, side: Side) -> np.ndarray:
-        """What the ground does on a foot at the last evaluation.
-
-        Returns:
-            Force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
-        """
+        """Force in [N] and moment about the world origin in [N m] on a foot, shape ``(6,)``."""
         joint = self.feet[side].joint
         return np.array(self.data.oMi[joint].act(self.forces[joint]).vector)
 

@@ -5,8 +5,6 @@ frames with three-vectors. Run over :class:`~twin_gait.kernels.tracing.Symbol` t
 specialised kernel of one model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
@@ -28,33 +26,15 @@ def vector(values: Sequence[Any]) -> Vector:
 ZERO = vector([0.0, 0.0, 0.0])
 
 
-class Dynamics(NamedTuple):
-    """What one evaluation gives.
-
-    Attributes:
-        acceleration: Of the coordinates, shape ``(n,)``.
-        contacts: Results of the contact law per point.
-    """
-
-    acceleration: Vector
-    contacts: list[list[Scalar]]
-
-
 class InverseDynamics(NamedTuple):
-    """Forces that go with a motion.
+    """Forces that go with a motion."""
 
-    Attributes:
-        torques: On the coordinates, without armature, shape ``(n,)``.
-        contacts: Results of the contact law per point.
-        wrenches: Moment and force that each joint passes on to its body, in the body's frame and about the
-            joint frame's origin.
-        kinetic_energy: With that of the rotors.
-    """
-
-    torques: list[Scalar]
-    contacts: list[list[Scalar]]
+    torques: list[Scalar]  # On the coordinates, without armature, shape ``(n,)``.
+    contacts: list[list[Scalar]]  # Results of the contact law per point.
+    # Moment and force that each joint passes on to its body, in the body's frame and about the joint frame's
+    # origin.
     wrenches: list[list[Vector]]
-    kinetic_energy: Scalar
+    kinetic_energy: Scalar  # With that of the rotors.
 
 
 def cross(a: Vector, b: Vector) -> Vector:
@@ -103,6 +83,10 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
+def _poses(bodies: Sequence[BodyArrays], q: Vector) -> list[_Pose]:
+    return [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+
+
 ContactLaw = Callable[[int, Vector, Vector], list[Scalar]]
 
 
@@ -116,9 +100,9 @@ def _path_to_contacts(bodies: Sequence[BodyArrays], contacts: Sequence[ContactPo
     return needed
 
 
-def newton_euler(
+def inverse_dynamics(
     bodies: Sequence[BodyArrays],
-    poses: Sequence[_Pose],
+    q: Vector,
     v: Vector,
     a: Vector,
     gravity: Vector,
@@ -127,15 +111,10 @@ def newton_euler(
 ) -> InverseDynamics:
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
-    Args:
-        a: Accelerations; zeros give the bias.
-        gravity: Acceleration of gravity in the world frame.
-        contact_law: From number, position and velocity of a point in the world to its force along world x
-            and z (first two results) and anything else.
-
-    Returns:
-        Torques, contact results and what the joints carry.
+    ``gravity``: acceleration of gravity in the world frame. ``contact_law``: from number, position and
+    velocity of a point in the world to its force along world x and z (first two results) and anything else.
     """
+    poses = _poses(bodies, q)
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
     acceleration: list[tuple[Vector, Vector]] = []
@@ -210,8 +189,9 @@ def _world_pose(
     return rotation @ pose.rotation, origin + rotation @ pose.position
 
 
-def mass_matrix(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[list[Scalar]]:
+def mass_matrix(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
     """Joint-space inertia (lower triangle along the tree), armature included."""
+    poses = _poses(bodies, q)
     n = len(bodies)
     composite = [(body.mass, body.first_moment, body.inertia) for body in bodies]
     matrix: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -252,11 +232,7 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
                 element = element + trace
             moved[i, j] = moved[j, i] = element
     parent_mass, parent_first, parent_inertia = parent
-    return (
-        parent_mass + mass,
-        parent_first + turned_first + p * mass,
-        parent_inertia + moved,
-    )
+    return (parent_mass + mass, parent_first + turned_first + p * mass, parent_inertia + moved)
 
 
 def solve_along_tree(
@@ -299,40 +275,22 @@ def forward_dynamics(
     gravity: Vector,
     contacts: Sequence[ContactPoint] = (),
     contact_law: ContactLaw | None = None,
-) -> Dynamics:
-    """Accelerations under joint torques and contact forces."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    zero = [0.0] * len(bodies)
-    bias = newton_euler(bodies, poses, v, zero, gravity, contacts, contact_law)
+) -> tuple[list[Scalar], list[list[Scalar]]]:
+    """Accelerations under joint torques and contact forces, and results of the contact law per point."""
+    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, contact_law)
     right = [torque - load for torque, load in zip(tau, bias.torques, strict=True)]
-    return Dynamics(solve_along_tree(bodies, mass_matrix(bodies, poses), right), bias.contacts)
-
-
-def inverse_dynamics(
-    bodies: Sequence[BodyArrays],
-    q: Vector,
-    v: Vector,
-    a: Vector,
-    gravity: Vector,
-    contacts: Sequence[ContactPoint] = (),
-    contact_law: ContactLaw | None = None,
-) -> InverseDynamics:
-    """Torques of a motion; see :func:`newton_euler`."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    return newton_euler(bodies, poses, v, a, gravity, contacts, contact_law)
+    return solve_along_tree(bodies, mass_matrix(bodies, q), right), bias.contacts
 
 
 def joint_space_inertia(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
     """Mass matrix with armature, both triangles."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    lower = mass_matrix(bodies, poses)
-    n = len(bodies)
-    return [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
+    lower, places = mass_matrix(bodies, q), range(len(bodies))
+    return [[lower[max(i, j)][min(i, j)] for j in places] for i in places]
 
 
 def potential_energy(bodies: Sequence[BodyArrays], q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
-    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+    poses = _poses(bodies, q)
     world: list[tuple[Matrix, Vector] | None] = []
     energy: Scalar = 0.0
     for body, pose in zip(bodies, poses, strict=True):

@@ -192,10 +192,8 @@ def together(lines: Sequence[str], name: str, shared: int) -> list[str]:
     What needs a result and stands before that place comes after it; otherwise the order stays. No call may
     need the result of another.
 
-    Args:
-        lines: From :meth:`Trace.live_lines`.
-        name: Of the function; that of the one call goes on with their number.
-        shared: Arguments that all calls have in common; they come first.
+    ``lines``: from :meth:`Trace.live_lines`. ``name``: of the function; that of the one call goes on with
+    their number. ``shared``: arguments that all calls have in common; they come first.
     """
     calls = [line for line in lines if f" = {name}(" in line]
     if len(calls) < FEWEST_TOGETHER:

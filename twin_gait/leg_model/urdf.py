@@ -187,21 +187,12 @@ def quiet_stderr() -> Iterator[None]:
 
     The descriptor belongs to the whole process, so only one thread at a time may swap it.
     """
-    with _SILENCE:
-        yield from _without_stderr()
-
-
-def _without_stderr() -> Iterator[None]:
-    try:
-        descriptor = sys.stderr.fileno()
-    except (AttributeError, OSError, io.UnsupportedOperation):
+    with _SILENCE, contextlib.ExitStack() as restored:
+        with contextlib.suppress(AttributeError, OSError, io.UnsupportedOperation):
+            descriptor = sys.stderr.fileno()
+            saved = os.dup(descriptor)
+            restored.callback(os.close, saved)
+            nowhere = restored.enter_context(open(os.devnull, "w"))
+            os.dup2(nowhere.fileno(), descriptor)
+            restored.callback(os.dup2, saved, descriptor)
         yield
-        return
-    saved = os.dup(descriptor)
-    with open(os.devnull, "w") as nowhere:
-        os.dup2(nowhere.fileno(), descriptor)
-        try:
-            yield
-        finally:
-            os.dup2(saved, descriptor)
-            os.close(saved)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,8 +37,7 @@ WAIST_CLEARANCE = 0.05  # of the two hip actuators beside the body [m]
 DRAWN_FOOT = FOOT_LENGTH * 1.75
 
 
-@dataclass(frozen=True, kw_only=True)
-class Segment:
+class Segment(NamedTuple):
     """Body segment as shares of body mass and segment length."""
 
     mass: float  # share of the body mass
@@ -49,26 +49,14 @@ class Segment:
 # de Leva (1996), J Biomech 29(9), table 4: thigh HJC-KJC, shank KJC-AJC, foot HEEL-TTIP.
 SEGMENTS: dict[Sex, dict[str, Segment]] = {
     Sex.MALE: {
-        "thigh": Segment(
-            mass=0.1416, centre_of_mass=0.4095, transverse_radius=0.329, longitudinal_radius=0.149
-        ),
-        "shank": Segment(
-            mass=0.0433, centre_of_mass=0.4395, transverse_radius=0.246, longitudinal_radius=0.102
-        ),
-        "foot": Segment(
-            mass=0.0137, centre_of_mass=0.4415, transverse_radius=0.245, longitudinal_radius=0.124
-        ),
+        "thigh": Segment(0.1416, 0.4095, 0.329, 0.149),
+        "shank": Segment(0.0433, 0.4395, 0.246, 0.102),
+        "foot": Segment(0.0137, 0.4415, 0.245, 0.124),
     },
     Sex.FEMALE: {
-        "thigh": Segment(
-            mass=0.1478, centre_of_mass=0.3612, transverse_radius=0.364, longitudinal_radius=0.162
-        ),
-        "shank": Segment(
-            mass=0.0481, centre_of_mass=0.4352, transverse_radius=0.263, longitudinal_radius=0.092
-        ),
-        "foot": Segment(
-            mass=0.0129, centre_of_mass=0.4014, transverse_radius=0.279, longitudinal_radius=0.139
-        ),
+        "thigh": Segment(0.1478, 0.3612, 0.364, 0.162),
+        "shank": Segment(0.0481, 0.4352, 0.263, 0.092),
+        "foot": Segment(0.0129, 0.4014, 0.279, 0.139),
     },
 }
 
@@ -77,9 +65,9 @@ SEGMENTS: dict[Sex, dict[str, Segment]] = {
 # table knows one radius of gyration only; the longitudinal ones are those of de Leva's men, and a leg that
 # moves in its sagittal plane does not feel them.
 WINTER_SEGMENTS: dict[str, Segment] = {
-    "thigh": Segment(mass=0.100, centre_of_mass=0.433, transverse_radius=0.323, longitudinal_radius=0.149),
-    "shank": Segment(mass=0.0465, centre_of_mass=0.433, transverse_radius=0.302, longitudinal_radius=0.102),
-    "foot": Segment(mass=0.0145, centre_of_mass=0.500, transverse_radius=0.475, longitudinal_radius=0.124),
+    "thigh": Segment(0.100, 0.433, 0.323, 0.149),
+    "shank": Segment(0.0465, 0.433, 0.302, 0.102),
+    "foot": Segment(0.0145, 0.500, 0.475, 0.124),
 }
 
 
@@ -96,8 +84,8 @@ def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
     It ends half the foot's height below the ankle: de Leva's runs there from heel to tip of the toe, Winter's
     comes down from the ankle to the second metatarsal.
 
-    Returns:
-        Its beginning, seen from the ankle, and the way to its end; forward and up in [m], shapes ``(2,)``.
+    Returns its beginning, seen from the ankle, and the way to its end; forward and up in [m], shapes
+    ``(2,)``.
     """
     length = FOOT_LENGTH * patient.height
     drop = -0.5 * FOOT_HEIGHT * patient.height

@@ -1,7 +1,5 @@
 """The CAN bus of the device before anything has been sent."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 
@@ -19,11 +17,7 @@ _ROOM = 8  # outages in a record: of this many or a multiple, so that few loops 
 def picoseconds(time: float) -> int:
     """A time as the bus counts it.
 
-    Args:
-        time: In [s].
-
-    Returns:
-        In [ps]; ``NEVER`` for an infinite one.
+    ``time``: in [s]. Returns [ps]; ``NEVER`` for an infinite one.
     """
     return round(time * _PICOSECONDS) if math.isfinite(time) else NEVER
 
@@ -37,11 +31,8 @@ def cyclic_messages(messages: Mapping[str, Message], boards: Sequence[str] = BOA
 def new_bus(network: NetworkParameters, messages: Sequence[Message], seed: int, tick: float) -> Bus:
     """The bus at the start of a run.
 
-    Args:
-        network: Its parameters.
-        messages: Its frames, from :func:`cyclic_messages`.
-        seed: Of all draws.
-        tick: Length of a tick in [s].
+    ``network``: its parameters. ``messages``: its frames, from :func:`cyclic_messages`. ``seed``: of all
+    draws. ``tick``: length of a tick in [s].
     """
     never = Outage(OutageKind.SILENCE.code, NOBODY, NEVER, NEVER)
     outages = sorted((_outage(item) for item in network.outages), key=lambda item: item.start)
@@ -77,7 +68,6 @@ def _frame(network: NetworkParameters, message: Message, seed: int) -> Frame:
 
 
 def _outage(item: OutageParameters) -> Outage:
-    """An outage as the bus has it."""
     node = NOBODY if item.node is None else NODES.index(item.node)
     start = picoseconds(item.time)
     return Outage(item.kind.code, node, start, min(start + picoseconds(item.duration), NEVER))

@@ -22,24 +22,16 @@ _WORD = 32  # bits of a half of a frame
 
 @dataclass(frozen=True, kw_only=True)
 class Message:
-    """A frame of the network and its layout.
+    """A frame of the network and its layout."""
 
-    Attributes:
-        name: For example ``left_hip_setpoint``.
-        identifier: Of 11 bits; the lowest one pending is sent first.
-        length: In bytes.
-        cycle: In [s]; 0 for one that is sent when there is something to say.
-        sender: Node that sends it.
-        signals: Layouts by name, in the order of :data:`~twin_gait.network.messages.MESSAGES`.
-        codes: Of signals with a table of values, the code of each value by its name.
-    """
-
-    name: str
-    identifier: int
-    length: int
-    cycle: float
-    sender: str
+    name: str  # For example ``left_hip_setpoint``.
+    identifier: int  # Of 11 bits; the lowest one pending is sent first.
+    length: int  # In bytes.
+    cycle: float  # In [s]; 0 for one that is sent when there is something to say.
+    sender: str  # Node that sends it.
+    # Layouts by name, in the order of :data:`~twin_gait.network.messages.MESSAGES`.
     signals: Mapping[str, SignalLayout]
+    # Of signals with a table of values, the code of each value by its name.
     codes: Mapping[str, Mapping[str, int]]
 
     @property
@@ -56,8 +48,7 @@ class Message:
 def find_dbc(path_or_name: str | Path) -> Path:
     """Resolve a path, or the bare name of the packaged file.
 
-    Raises:
-        ParameterFileError: If there is no such file.
+    Raises ParameterFileError if there is no such file.
     """
     path = Path(path_or_name).expanduser()
     if path.is_file():
@@ -71,16 +62,10 @@ def find_dbc(path_or_name: str | Path) -> Path:
 def load_messages(path_or_name: str | Path = PACKAGED_DBC) -> dict[str, Message]:
     """Read all messages of the device from a DBC file.
 
-    Args:
-        path_or_name: Of a file, or the name of the one that ships.
-
-    Returns:
-        Messages by name, all of :data:`~twin_gait.network.messages.MESSAGES`; what else is in the file is
-        left alone.
-
-    Raises:
-        ParameterFileError: If a message or a signal is missing, or laid out so that the codec cannot hold it.
-        MissingOptionalDependency: If cantools is not installed.
+    ``path_or_name``: of a file, or the name of the one that ships. Returns messages by name, all of
+    :data:`~twin_gait.network.messages.MESSAGES`; what else is in the file is left alone. Raises
+    ParameterFileError if a message or a signal is missing, or laid out so that the codec cannot hold it.
+    Raises MissingOptionalDependency if cantools is not installed.
     """
     path = find_dbc(path_or_name)
     found = {item.name: item for item in _messages_of(path)}
@@ -148,7 +133,6 @@ def _signal(path: Path, message: str, item: DbcSignal) -> SignalLayout:
 
 
 def _code(item: DbcSignal, bound: float) -> int:
-    """The code of an end of the declared range."""
     return round((bound - item.offset) / item.scale)
 
 

@@ -4,8 +4,6 @@ The star of the thesis (2.1.2): central control unit, a board at each of the fou
 unit, and the monitor (2.4) of whoever watches. It prints neither bit rate nor layout.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from twin_gait.parameters import BOARDS

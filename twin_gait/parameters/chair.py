@@ -3,22 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from twin_gait.parameters.quantities import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    SHARE,
-    Length,
-    LinearDissipation,
-    LinearStiffness,
-    Parameters,
-    Range,
-    Ratio,
-    Speed,
-)
+from twin_gait.parameters import quantities
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChairParameters(Parameters):
+class ChairParameters(quantities.Parameters):
     """A seat without a back; :mod:`twin_gait.core.seat` has the law. Shanks do not meet it.
 
     Attributes:
@@ -41,16 +30,16 @@ class ChairParameters(Parameters):
         transition_velocity: Of the regularised friction in [m] / [s] (an assumption).
     """
 
-    height: Annotated[Length, Range(0.3, 0.7)] = 0.45
-    front: Length = 0.25
-    behind: Length = 0.1
-    depth: Annotated[Length, POSITIVE] = 0.4
-    rounding: Annotated[Length, POSITIVE] = 0.03
-    stiffness: Annotated[LinearStiffness, POSITIVE] = 44.0e3
-    dissipation: Annotated[LinearDissipation, NOT_NEGATIVE] = 2.4
-    thigh_share: Annotated[Ratio, SHARE] = 0.3
-    hip_height: Annotated[Length, POSITIVE] = 0.1
-    thigh_thickness: Annotated[Length, NOT_NEGATIVE] = 0.08
-    thigh_place: Annotated[Ratio, SHARE] = 0.5
-    friction_coefficient: Annotated[Ratio, NOT_NEGATIVE] = 0.7
-    transition_velocity: Annotated[Speed, POSITIVE] = 0.02
+    height: Annotated[quantities.Length, quantities.Range(0.3, 0.7)] = 0.45
+    front: quantities.Length = 0.25
+    behind: quantities.Length = 0.1
+    depth: Annotated[quantities.Length, quantities.POSITIVE] = 0.4
+    rounding: Annotated[quantities.Length, quantities.POSITIVE] = 0.03
+    stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 44.0e3
+    dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.4
+    thigh_share: Annotated[quantities.Ratio, quantities.SHARE] = 0.3
+    hip_height: Annotated[quantities.Length, quantities.POSITIVE] = 0.1
+    thigh_thickness: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.08
+    thigh_place: Annotated[quantities.Ratio, quantities.SHARE] = 0.5
+    friction_coefficient: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.7
+    transition_velocity: Annotated[quantities.Speed, quantities.POSITIVE] = 0.02

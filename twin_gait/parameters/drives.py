@@ -5,35 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from twin_gait.parameters.quantities import (
-    COUNT,
-    DEGREE,
-    NOT_NEGATIVE,
-    POSITIVE,
-    SHARE,
-    Acceleration,
-    Angle,
-    AngularVelocity,
-    Current,
-    Energy,
-    Inertia,
-    Length,
-    Parameters,
-    Power,
-    Range,
-    Ratio,
-    Resistance,
-    Time,
-    Torque,
-    TorqueConstant,
-    UnitInside,
-    Voltage,
-    require,
-)
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, Side
 
 # Below it a gear that is driven backwards locks itself, and its load does not settle (core.plant.gear_load).
 LEAST_EFFICIENCY = 0.5
+EFFICIENCIES = quantities.Range(LEAST_EFFICIENCY, 1.0, words=f"{LEAST_EFFICIENCY:g} to 1")
 # Of the CSD-25-100 under load, without what it loses without one. Its catalogue has 0.78 at 500 1/min, 25 °C
 # and 47 N m: 13.3 N m lost of 60.3, of which equation (3.1) says 4.2 (knee) to 5.2 (hip) at that speed, so
 # that 9 N m are the load's. A geared servo has 0.852 (Duclusaud et al. 2025). Not measured on TWIN.
@@ -41,7 +19,7 @@ LOADED_EFFICIENCY = 0.85
 
 
 @dataclass(frozen=True, kw_only=True)
-class ActuatorParameters(Parameters):
+class ActuatorParameters(quantities.Parameters):
     """Motor and harmonic drive of one joint.
 
     Attributes:
@@ -56,17 +34,16 @@ class ActuatorParameters(Parameters):
         continuous_torque: Torque that the motor can hold, before the gear's losses, in [N m].
     """
 
-    torque_constant: Annotated[TorqueConstant, POSITIVE]
-    resistance: Annotated[Resistance, POSITIVE]
-    rotor_inertia: Annotated[Inertia, NOT_NEGATIVE] = 3.06e-4  # maxon EC 90 flat data sheet: 3060 g cm²
-    gear_ratio: Annotated[Ratio, POSITIVE] = 100.0  # CSD-25-100, thesis 2.2.1
-    gear_inertia: Annotated[Inertia, NOT_NEGATIVE] = (
-        0.282e-4  # CSD-25, catalogue value from memory (medium-high confidence)
-    )
-    gear_efficiency: Annotated[Ratio, Range(LEAST_EFFICIENCY, 1.0, words=f"{LEAST_EFFICIENCY:g} to 1")] = 1.0
-    continuous_torque: Annotated[Torque, POSITIVE] = (
-        43.0  # nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7
-    )
+    torque_constant: Annotated[quantities.TorqueConstant, quantities.POSITIVE]
+    resistance: Annotated[quantities.Resistance, quantities.POSITIVE]
+    # maxon EC 90 flat data sheet: 3060 g cm²
+    rotor_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 3.06e-4
+    gear_ratio: Annotated[quantities.Ratio, quantities.POSITIVE] = 100.0  # CSD-25-100, thesis 2.2.1
+    # CSD-25, catalogue value from memory (medium-high confidence)
+    gear_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.282e-4
+    gear_efficiency: Annotated[quantities.Ratio, EFFICIENCIES] = 1.0
+    # Nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7.
+    continuous_torque: Annotated[quantities.Torque, quantities.POSITIVE] = 43.0
 
     @property
     def armature(self) -> float:
@@ -82,7 +59,7 @@ HIP_ACTUATOR = ActuatorParameters(torque_constant=0.109, resistance=0.82)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BatteryParameters(Parameters):
+class BatteryParameters(quantities.Parameters):
     """Battery pack CMX820P (thesis 2.2.1).
 
     Attributes:
@@ -92,17 +69,17 @@ class BatteryParameters(Parameters):
         energy: In [J]: 92.2 Wh.
     """
 
-    voltage: Annotated[Voltage, POSITIVE] = 28.8
-    internal_resistance: Annotated[Resistance, NOT_NEGATIVE] = 0.2
-    continuous_power: Annotated[Power, POSITIVE] = 330.0
-    energy: Annotated[Energy, POSITIVE] = 92.2 * 3600.0
+    voltage: Annotated[quantities.Voltage, quantities.POSITIVE] = 28.8
+    internal_resistance: Annotated[quantities.Resistance, quantities.NOT_NEGATIVE] = 0.2
+    continuous_power: Annotated[quantities.Power, quantities.POSITIVE] = 330.0
+    energy: Annotated[quantities.Energy, quantities.POSITIVE] = 92.2 * 3600.0
 
 
 STATED_AUTONOMY = 4.0 * 3600.0  # [s] of TWIN with its battery (thesis, table 2.1), doing what is not said
 
 
 @dataclass(frozen=True, kw_only=True)
-class ElectronicsParameters(Parameters):
+class ElectronicsParameters(quantities.Parameters):
     """What draws from the battery beside the windings, and what comes back to it.
 
     By default nothing draws and everything comes back, as if inverters and computers were free.
@@ -115,14 +92,14 @@ class ElectronicsParameters(Parameters):
             that returns to the battery; 0 for a brake chopper.
     """
 
-    inverter_resistance: Annotated[Resistance, NOT_NEGATIVE] = 0.0
-    inverter_power: Annotated[Power, NOT_NEGATIVE] = 0.0
-    constant_power: Annotated[Power, NOT_NEGATIVE] = 0.0
-    regeneration: Annotated[Ratio, SHARE] = 1.0
+    inverter_resistance: Annotated[quantities.Resistance, quantities.NOT_NEGATIVE] = 0.0
+    inverter_power: Annotated[quantities.Power, quantities.NOT_NEGATIVE] = 0.0
+    constant_power: Annotated[quantities.Power, quantities.NOT_NEGATIVE] = 0.0
+    regeneration: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
 
 
 HARD_TORQUE_LIMIT = 100.0  # [N m]: just below the repeated peak torque of the gear (110 N m)
-TORQUE_RANGE = Range(
+TORQUE_RANGE = quantities.Range(
     0.0,
     HARD_TORQUE_LIMIT,
     above=True,
@@ -131,7 +108,7 @@ TORQUE_RANGE = Range(
 
 
 @dataclass(frozen=True, kw_only=True)
-class LimitParameters(Parameters):
+class LimitParameters(quantities.Parameters):
     """Limits of the command.
 
     Attributes:
@@ -139,25 +116,26 @@ class LimitParameters(Parameters):
         current: Limit of the motor current in [A].
     """
 
-    torque: Annotated[Torque, TORQUE_RANGE] = 60.0
-    current: Annotated[Current, POSITIVE] = 15.0  # the battery's continuous current, thesis 2.2.1
+    torque: Annotated[quantities.Torque, TORQUE_RANGE] = 60.0
+    # The battery's continuous current, thesis 2.2.1.
+    current: Annotated[quantities.Current, quantities.POSITIVE] = 15.0
 
 
 # Calibration by eye leaves 1 to 3 deg, either way (an assumption).
 LARGEST_OFFSET = math.radians(10.0)  # [rad]
-OFFSETS = Range(
+OFFSETS = quantities.Range(
     -LARGEST_OFFSET, LARGEST_OFFSET, words=f"{LARGEST_OFFSET:.4f} rad (10 deg) at most, either way"
 )
 
 
 # Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
 # unit (InvenSense MPU-6050, data sheet rev. 3.4, sections 6.1 and 6.2).
-GYROSCOPE_NOISE = 0.005 * DEGREE * math.sqrt(500.0)  # [rad] / [s]
+GYROSCOPE_NOISE = 0.005 * quantities.DEGREE * math.sqrt(500.0)  # [rad] / [s]
 ACCELEROMETER_NOISE = 400e-6 * 9.81 * math.sqrt(500.0)  # [m] / [s²]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrunkSensorParameters(Parameters):
+class TrunkSensorParameters(quantities.Parameters):
     """Inertial unit in the backpack, and the filter that finds the pitch of a free trunk from it.
 
     Attributes:
@@ -174,17 +152,17 @@ class TrunkSensorParameters(Parameters):
             gyroscope adds 0.3 deg).
     """
 
-    height: Length = 0.2
-    behind: Length = 0.15
-    gyroscope_noise: Annotated[AngularVelocity, NOT_NEGATIVE] = GYROSCOPE_NOISE
-    gyroscope_bias: AngularVelocity = 0.1 * DEGREE
-    accelerometer_noise: Annotated[Acceleration, NOT_NEGATIVE] = ACCELEROMETER_NOISE
-    accelerometer_bias: Acceleration = 0.005 * 9.81
-    time_constant: Annotated[Time, POSITIVE] = 3.0
+    height: quantities.Length = 0.2
+    behind: quantities.Length = 0.15
+    gyroscope_noise: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = GYROSCOPE_NOISE
+    gyroscope_bias: quantities.AngularVelocity = 0.1 * quantities.DEGREE
+    accelerometer_noise: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = ACCELEROMETER_NOISE
+    accelerometer_bias: quantities.Acceleration = 0.005 * 9.81
+    time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorParameters(Parameters):
+class SensorParameters(quantities.Parameters):
     """Encoders and the velocity estimates of the firmware, and the inertial unit on the trunk.
 
     Attributes:
@@ -201,14 +179,14 @@ class SensorParameters(Parameters):
     """
 
     ideal: bool = True
-    encoder_counts: Annotated[int, COUNT] = 8192
-    angle_noise: Annotated[Angle, NOT_NEGATIVE] = 0.0
-    offset: Annotated[Mapping[Side, Mapping[JointName, Angle]], OFFSETS, UnitInside()] = field(
-        default_factory=dict
-    )
-    fast_time_constant: Annotated[Time, NOT_NEGATIVE] = 0.005
-    decimation: Annotated[int, COUNT] = 10
-    window: Annotated[int, COUNT] = 10
+    encoder_counts: Annotated[int, quantities.COUNT] = 8192
+    angle_noise: Annotated[quantities.Angle, quantities.NOT_NEGATIVE] = 0.0
+    offset: Annotated[
+        Mapping[Side, Mapping[JointName, quantities.Angle]], OFFSETS, quantities.UnitInside()
+    ] = field(default_factory=dict)
+    fast_time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.005
+    decimation: Annotated[int, quantities.COUNT] = 10
+    window: Annotated[int, quantities.COUNT] = 10
     trunk: TrunkSensorParameters = field(default_factory=TrunkSensorParameters)
 
     def __post_init__(self) -> None:

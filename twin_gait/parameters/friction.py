@@ -7,21 +7,12 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar
 
 from twin_gait.core.friction import ASYMMETRIC, BRISTLE, FRICTIONLESS, ROTATIONAL, PlantFriction
-from twin_gait.parameters.quantities import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    AngularVelocity,
-    Parameters,
-    Ratio,
-    RotaryDamping,
-    RotaryStiffness,
-    Torque,
-    require,
-)
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import require
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionParameters(Parameters):
+class FrictionParameters(quantities.Parameters):
     """Parameters of the rotational friction law, equation (3.1) of the thesis.
 
     Attributes:
@@ -32,10 +23,10 @@ class FrictionParameters(Parameters):
     """
 
     kind, tag, implied = "rotational", "law", True
-    breakaway_torque: Torque
-    coulomb_friction: Torque
-    breakaway_velocity: AngularVelocity
-    viscous_friction: Annotated[RotaryDamping, NOT_NEGATIVE]
+    breakaway_torque: quantities.Torque
+    coulomb_friction: quantities.Torque
+    breakaway_velocity: quantities.AngularVelocity
+    viscous_friction: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE]
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -48,8 +39,8 @@ class FrictionParameters(Parameters):
         speed = self.breakaway_velocity
         require(speed != 0.0, "breakaway_velocity", "a number other than 0", speed)
         sign = math.copysign(1.0, speed)
-        NOT_NEGATIVE.require("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
-        NOT_NEGATIVE.require("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
+        quantities.NOT_NEGATIVE.require("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
+        quantities.NOT_NEGATIVE.require("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
         # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.
         law = self.normalised()
         floor = law.breakaway_torque + law.viscous_friction * law.breakaway_velocity / math.sqrt(2.0)
@@ -76,7 +67,7 @@ class FrictionParameters(Parameters):
 
         ``ratio``: plant friction over model friction, 0 or more.
         """
-        NOT_NEGATIVE.require("friction ratio", ratio)
+        quantities.NOT_NEGATIVE.require("friction ratio", ratio)
         return replace(
             self,
             breakaway_torque=ratio * self.breakaway_torque,
@@ -108,7 +99,7 @@ NO_FRICTION = FrictionParameters(
 
 
 @dataclass(frozen=True, kw_only=True)
-class StribeckFriction(Parameters):
+class StribeckFriction(quantities.Parameters):
     """What laws with a Stribeck curve and directions of their own have in common.
 
     The Coulomb friction is F_c + T_0 forwards and F_c - T_0 backwards: a difference in it and an offset are
@@ -135,14 +126,14 @@ class StribeckFriction(Parameters):
         "viscous_friction_backward",
         "offset",
     )
-    coulomb_friction: Annotated[Torque, POSITIVE]
-    breakaway_torque: Annotated[Torque | None, POSITIVE] = None
-    stribeck_velocity: Annotated[AngularVelocity | None, POSITIVE] = None
-    stribeck_exponent: Annotated[Ratio, POSITIVE] = 2.0
-    viscous_friction_forward: Annotated[Torque, NOT_NEGATIVE] = 0.0
-    viscous_friction_backward: Annotated[Torque, NOT_NEGATIVE] = 0.0
-    viscous_exponent: Annotated[Ratio, POSITIVE] = 1.0
-    offset: Torque = 0.0
+    coulomb_friction: Annotated[quantities.Torque, quantities.POSITIVE]
+    breakaway_torque: Annotated[quantities.Torque | None, quantities.POSITIVE] = None
+    stribeck_velocity: Annotated[quantities.AngularVelocity | None, quantities.POSITIVE] = None
+    stribeck_exponent: Annotated[quantities.Ratio, quantities.POSITIVE] = 2.0
+    viscous_friction_forward: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
+    viscous_friction_backward: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
+    viscous_exponent: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.0
+    offset: quantities.Torque = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges: no law may drive a joint that slides."""
@@ -163,7 +154,7 @@ class StribeckFriction(Parameters):
 
     def scaled(self, ratio: float) -> FrictionLaw:
         """As :meth:`FrictionParameters.scaled`; bristles slide after the same way as before."""
-        NOT_NEGATIVE.require("friction ratio", ratio)
+        quantities.NOT_NEGATIVE.require("friction ratio", ratio)
         if ratio == 0.0:
             return NO_FRICTION
         given = self._given()
@@ -193,7 +184,7 @@ class AsymmetricFriction(StribeckFriction):
 
     kind: ClassVar[str] = "asymmetric"
     law: ClassVar[int] = ASYMMETRIC
-    transition_velocity: Annotated[AngularVelocity, POSITIVE]
+    transition_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,8 +203,8 @@ class LuGreFriction(StribeckFriction):
     kind: ClassVar[str] = "lugre"
     law: ClassVar[int] = BRISTLE
     torques: ClassVar[tuple[str, ...]] = (*StribeckFriction.torques, "bristle_stiffness", "bristle_damping")
-    bristle_stiffness: Annotated[RotaryStiffness, POSITIVE]
-    bristle_damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 0.0
+    bristle_stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE]
+    bristle_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
 
 
 FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction

@@ -8,21 +8,8 @@ from enum import StrEnum
 from typing import Annotated
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.quantities import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    SHARE,
-    BitRate,
-    Drift,
-    Named,
-    Notation,
-    Parameters,
-    Range,
-    Ratio,
-    ShortTime,
-    Time,
-    require,
-)
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, Side
 
 CCU = "ccu"  # the central control unit
@@ -32,12 +19,12 @@ NODES = (CCU, *BOARDS)
 
 # Of CAN 2.0; CiA 102 has these for networks of all lengths.
 BIT_RATES = (10e3, 20e3, 50e3, 125e3, 250e3, 500e3, 800e3, 1e6)  # [bit] / [s]
-BIT_RATE_RANGE = Range(
+BIT_RATE_RANGE = quantities.Range(
     BIT_RATES[0], BIT_RATES[-1], words=f"{BIT_RATES[0]:g} to {BIT_RATES[-1]:g} bit/s, as CAN 2.0 has them"
 )
-CYCLES = Range(1e-3, 0.1, words="0.001 to 0.1 s")  # the shortest one is a tick of the boards
-DRIFTS = Range(-0.01, 0.01, words="0.01 at most, either way")
-DELAYS = Range(0.0, 0.1, words="0 s to 0.1 s in whole milliseconds")
+CYCLES = quantities.Range(1e-3, 0.1, words="0.001 to 0.1 s")  # the shortest one is a tick of the boards
+DRIFTS = quantities.Range(-0.01, 0.01, words="0.01 at most, either way")
+DELAYS = quantities.Range(0.0, 0.1, words="0 s to 0.1 s in whole milliseconds")
 _SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=([^=@\s]+?)(m?)s)?")
 
 
@@ -63,24 +50,18 @@ class OutageKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Outage:
-    """A node that is off the bus for a while.
+    """A node that is off the bus for a while."""
 
-    Attributes:
-        kind: What happens.
-        time: When, in [s].
-        node: Which, one of :data:`NODES`; None for the silence of the whole bus.
-        duration: For how long in [s], infinite for good; of no meaning for ``bus_off``, after which a node
-            recovers as the parameters of the network say.
-    """
-
-    kind: OutageKind
-    time: float
-    node: str | None = None
+    kind: OutageKind  # What happens.
+    time: float  # When, in [s].
+    node: str | None = None  # Which, one of :data:`NODES`; None for the silence of the whole bus.
+    # For how long in [s], infinite for good; of no meaning for ``bus_off``, after which a node recovers as
+    # the parameters of the network say.
     duration: float = math.inf
 
     def __post_init__(self) -> None:
         """Check that kind, node and duration fit together."""
-        NOT_NEGATIVE.require("time", self.time)
+        quantities.NOT_NEGATIVE.require("time", self.time)
         nodes = ", ".join(NODES)
         if self.node is None:
             require(self.kind is OutageKind.SILENCE, f"node of {self.kind}", f"one of {nodes}", None)
@@ -123,7 +104,7 @@ def parse_outage(text: str) -> Outage:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NetworkParameters(Parameters):
+class NetworkParameters(quantities.Parameters):
     """The CAN bus of the star; the thesis (2.1.2) has CAN and 500 Hz, and prints neither bit rate nor layout.
 
     All values but the cycle are assumptions; the defaults are a healthy bus.
@@ -148,20 +129,24 @@ class NetworkParameters(Parameters):
         outages: Of nodes or the bus.
     """
 
-    bit_rate: Annotated[BitRate, BIT_RATE_RANGE] = 1e6
+    bit_rate: Annotated[quantities.BitRate, BIT_RATE_RANGE] = 1e6
     dbc: str = "twin.dbc"
-    cycle: Annotated[Time, CYCLES] = 2e-3
-    phase: Annotated[Mapping[str, ShortTime], Named(BOARDS)] = field(default_factory=dict)
-    clock_drift: Annotated[Mapping[str, Drift], DRIFTS, Named(BOARDS)] = field(default_factory=dict)
-    jitter: ShortTime = 0.0
-    delay: Annotated[Time, DELAYS] = 0.0
-    loss: Annotated[Ratio, SHARE] = 0.0
-    error_share: Annotated[Ratio, SHARE] = 0.0
+    cycle: Annotated[quantities.Time, CYCLES] = 2e-3
+    phase: Annotated[Mapping[str, quantities.ShortTime], quantities.Named(BOARDS)] = field(
+        default_factory=dict
+    )
+    clock_drift: Annotated[Mapping[str, quantities.Drift], DRIFTS, quantities.Named(BOARDS)] = field(
+        default_factory=dict
+    )
+    jitter: quantities.ShortTime = 0.0
+    delay: Annotated[quantities.Time, DELAYS] = 0.0
+    loss: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
+    error_share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     bus_off_recovery: bool = True
     impedance: ImpedancePlace = ImpedancePlace.BOARD
-    board_silence: Annotated[Time, POSITIVE] = 0.02
-    ccu_silence: Annotated[Time, POSITIVE] = 0.02
-    outages: Annotated[tuple[Outage, ...], Notation(parse_outage)] = ()
+    board_silence: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
+    ccu_silence: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
+    outages: Annotated[tuple[Outage, ...], quantities.Notation(parse_outage)] = ()
 
     def __post_init__(self) -> None:
         """Check the ranges."""

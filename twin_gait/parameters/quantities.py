@@ -51,21 +51,13 @@ class Unit:
 
 @dataclass(frozen=True)
 class Range:
-    """Range of a number.
+    """Range of a number."""
 
-    Attributes:
-        least: Least value.
-        most: Largest value.
-        above: Whether the least value itself is outside.
-        words: What is expected, for messages; made from the numbers where empty.
-        endless: Whether infinity is meant, too: a time that never comes, ``null`` in a file.
-    """
-
-    least: float = -math.inf
-    most: float = math.inf
-    above: bool = False
-    words: str = ""
-    endless: bool = False
+    least: float = -math.inf  # Least value.
+    most: float = math.inf  # Largest value.
+    above: bool = False  # Whether the least value itself is outside.
+    words: str = ""  # What is expected, for messages; made from the numbers where empty.
+    endless: bool = False  # Whether infinity is meant, too: a time that never comes, ``null`` in a file.
 
     def holds(self, value: float) -> bool:
         """Whether a value lies within."""
@@ -104,13 +96,9 @@ class Key:
 
 @dataclass(frozen=True)
 class Notation:
-    """A value that a file writes as a text, for example ``encoder_freeze:left_knee@4.2s``.
+    """A value that a file writes as a text, for example ``encoder_freeze:left_knee@4.2s``."""
 
-    Attributes:
-        read: From the text to the value, whose ``str`` is the text.
-    """
-
-    read: Callable[[str], Any]
+    read: Callable[[str], Any]  # From the text to the value, whose ``str`` is the text.
 
 
 @dataclass(frozen=True)
@@ -132,17 +120,11 @@ class Inline:
 
 @dataclass(frozen=True)
 class Word:
-    """What a file may say by a word instead of a section.
+    """What a file may say by a word instead of a section."""
 
-    Attributes:
-        without: Word for None.
-        kind: Word for the parameters, which a section has under ``kind``.
-        implied: Whether a section without a ``kind`` means it.
-    """
-
-    without: str
-    kind: str
-    implied: bool = False
+    without: str  # Word for None.
+    kind: str  # Word for the parameters, which a section has under ``kind``.
+    implied: bool = False  # Whether a section without a ``kind`` means it.
 
 
 @dataclass(frozen=True)
@@ -186,29 +168,17 @@ Voltage = Annotated[float, Unit("V")]
 
 @dataclass(frozen=True, eq=False)
 class Declaration:
-    """What is said of a parameter.
+    """What is said of a parameter."""
 
-    Attributes:
-        name: Of the field.
-        kind: Its type without ``None``.
-        optional: Whether it may be None.
-        default: Its default; ``dataclasses.MISSING`` without one.
-        unit: Its units, None for what is no quantity.
-        range: Its range, None for what is no number.
-        key: Its name in a file, without the unit.
-        meaning: From the docstring of its class, in one line.
-        marks: What else is said of it.
-    """
-
-    name: str
-    kind: Any
-    optional: bool
-    default: Any
-    unit: Unit | None
-    range: Range | None
-    key: str
-    meaning: str
-    marks: tuple[Any, ...]
+    name: str  # Of the field.
+    kind: Any  # Its type without ``None``.
+    optional: bool  # Whether it may be None.
+    default: Any  # Its default; ``dataclasses.MISSING`` without one.
+    unit: Unit | None  # Its units, None for what is no quantity.
+    range: Range | None  # Its range, None for what is no number.
+    key: str  # Its name in a file, without the unit.
+    meaning: str  # From the docstring of its class, in one line.
+    marks: tuple[Any, ...]  # What else is said of it.
 
     @property
     def keys(self) -> Mapping[str, float]:

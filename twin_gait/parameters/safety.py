@@ -3,23 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from twin_gait.parameters.quantities import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    Angle,
-    AngularAcceleration,
-    AngularVelocity,
-    Current,
-    Parameters,
-    Ratio,
-    RotaryDamping,
-    Time,
-    Torque,
-)
+from twin_gait.parameters import quantities
 
 
 @dataclass(frozen=True, kw_only=True)
-class SafetyParameters(Parameters):
+class SafetyParameters(quantities.Parameters):
     """Bounds of the safety monitor, and the hold that a trip leads to.
 
     Joint range and highest speed are those of the URDF, torque and current limits those of
@@ -54,23 +42,23 @@ class SafetyParameters(Parameters):
     """
 
     enabled: bool = True
-    stopping_deceleration: Annotated[AngularAcceleration, POSITIVE] = 10.0
-    speed_share: Annotated[Ratio, POSITIVE] = 1.0
-    angle_step: Annotated[Angle, POSITIVE] = 0.02
-    frozen_time: Annotated[Time, POSITIVE] = 0.01
-    frozen_speed: Annotated[AngularVelocity, NOT_NEGATIVE] = 0.3
-    model_deviation: Annotated[Angle, POSITIVE] = 0.05
-    model_time_constant: Annotated[Time, POSITIVE] = 0.2
-    model_resistance_ratio: Annotated[Ratio, POSITIVE] = 1.0
-    torque_time: Annotated[Time, POSITIVE] = 0.5
-    highest_command: Annotated[Torque, POSITIVE] = 300.0
-    current_share: Annotated[Ratio, POSITIVE] = 1.2
-    thermal_time_constant: Annotated[Time, POSITIVE] = 52.6
-    drive_deviation: Annotated[Current, POSITIVE] = 1.0
-    drive_time: Annotated[Time, POSITIVE] = 0.02
-    phase_time_out: Annotated[Time, POSITIVE] = 5.0
-    frozen_load_time: Annotated[Time, POSITIVE] = 0.1
-    least_voltage_share: Annotated[Ratio, POSITIVE] = 0.6
-    voltage_time: Annotated[Time, POSITIVE] = 0.01
-    hold_damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 60.0
-    lowering_time: Annotated[Time, POSITIVE] = 3.0
+    stopping_deceleration: Annotated[quantities.AngularAcceleration, quantities.POSITIVE] = 10.0
+    speed_share: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.0
+    angle_step: Annotated[quantities.Angle, quantities.POSITIVE] = 0.02
+    frozen_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.01
+    frozen_speed: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 0.3
+    model_deviation: Annotated[quantities.Angle, quantities.POSITIVE] = 0.05
+    model_time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 0.2
+    model_resistance_ratio: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.0
+    torque_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.5
+    highest_command: Annotated[quantities.Torque, quantities.POSITIVE] = 300.0
+    current_share: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.2
+    thermal_time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 52.6
+    drive_deviation: Annotated[quantities.Current, quantities.POSITIVE] = 1.0
+    drive_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
+    phase_time_out: Annotated[quantities.Time, quantities.POSITIVE] = 5.0
+    frozen_load_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.1
+    least_voltage_share: Annotated[quantities.Ratio, quantities.POSITIVE] = 0.6
+    voltage_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.01
+    hold_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 60.0
+    lowering_time: Annotated[quantities.Time, quantities.POSITIVE] = 3.0

@@ -5,21 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from twin_gait.parameters.quantities import (
-    NOT_NEGATIVE,
-    SHARE,
-    Angle,
-    AngularVelocity,
-    AsInFile,
-    Length,
-    Mass,
-    Parameters,
-    Range,
-    Ratio,
-    RotaryDamping,
-    Time,
-    require,
-)
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 HEAVIEST_WEARER = 110.0  # [kg] that the device carries (thesis, table 2.1)
@@ -34,16 +21,16 @@ HEIGHT_RANGE = (
     f"{TIBIA_RANGE[0]:g} to {TIBIA_RANGE[1]:g} m (1.40 to 2.05 m with leg.fit_device: false)"
 )
 
-MASSES = Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (what TWIN carries)")
-HEIGHTS = Range(1.40, 2.05, words=HEIGHT_RANGE)
-CONTRACTURES = Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
+MASSES = quantities.Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (what TWIN carries)")
+HEIGHTS = quantities.Range(1.40, 2.05, words=HEIGHT_RANGE)
+CONTRACTURES = quantities.Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 
 # At which the wearer acts: the passive moments of Riener and Edrich (1999) and the efforts are theirs.
 WEARER_JOINTS = (JointName.HIP, JointName.KNEE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointCondition(Parameters):
+class JointCondition(quantities.Parameters):
     """What the wearer does at one joint; see :mod:`twin_gait.core.wearer`. The default does nothing.
 
     Attributes:
@@ -55,12 +42,12 @@ class JointCondition(Parameters):
         strength: Share of it that the muscles can give; less than 1 is weakness.
     """
 
-    passive: Annotated[Ratio, Range(0.0, 3.0, words="0 to 3")] = 0.0
-    contracture: Annotated[Angle, CONTRACTURES] = 0.0
-    stretch_reflex_threshold: Annotated[AngularVelocity, NOT_NEGATIVE] = 1.0
-    stretch_reflex_gain: Annotated[RotaryDamping, NOT_NEGATIVE] = 0.0
-    effort: Annotated[Ratio, SHARE] = 0.0
-    strength: Annotated[Ratio, SHARE] = 1.0
+    passive: Annotated[quantities.Ratio, quantities.Range(0.0, 3.0, words="0 to 3")] = 0.0
+    contracture: Annotated[quantities.Angle, CONTRACTURES] = 0.0
+    stretch_reflex_threshold: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 1.0
+    stretch_reflex_gain: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
+    effort: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
+    strength: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
 
     def __post_init__(self) -> None:
         """Check the ranges, and that there is a moment for a contracture to shift."""
@@ -75,7 +62,7 @@ class JointCondition(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Patient(Parameters):
+class Patient(quantities.Parameters):
     """The wearer.
 
     The shipped gaits were tuned for a wearer who is mass alone, so that is the default.
@@ -90,15 +77,15 @@ class Patient(Parameters):
         effort_noise: Standard deviation of the effort's torque from tick to tick, as a share of it.
     """
 
-    mass: Annotated[Mass, MASSES] = 70.0
-    height: Annotated[Length, HEIGHTS] = 1.75
+    mass: Annotated[quantities.Mass, MASSES] = 70.0
+    height: Annotated[quantities.Length, HEIGHTS] = 1.75
     sex: Sex = Sex.MALE
     segment_model: SegmentModel = SegmentModel.DE_LEVA
-    conditions: Annotated[Mapping[tuple[Side, JointName], JointCondition], AsInFile()] = field(
+    conditions: Annotated[Mapping[tuple[Side, JointName], JointCondition], quantities.AsInFile()] = field(
         default_factory=dict
     )
-    effort_delay: Annotated[Time, Range(0.0, 1.0, words="0 to 1 s")] = 0.1
-    effort_noise: Annotated[Ratio, NOT_NEGATIVE] = 0.0
+    effort_delay: Annotated[quantities.Time, quantities.Range(0.0, 1.0, words="0 to 1 s")] = 0.1
+    effort_noise: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
         """Check ranges and joints."""

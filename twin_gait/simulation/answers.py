@@ -1,7 +1,5 @@
 """What became of the requests of a run: the mode that they led to, or why they were refused."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -9,34 +7,18 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.gait.modes import ModeTable, why_refused
-from twin_gait.gait.signals import (
-    LEFT,
-    LEGS_IN_SWING,
-    LOAD,
-    MODE_SIGNALS,
-    RIGHT,
-    TIME_IN_PHASE,
-    signal_scale,
-)
+from twin_gait.gait.signals import LEFT, LEGS_IN_SWING, LOAD, MODE_SIGNALS, RIGHT, TIME_IN_PHASE, signal_scale
 from twin_gait.gait.table import TICK, GaitTable
 
 
 class Answer(NamedTuple):
-    """What became of a request.
+    """What became of a request."""
 
-    Attributes:
-        tick: In which it was made.
-        request: What was asked for.
-        before: Mode in which it was made.
-        after: Mode after it.
-        refused: Why nothing has answered it, in words; empty for an answer.
-    """
-
-    tick: int
-    request: str
-    before: str
-    after: str
-    refused: str = ""
+    tick: int  # In which it was made.
+    request: str  # What was asked for.
+    before: str  # Mode in which it was made.
+    after: str  # Mode after it.
+    refused: str = ""  # Why nothing has answered it, in words; empty for an answer.
 
     @property
     def time(self) -> float:
@@ -47,15 +29,7 @@ class Answer(NamedTuple):
 def answers_in(
     log: pd.DataFrame, modes: ModeTable, table: GaitTable, initial: str | None, body_weight: float
 ) -> Iterator[Answer]:
-    """Read the answers from a log.
-
-    Args:
-        log: Of the run.
-        modes: Its operating modes.
-        table: Its gait table.
-        initial: Mode in which it began; None for the first.
-        body_weight: Of wearer and device in [N].
-    """
+    """Read the answers from a log; ``initial``: mode in which the run began, None for the first."""
     first = 0 if initial is None else modes.phase_index(initial)
     codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(
         int
@@ -75,24 +49,15 @@ def answer_at(
     table: GaitTable,
     body_weight: float,
 ) -> Answer:
-    """What became of the request of a tick.
-
-    Args:
-        tick: Row of the log.
-        before: Mode in which it was made.
-        ticks: Since that was entered.
-    """
+    """What became of the request of a tick, ``ticks`` after the mode ``before`` was entered."""
     row = log.iloc[tick]
     after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]
     why = ""
     if row["refused"]:
         measured = signals_in(log, modes.joints, table, tick, body_weight)
-        why = _reason(why_refused(modes, before, request, measured, ticks), after)
+        otherwise = f"the device went to {after} in the same tick"
+        why = why_refused(modes, before, request, measured, ticks) or otherwise
     return Answer(tick, request, before, after, why)
-
-
-def _reason(why: str | None, after: str) -> str:
-    return f"the device went to {after} in the same tick" if why is None else why
 
 
 def signals_in(

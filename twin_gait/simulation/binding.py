@@ -5,8 +5,6 @@ is a copy whose globals of these names are the real ones. Compiled, a branch on 
 is never typed; uncompiled, the same functions are plain Python. No text is rewritten.
 """
 
-from __future__ import annotations
-
 import dis
 from collections.abc import Callable, Hashable, Mapping
 from functools import lru_cache
@@ -27,15 +25,10 @@ def bind(
 ) -> Any:
     """A function with other globals, and so every function of this package that it calls.
 
-    Args:
-        entry: Where the loop begins; it stays as it is.
-        names: What takes the place of globals of the same name.
-        wrap: What is made of every copy, for example its compiled form.
-        made: What was made by earlier calls with the same ``wrap``: a function whose code and names are the
-            same is taken from there. Changed in place.
-
-    Returns:
-        What was made of the copy of the entry.
+    ``entry``: where the loop begins; it stays as it is. ``names``: what takes the place of globals of the
+    same name. ``wrap``: what is made of every copy, for example its compiled form. ``made``: what was made by
+    earlier calls with the same ``wrap``: a function whose code and names are the same is taken from there.
+    Changed in place. Returns what was made of the copy of the entry.
     """
     done: dict[FunctionType, Any] = {}
 
@@ -92,12 +85,7 @@ def _names_in(code: CodeType) -> tuple[str, ...]:
 
 
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
-    """Functions of a generated kernel by name, to be bound.
-
-    Args:
-        text: From :func:`twin_gait.kernels.generated.write_kernel`.
-        called: What its functions call.
-    """
+    """Functions of a generated kernel by name, to be bound; ``called``: what they call."""
     scope = {"__name__": f"{OURS}generated_kernel", **called}
     exec(compile(text, "generated kernel", "exec"), scope)
     return {

@@ -4,8 +4,6 @@ The number at byte o of a record lies at ``o * WIDTH + 8 * lane`` bytes from the
 field of all episodes is one vector.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 
@@ -52,12 +50,7 @@ def _mark(dtype: np.dtype[Any], owner: str, first: int, found: np.ndarray) -> No
 
 
 def word_of(dtype: np.dtype[Any], *path: str) -> int:
-    """Place of a number among those of a record.
-
-    Args:
-        dtype: Of the record.
-        path: Names of the fields that lead to it.
-    """
+    """Place of a number among those of a record, by the names of the fields that lead to it."""
     place = 0
     for name in path:
         assert dtype.fields is not None
@@ -67,13 +60,9 @@ def word_of(dtype: np.dtype[Any], *path: str) -> int:
 
 
 def side_by_side(records: np.ndarray) -> np.ndarray:
-    """A block of records; lanes without one are copies of the first.
+    """A block of at most :data:`WIDTH` records; lanes without one are copies of the first.
 
-    Args:
-        records: Shape ``(n,)``, at most :data:`WIDTH`.
-
-    Returns:
-        Their numbers as whole numbers of 64 bits, shape ``(numbers, WIDTH)``.
+    Returns their numbers as whole numbers of 64 bits, shape ``(numbers, WIDTH)``.
     """
     words = records.view(np.int64).reshape(len(records), -1)
     lanes = np.arange(WIDTH)

@@ -1,7 +1,5 @@
 """Which values of an experiment the messages of its CAN network cannot say."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -31,11 +29,8 @@ def values_out_of_range(problem: Problem, messages: Mapping[str, Message]) -> li
     Limits of torque and current with what the monitor trips at, damping of the hold, target torques, k, b, θ0
     and G of every phase as they are driven, and the ends of the joints.
 
-    Args:
-        messages: From :func:`twin_gait.network.dbc.load_messages`.
-
-    Returns:
-        A line for each: key, value, range and the way out; none if the bus carries the experiment.
+    ``messages``: from :func:`twin_gait.network.dbc.load_messages`. Returns a line for each: key, value, range
+    and the way out; none if the bus carries the experiment.
     """
     found: dict[str, str] = {}  # by key: two legs have one
     for item in _said(problem):

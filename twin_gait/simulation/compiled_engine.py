@@ -11,21 +11,25 @@ import numpy as np
 from twin_gait.control import Trip
 from twin_gait.control.controller import TickFunction
 from twin_gait.gait.machine import PhaseSwitch
-from twin_gait.kernels.generated import SIDE_BY_SIDE, body_values, kernel_structure, write_kernel
+from twin_gait.kernels.generated import (
+    SIDE_BY_SIDE,
+    KernelBodies,
+    body_values,
+    kernel_structure,
+    write_kernel,
+)
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
 from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
-from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.episode import Episode, Switch, noise_width
 from twin_gait.simulation.filling import Structure, new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import kept_loop
-from twin_gait.simulation.machine_code import NativeFunction
+from twin_gait.simulation.loops import NativeFunction, kept_loop
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
-from twin_gait.simulation.rows import Switch, noise_width
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic, bus_traffic
 from twin_gait.simulation.watching import trip_of
@@ -35,7 +39,6 @@ if TYPE_CHECKING:
 
 CHUNK_TICKS = 2000  # between two looks at progress and interruption
 _SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
-ARGUMENTS = 3  # address, first tick, end
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -66,20 +69,13 @@ class CompiledEngine:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        *,
-        record: bool = True,
-        on_compile: Callable[[], None] | None = None,
+        self, problem: Problem, *, record: bool = True, on_compile: Callable[[], None] | None = None
     ) -> None:
         """Lay the problem out and get the compiled loop.
 
-        Args:
-            record: Whether to keep the log; without it only the switches and the last state remain.
-            on_compile: Called if the loop has to be compiled first.
-
-        Raises:
-            UncompiledControllerError: If numba cannot compile the controller.
+        ``record``: whether to keep the log; without it only the switches and the last state remain.
+        ``on_compile``: called if the loop has to be compiled first. Raises UncompiledControllerError if numba
+        cannot compile the controller.
         """
         self.problem = problem
         self.layout = log_layout(problem)
@@ -115,16 +111,10 @@ class CompiledEngine:
         return self._store, self._efforts
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
-        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
+        """Run ticks ``first`` to ``end`` - 1, fewer if the wearer falls or the state diverges on the way.
 
-        Args:
-            first: Tick to begin with.
-            end: One past the last.
-            rows: Log, shape ``(n, n_columns)``; changed in place.
-            first_row: Tick of its first row.
-
-        Returns:
-            Ticks run since the start.
+        ``rows``: log, shape ``(n, n_columns)``, whose first row is that of tick ``first_row``; changed in
+        place. Returns the ticks run since the start.
         """
         assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
@@ -139,13 +129,8 @@ class CompiledEngine:
     ) -> EngineResult:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
-        Args:
-            progress: Called with ticks done and ticks in all, now and then.
-            should_stop: Asked now and then; True ends the run.
-            columns: Positions of the columns of the log that are kept; all by default.
-
-        Returns:
-            The log up to there and how it ended.
+        ``progress`` is called with ticks done and in all, ``should_stop`` asked now and then. ``columns``:
+        positions of the columns of the log that are kept; all by default.
         """
         width = len(self.layout.names)
         kept = range(width) if columns is None else columns
@@ -165,11 +150,7 @@ class CompiledEngine:
         return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip(), traffic)
 
     def result(self, done: int, rows: np.ndarray) -> EngineResult:
-        """The result of a run that has ended by itself after some ticks.
-
-        Args:
-            rows: Its log.
-        """
+        """The result of a run that has ended by itself after some ticks, with its log."""
         return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip(), self.traffic(done))
 
     def trip(self) -> Trip | None:
@@ -195,28 +176,19 @@ class CompiledEngine:
 
 
 class Pattern(NamedTuple):
-    """What a loop is compiled for; it runs all episodes of the pattern.
+    """What a loop is compiled for; it runs all episodes of the pattern."""
 
-    Attributes:
-        episode: Layout of the record.
-        row: Layout of a row of the log.
-        bodies: What the kernel is written for.
-        structure: Constants that are bound.
-        controller: Name of the controller.
-        functions: Of the controller, that are bound.
-    """
-
-    episode: np.dtype[Any]
-    row: np.dtype[Any]
-    bodies: Bodies
-    structure: Structure
-    controller: str
-    functions: Mapping[str, TickFunction]
+    episode: np.dtype[Any]  # Layout of the record.
+    row: np.dtype[Any]  # Layout of a row of the log.
+    bodies: KernelBodies  # What the kernel is written for.
+    structure: Structure  # Constants that are bound.
+    controller: str  # Name of the controller.
+    functions: Mapping[str, TickFunction]  # Of the controller, that are bound.
 
     @property
     def text(self) -> str:
         """All that the loop depends on beside its sources, and functions that are not of this package."""
-        bodies = kernel_structure(*self.bodies)
+        bodies = kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
         return repr((_text(self.episode), _text(self.row), bodies, self.structure, ours))
 
@@ -226,23 +198,8 @@ class Pattern(NamedTuple):
         return tuple(item for item in self.functions.values() if not is_ours(item))
 
 
-class Bodies(NamedTuple):
-    """What a kernel is written for, as :func:`twin_gait.kernels.generated.write_kernel` takes it."""
-
-    bodies: list[BodyArrays]
-    points: list[ContactPoint]
-    control_bodies: list[BodyArrays]
-    up_axis: str
-    guides: Sequence[int]
-    sloped: bool
-
-
-def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, Structure]:
-    """Bodies of a problem, its episode at tick 0, and the constants to bind.
-
-    Args:
-        record: Whether the log is written.
-    """
+def laid_out(problem: Problem, *, record: bool = True) -> tuple[KernelBodies, Episode, Structure]:
+    """Bodies of a problem, its episode at tick 0, and the constants to bind."""
     world = problem.world
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
     bodies, points = _forest(world.chains, frames)
@@ -252,7 +209,7 @@ def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode,
     episode = new_episode(
         problem, body_values(bodies, points), body_values(control_bodies), len(points), record=record
     )
-    kernel = Bodies(bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0)
+    kernel = KernelBodies(bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0)
     return kernel, episode, structure_of(problem, len(points))
 
 
@@ -270,14 +227,11 @@ def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[Bod
 
 
 def loop_of(
-    pattern: Pattern,
-    on_compile: Callable[[], None] | None,
-    entry: Callable[[int, int, int], int] = run_at,
+    pattern: Pattern, on_compile: Callable[[], None] | None, entry: Callable[[int, int, int], int] = run_at
 ) -> NativeFunction:
     """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be.
 
-    Raises:
-        UncompiledControllerError: If numba cannot compile the controller.
+    Raises UncompiledControllerError if numba cannot compile the controller.
     """
     own = {}
     if pattern.own:
@@ -291,10 +245,10 @@ def loop_of(
 
         bound = bound_to(pattern)
         names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
-        return compile_loop(entry, names, ARGUMENTS, own=pattern.controller if own else "")
+        return compile_loop(entry, names, own=pattern.controller if own else "")
 
     key = source_key(f"{entry.__name__} {pattern.text}", "compiled_engine", "vectors", "../kernels")
-    return kept_loop(key, ARGUMENTS, make, on_compile, pattern.own)
+    return kept_loop(key, make, on_compile, pattern.own)
 
 
 def bound_to(pattern: Pattern) -> dict[str, Any]:
@@ -313,9 +267,9 @@ def _text(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def bound_kernel(bodies: Bodies) -> dict[str, Any]:
+def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    return kernel_functions(write_kernel(*bodies), {item.name: item.function for item in SIDE_BY_SIDE})
+    return kernel_functions(write_kernel(bodies), {item.name: item.function for item in SIDE_BY_SIDE})
 
 
 @lru_cache(maxsize=32)

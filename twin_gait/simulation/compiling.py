@@ -5,8 +5,6 @@ when one of them changes: a pipeline of passes of one's own, the template that t
 of a function once it is lowered.
 """
 
-from __future__ import annotations
-
 import ctypes
 import gc
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -29,7 +27,7 @@ from numba.extending import intrinsic
 
 from twin_gait.control.controller import TickFunction, UncompiledControllerError, require_no_answer
 from twin_gait.simulation.binding import bind, is_ours
-from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
+from twin_gait.simulation.loops import ARGUMENTS, MachineCode, NativeFunction, function_at
 
 _BITS = ir.IntType(64)
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
@@ -62,13 +60,9 @@ class Lowering(NativeLowering):  # type: ignore[misc]
 
 
 class Pruning(CompilerBase):  # type: ignore[misc]
-    """numba's passes without its rewrites of array expressions, but with dead branches taken out.
+    """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
 
-    Attributes:
-        lowering: The pass that makes LLVM's code.
-    """
-
-    lowering: type[NativeLowering] = Lowering
+    lowering: type[NativeLowering] = Lowering  # The pass that makes LLVM's code.
 
     def define_pipelines(self) -> list[Any]:
         """Passes of the one pipeline."""
@@ -83,17 +77,11 @@ class Pruning(CompilerBase):  # type: ignore[misc]
 
 
 class Manner(NamedTuple):
-    """How loops are compiled.
+    """How loops are compiled."""
 
-    Attributes:
-        pipeline: numba's passes.
-        level: Of LLVM's optimisation.
-        vectorise: Whether LLVM turns loops into vectors.
-    """
-
-    pipeline: type[CompilerBase]
-    level: int
-    vectorise: bool
+    pipeline: type[CompilerBase]  # numba's passes.
+    level: int  # Of LLVM's optimisation.
+    vectorise: bool  # Whether LLVM turns loops into vectors.
 
 
 # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
@@ -186,32 +174,18 @@ def numbers_at(width: int) -> Any:
 
 
 class CompiledLoop(NamedTuple):
-    """A loop compiled in this process.
+    """A loop compiled in this process."""
 
-    Attributes:
-        function: Takes whole numbers and returns one.
-        code: What can be kept of it, or None if it needs more than the C library.
-    """
-
-    function: NativeFunction
-    code: MachineCode | None
+    function: NativeFunction  # Takes whole numbers and returns one.
+    code: MachineCode | None  # What can be kept of it, or None if it needs more than the C library.
 
 
 def compile_loop(
-    entry: Callable[..., int],
-    names: Mapping[str, Any],
-    n_arguments: int,
-    own: str = "",
-    manner: Manner = ALONE,
+    entry: Callable[..., int], names: Mapping[str, Any], own: str = "", manner: Manner = ALONE
 ) -> CompiledLoop:
-    """Bind and compile a loop.
+    """Bind an entry, which takes and returns whole numbers, to names, and compile it.
 
-    Args:
-        entry: Takes and returns whole numbers; addresses are some.
-        names: What the loop is bound to.
-        n_arguments: Of the entry.
-        own: What messages call functions of the user's among the names; empty without any.
-        manner: How.
+    ``own``: what messages call functions of the user's among the names; empty without any.
     """
     loop = bind(
         entry,
@@ -219,13 +193,13 @@ def compile_loop(
         lambda function: jit(function, inline=function.__name__ != entry.__name__, manner=manner),
         _made.setdefault(manner, {}),
     )
-    signature = (numba.intp,) * n_arguments
+    signature = (numba.intp,) * ARGUMENTS
     with compiled_in(manner):
         loop.compile(signature)
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
     address = result.library.get_pointer_to_function(symbol)
-    function = function_at(address, n_arguments, loop, f"controller {own!r}" if own else None)
+    function = function_at(address, loop, f"controller {own!r}" if own else None)
     standalone = not own and _stands_alone(result.library)
     code = MachineCode(result.library._get_compiled_object(), symbol) if standalone else None
     return CompiledLoop(function, code)
@@ -258,14 +232,8 @@ def compiled_ticks(
 ) -> dict[str, Any]:
     """The user's functions among those of a controller, compiled.
 
-    Args:
-        controller: Its name.
-        functions: By the names that a loop knows them by.
-        device: Layout of the record that they are handed, with their memory in it.
-
-    Raises:
-        UncompiledControllerError: If numba cannot compile one.
-        ParameterError: If one returns something.
+    ``device``: layout of the record that they are handed, with their memory in it. Raises
+    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something.
     """
     return {
         name: _compiled_tick(controller, tick, name == "assisted_tick", device)

@@ -1,7 +1,5 @@
 """What the engines share: the shape of their result and the columns of their log."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
@@ -22,23 +20,14 @@ DIVERGED_VELOCITY = 1e3  # [rad] / [s]
 
 
 class EngineResult(NamedTuple):
-    """Result of an engine.
+    """Result of an engine."""
 
-    Attributes:
-        rows: Log numbers, shape ``(n_ticks, n_columns)``.
-        switches: Phase switches.
-        status: How the run ended.
-        reason: Why, if it did not complete.
-        trip: What the safety monitor tripped on, or None.
-        traffic: Of the bus, or None without one.
-    """
-
-    rows: np.ndarray
-    switches: tuple[PhaseSwitch, ...]
-    status: RunStatus
-    reason: str
-    trip: Trip | None = None
-    traffic: BusTraffic | None = None
+    rows: np.ndarray  # Log numbers, shape ``(n_ticks, n_columns)``.
+    switches: tuple[PhaseSwitch, ...]  # Phase switches.
+    status: RunStatus  # How the run ended.
+    reason: str  # Why, if it did not complete.
+    trip: Trip | None = None  # What the safety monitor tripped on, or None.
+    traffic: BusTraffic | None = None  # Of the bus, or None without one.
 
 
 def log_layout(problem: Problem) -> LogLayout:
@@ -59,11 +48,7 @@ def log_layout(problem: Problem) -> LogLayout:
 
 
 def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str]:
-    """How a run stands after some ticks, and why; completed as long as nothing has ended it.
-
-    Args:
-        status: Of the episode.
-    """
+    """How a run stands after some ticks, and why; completed as long as nothing has ended it."""
     if status == DIVERGED:
         return (
             RunStatus.DIVERGED,
@@ -83,11 +68,7 @@ def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str
 def switches_of(
     problem: Problem, switches: Iterable[tuple[int, int, int, int, int]]
 ) -> tuple[PhaseSwitch, ...]:
-    """Changes of phase by name.
-
-    Args:
-        switches: Tick, leg, source, target and transition of each.
-    """
+    """Changes of phase by name, of tick, leg, source, target and transition of each."""
     names, sides = problem.table.phase_names, problem.sides
     causes = [item.cause for item in problem.table.transitions]
     return tuple(
@@ -107,15 +88,8 @@ def run_in_chunks(
 ) -> tuple[int, RunStatus, str]:
     """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
-    Args:
-        chunk: Ticks between two looks at progress and requests.
-        run_ticks: From first tick and one past the last to the ticks run since the start and the status of
-            the episode.
-        progress: Called with ticks done and ticks in all.
-        should_stop: True ends the run.
-
-    Returns:
-        Ticks run, how it ended, and why.
+    ``run_ticks``: from first tick and one past the last of a chunk to the ticks run since the start and the
+    status of the episode. Returns the ticks run, how it ended, and why.
     """
     total, done = problem.experiment.n_ticks, 0
     status, reason = RunStatus.COMPLETED, ""

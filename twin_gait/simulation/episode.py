@@ -5,10 +5,11 @@ the types that are checked (:mod:`twin_gait.simulation.record`). Joints are numb
 left knee, right hip, …). With braces the coordinates are those of the device, then those of the wearer.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
@@ -27,253 +28,177 @@ from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
 from twin_gait.simulation.log import WorkRow
-from twin_gait.simulation.rows import Efforts, Recording
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
+UNIT_READINGS = 3  # of an inertial unit: gyroscope, accelerometer forwards and up
 
 
 @dataclass(slots=True)
 class Joint:
-    """A controlled joint.
+    """A controlled joint."""
 
-    Attributes:
-        place: In the coordinates.
-        board: Its board.
-        motor: Motor and gear.
-        line: Commands on their way to the drive in [N m].
-        reading: What the encoder reads before it quantises, in [rad].
-        last_reading: Likewise in the tick before.
-        current: Of the motor in [A].
-        current_deviation: From what the drive should give in [A].
-        voltage: On the winding in [V].
-        due: Command that reaches the drive in this tick, where they come late, in [N m].
-        push: Torque from outside, held over the tick, in [N m].
-        off: Whether its board is rebooting.
-        heard: What its board heard last over the bus.
-    """
-
-    place: int
-    board: BoardState
-    motor: Motor
-    line: DelayLine
-    reading: float
-    last_reading: float = 0.0
-    current: float = 0.0
-    current_deviation: float = 0.0
-    voltage: float = 0.0
-    due: float = 0.0
-    push: float = 0.0
-    off: bool = False
-    heard: Demand = field(default_factory=Demand)
+    place: int  # In the coordinates.
+    board: BoardState  # Its board.
+    motor: Motor  # Motor and gear.
+    line: DelayLine  # Commands on their way to the drive in [N m].
+    reading: float  # What the encoder reads before it quantises, in [rad].
+    last_reading: float = 0.0  # Likewise in the tick before.
+    current: float = 0.0  # Of the motor in [A].
+    current_deviation: float = 0.0  # From what the drive should give in [A].
+    voltage: float = 0.0  # On the winding in [V].
+    due: float = 0.0  # Command that reaches the drive in this tick, where they come late, in [N m].
+    push: float = 0.0  # Torque from outside, held over the tick, in [N m].
+    off: bool = False  # Whether its board is rebooting.
+    heard: Demand = field(default_factory=Demand)  # What its board heard last over the bus.
 
 
 @dataclass(slots=True)
 class Limb:
-    """A hip or knee of the wearer.
+    """A hip or knee of the wearer."""
 
-    Attributes:
-        place: In the coordinates of the device.
-        condition: What the wearer does.
-        moments: Normative moment in [N m] by phase and posture of the hip.
-    """
-
-    place: int
-    condition: Condition
-    moments: list[list[float]]
+    place: int  # In the coordinates of the device.
+    condition: Condition  # What the wearer does.
+    moments: list[list[float]]  # Normative moment in [N m] by phase and posture of the hip.
 
 
 @dataclass(slots=True)
 class Sole:
-    """The load sensor of a foot.
+    """The load sensor of a foot."""
 
-    Attributes:
-        load: Over body weight.
-        last_load: Of the tick before.
-    """
-
-    load: float = 0.0
-    last_load: float = 0.0
+    load: float = 0.0  # Over body weight.
+    last_load: float = 0.0  # Of the tick before.
 
 
 @dataclass(slots=True)
 class Supply:
-    """Battery and bus.
+    """Battery and bus."""
 
-    Attributes:
-        voltage: Open-circuit voltage in [V].
-        resistance: Internal one in [Ω].
-        constant_power: Of inverters and electronics in [W].
-        regeneration: Share of what is fed into the bus that returns to the battery.
-        bus_voltage: Present one in [V].
-        power: That is drawn from the battery in this tick in [W]; until all motors are driven, by them alone.
-    """
-
-    voltage: float
-    resistance: float
-    constant_power: float
-    regeneration: float
-    bus_voltage: float
+    voltage: float  # Open-circuit voltage in [V].
+    resistance: float  # Internal one in [Ω].
+    constant_power: float  # Of inverters and electronics in [W].
+    regeneration: float  # Share of what is fed into the bus that returns to the battery.
+    bus_voltage: float  # Present one in [V].
+    # That is drawn from the battery in this tick in [W]; until all motors are driven, by them alone.
     power: float = 0.0
 
 
 @dataclass(slots=True)
 class Asked:
-    """A request of the schedule.
+    """A request of the schedule."""
 
-    Attributes:
-        tick: In which it is made, -1 for none.
-        request: Its code.
-    """
-
-    tick: int = -1
-    request: int = 0
+    tick: int = -1  # In which it is made, -1 for none.
+    request: int = 0  # Its code.
 
 
 @dataclass(slots=True)
 class Ends:
-    """What ends a run.
+    """What ends a run."""
 
-    Attributes:
-        fall_height: Height of the pelvis below which the wearer has fallen, in [m].
-        diverged_velocity: In [rad] / [s].
-        fall_pitch: Pitch of the trunk beyond which the wearer has fallen, in [rad].
-        longest_reach: Length of arm and crutch beyond which a hand has let go, in [m].
-    """
-
-    fall_height: float
-    diverged_velocity: float
-    fall_pitch: float = math.inf
-    longest_reach: float = math.inf
+    fall_height: float  # Height of the pelvis below which the wearer has fallen, in [m].
+    diverged_velocity: float  # In [rad] / [s].
+    fall_pitch: float = math.inf  # Pitch of the trunk beyond which the wearer has fallen, in [rad].
+    longest_reach: float = math.inf  # Length of arm and crutch beyond which a hand has let go, in [m].
 
 
 @dataclass(slots=True)
 class Stages:
-    """Room of the integrators, one entry per coordinate each.
+    """Room of the integrators, one entry per coordinate each."""
 
-    Attributes:
-        q: Coordinates of a stage.
-        v: Its velocities; of a step without stages the mean of those before and after.
-        sum_v: Weighted sum of the velocities.
-        sum_a: Of the accelerations.
-    """
-
-    q: list[float]
-    v: list[float]
-    sum_v: list[float]
-    sum_a: list[float]
+    q: list[float]  # Coordinates of a stage.
+    v: list[float]  # Its velocities; of a step without stages the mean of those before and after.
+    sum_v: list[float]  # Weighted sum of the velocities.
+    sum_a: list[float]  # Of the accelerations.
 
 
 @dataclass(slots=True)
 class Lately:
-    """A frame as its receiver has it, which may be later than it arrived.
+    """A frame as its receiver has it, which may be later than it arrived."""
 
-    Attributes:
-        halves: Of the frame.
-        tick: From which the receiver would have had it without more delay; 0 for none.
-        written: Tick in which its sender wrote it.
-    """
-
-    halves: list[int] = field(default_factory=lambda: [0, 0])
-    tick: int = 0
-    written: int = 0
+    halves: list[int] = field(default_factory=lambda: [0, 0])  # Of the frame.
+    tick: int = 0  # From which the receiver would have had it without more delay; 0 for none.
+    written: int = 0  # Tick in which its sender wrote it.
 
 
 @dataclass(slots=True)
 class Wire:
-    """A frame between a board and the gait controller.
+    """A frame between a board and the gait controller."""
 
-    Attributes:
-        frame: Its place among those of the bus.
-        layout: Of its signals.
-        lately: What has arrived, taken in turn.
-        written: Tick in which its sender wrote what the receiver goes by.
-        ages: Sum over all ticks of how many ticks old that was.
-        oldest: Most of them.
-    """
-
-    frame: int
-    layout: list[SignalLayout]
-    lately: list[Lately]
-    written: int = 0
-    ages: int = 0
-    oldest: int = 0
+    frame: int  # Its place among those of the bus.
+    layout: list[SignalLayout]  # Of its signals.
+    lately: list[Lately]  # What has arrived, taken in turn.
+    written: int = 0  # Tick in which its sender wrote what the receiver goes by.
+    ages: int = 0  # Sum over all ticks of how many ticks old that was.
+    oldest: int = 0  # Most of them.
 
 
 @dataclass(slots=True)
 class Network:
-    """The bus, and what is said on it.
+    """The bus, and what is said on it."""
 
-    Attributes:
-        bus: With all its frames.
-        delay: Ticks by which every frame is used later than it arrives.
-        setpoints: To each board.
-        measurements: Of each.
-        numbers: Room for what a frame says.
-    """
+    bus: Bus  # With all its frames.
+    delay: int  # Ticks by which every frame is used later than it arrives.
+    setpoints: list[Wire]  # To each board.
+    measurements: list[Wire]  # Of each.
+    numbers: list[float]  # Room for what a frame says.
 
-    bus: Bus
-    delay: int
-    setpoints: list[Wire]
-    measurements: list[Wire]
-    numbers: list[float]
+
+@dataclass(slots=True)
+class Switch:
+    """A change of phase."""
+
+    tick: int  # At which the new phase begins.
+    leg: int  # Which leg.
+    source: int  # Phase that was left.
+    target: int  # Phase that was entered.
+    transition: int  # Place in the table.
+
+
+@dataclass(slots=True)
+class Efforts:
+    """The wearer's efforts, which come with a delay; their rows are behind an address."""
+
+    lowest_posture: float  # First hip angle of the normative moments in [rad].
+    posture_step: float  # From one to the next in [rad].
+    n_ring: int  # Their number.
+    n_noise: int  # Rows of it, taken in turn.
+    ring: int = 0  # Address of the efforts of the last ticks.
+    noise: int = 0  # Address of the share by which the effort strays, tick by tick.
+
+
+@dataclass(slots=True)
+class Recording:
+    """Log, switches and sensor noise; their rows are behind an address."""
+
+    on: bool  # Whether the log is written.
+    most_switches: int  # That there is room for.
+    n_noise: int  # Rows of it, taken in turn.
+    log: int = 0  # Address of its first row.
+    first_row: int = 0  # Tick of that row.
+    switches: int = 0  # Address of the first switch.
+    n_switches: int = 0  # That have happened.
+    noise: int = 0  # Address of what the sensors read in excess, tick by tick.
 
 
 @dataclass(slots=True)
 class Episode:
-    """Everything that a tick reads and writes.
+    """Everything that a tick reads and writes."""
 
-    Attributes:
-        step: Of the integration in [s].
-        substeps: Steps in a tick.
-        gravity: In [m] / [s²].
-        body_weight: Of wearer and device in [N].
-        catch_stiffness: Of the harness that locks at a trip in [N] / [m].
-        catch_dissipation: In [s] / [m].
-        watching: Whether the safety monitor is on.
-        first_fault: First tick with a fault.
-        requests: That are made of the supervisor, with room for more; none without one.
-        limbs: Hip and knee of the wearer, leg by leg.
-        ankles: Place of the ankle of each leg in the coordinates; none without.
-        passive: Places of the joints that are not controlled, in the order of the log.
-        status: ``COMPLETED``, ``DIVERGED``, or how the wearer fell: ``FELL``, ``TIPPED`` or ``LET_GO``.
-        contact_power: Of the contact forces in [W].
-        last_contact_power: Of the step before.
-        q: Coordinates in [rad] and [m].
-        v: Velocities.
-        a: Accelerations.
-        motor: Motor torques on the coordinates in [N m].
-        external: Torques of push and wearer on them.
-        torque: All torques on them.
-        bodies: Run-time values of the plant's kernel.
-        points: Of the soles.
-        braced: Coordinates of the device in the order of the log's braces.
-        brace_work: Work of the braces since the start in [J].
-        trunk: If it is free.
-        trunk_unit: On it, unless its pitch is known exactly.
-        arms: That hold a crutch.
-        habit: How they are used.
-        sense: What the person feels.
-        swing_phases: 1 for phases in which a leg swings.
-        chair_phases: What a person feels of a chair in a phase, :class:`twin_gait.core.arm_policy.Sense`.
-        seat: If there is one.
-    """
-
-    step: float
-    substeps: int
-    gravity: float
-    body_weight: float
-    catch_stiffness: float
-    catch_dissipation: float
-    watching: bool
-    first_fault: int
-    q: list[float]
-    v: list[float]
-    a: list[float]
-    motor: list[float]
-    external: list[float]
-    torque: list[float]
+    step: float  # Of the integration in [s].
+    substeps: int  # Steps in a tick.
+    gravity: float  # In [m] / [s²].
+    body_weight: float  # Of wearer and device in [N].
+    catch_stiffness: float  # Of the harness that locks at a trip in [N] / [m].
+    catch_dissipation: float  # In [s] / [m].
+    watching: bool  # Whether the safety monitor is on.
+    first_fault: int  # First tick with a fault.
+    q: list[float]  # Coordinates in [rad] and [m].
+    v: list[float]  # Velocities.
+    a: list[float]  # Accelerations.
+    motor: list[float]  # Motor torques on the coordinates in [N m].
+    external: list[float]  # Torques of push and wearer on them.
+    torque: list[float]  # All torques on them.
     stages: Stages
-    bodies: list[float]
+    bodies: list[float]  # Run-time values of the plant's kernel.
     rates: Rates
     supply: Supply
     limits: Limits
@@ -282,30 +207,38 @@ class Episode:
     joints: list[Joint]
     soles: list[Sole]
     network: Network
-    limbs: list[Limb]
-    ankles: list[int]
-    passive: list[int]
+    limbs: list[Limb]  # Hip and knee of the wearer, leg by leg.
+    ankles: list[int]  # Place of the ankle of each leg in the coordinates; none without.
+    passive: list[int]  # Places of the joints that are not controlled, in the order of the log.
     plant: list[Plant]
     ground: Ground
-    points: list[Point]
+    points: list[Point]  # Of the soles.
     belt: Belt
     imposed_motion: ImposedMotion
     braces: list[Brace]
-    braced: list[int]
+    braced: list[int]  # Coordinates of the device in the order of the log's braces.
     faults: list[Fault]
-    requests: list[Asked]
+    requests: list[Asked]  # That are made of the supervisor, with room for more; none without one.
     efforts: Efforts
     recording: Recording
-    trunk: Trunk
-    trunk_unit: TrunkUnit
-    arms: list[Arm]
-    habit: Habit
-    sense: Sense
-    swing_phases: list[float]
+    trunk: Trunk  # If it is free.
+    trunk_unit: TrunkUnit  # On it, unless its pitch is known exactly.
+    arms: list[Arm]  # That hold a crutch.
+    habit: Habit  # How they are used.
+    sense: Sense  # What the person feels.
+    swing_phases: list[float]  # 1 for phases in which a leg swings.
+    # What a person feels of a chair in a phase, :class:`twin_gait.core.arm_policy.Sense`.
     chair_phases: list[float]
-    seat: Seat
+    seat: Seat  # If there is one.
     works: WorkRow = field(default_factory=WorkRow)
-    brace_work: float = 0.0
+    brace_work: float = 0.0  # Work of the braces since the start in [J].
+    # ``COMPLETED``, ``DIVERGED``, or how the wearer fell: ``FELL``, ``TIPPED`` or ``LET_GO``.
     status: int = COMPLETED
-    contact_power: float = 0.0
-    last_contact_power: float = 0.0
+    contact_power: float = 0.0  # Of the contact forces in [W].
+    last_contact_power: float = 0.0  # Of the step before.
+
+
+def noise_width(episode: np.dtype[Any]) -> int:
+    """Entries of a row of sensor noise, by the dtype of the episode."""
+    assert episode.names is not None
+    return int(episode["joints"].shape[0]) + ("trunk_unit" in episode.names) * UNIT_READINGS

@@ -1,7 +1,5 @@
 """The episode of a problem: its record at tick 0, and what of it is structure."""
 
-from __future__ import annotations
-
 import math
 import reprlib
 from dataclasses import replace
@@ -35,56 +33,26 @@ from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bu
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.parameters.wearer import WEARER_JOINTS
+from twin_gait.simulation import episode
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
-from twin_gait.simulation.episode import (
-    Asked,
-    Ends,
-    Episode,
-    Joint,
-    Lately,
-    Limb,
-    Network,
-    Sole,
-    Stages,
-    Supply,
-    Wire,
-)
 from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
-from twin_gait.simulation.rows import Efforts, Recording
-from twin_gait.simulation.watching import (
-    NEVER,
-    fault_records,
-    phase_time_out_ticks,
-    ticks,
-    watch_bounds,
-)
+from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
-from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName, Side
+from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
 # What is felt of a chair, by phase.
-FELT = {
-    SIT: SITS,
-    LEAN: LEANS,
-    RISE: RISES,
-    STRAIGHTEN: RISES,
-    REACH_BACK: REACHES,
-    LOWER: LOWERS,
-}
+FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, STRAIGHTEN: RISES, REACH_BACK: REACHES, LOWER: LOWERS}
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 
 
 def structure_of(problem: Problem, n_points: int) -> Structure:
-    """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`.
-
-    Args:
-        n_points: Points of all soles.
-    """
+    """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`."""
     experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
     legs = len(problem.sides)
     return {
@@ -120,22 +88,16 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
 
 def new_episode(
     problem: Problem, bodies: list[float], control_bodies: list[float], n_points: int, *, record: bool = True
-) -> Episode:
-    """The episode of a problem at tick 0.
-
-    Args:
-        bodies: Run-time values of the plant's kernel.
-        control_bodies: Of the controller's.
-        n_points: Points of all soles.
-        record: Whether the log is written.
-    """
+) -> episode.Episode:
+    """The episode of a problem at tick 0, with run-time values of the kernels of plant and controller."""
     experiment, world = problem.experiment, problem.world
     n, stepping = len(world.start_q), experiment.stepping
     faults = fault_records(problem)
     pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
-    ankles = [world.model.index(side, JointName.ANKLE) for side in problem.sides if _has_ankle(problem, side)]
+    legs = world.model.legs.items()
+    ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
-    return Episode(
+    return episode.Episode(
         step=stepping.step,
         substeps=stepping.substeps,
         gravity=experiment.plant.gravity,
@@ -150,44 +112,54 @@ def new_episode(
         motor=[0.0] * n,
         external=[0.0] * n,
         torque=[0.0] * n,
-        stages=Stages(*([0.0] * n for _ in range(4))),
+        stages=episode.Stages(*([0.0] * n for _ in range(4))),
         bodies=bodies,
-        rates=_rates(problem),
+        rates=Rates(
+            period=TICK,
+            fast_gain=problem.fast_gain,
+            decimation=experiment.sensors.decimation,
+            blend_law=problem.table.blending.law.code,
+        ),
         supply=_supply(problem),
         limits=_limits(problem),
-        ends=_ends(problem),
+        ends=episode.Ends(
+            -math.inf if world.fall_height is None else float(world.fall_height),
+            DIVERGED_VELOCITY,
+            world.fall_pitch,
+            world.longest_reach,
+        ),
         controller=_controller(problem, control_bodies),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
-        soles=[Sole() for _ in problem.sides],
+        soles=[episode.Sole() for _ in problem.sides],
         network=_network(problem),
         limbs=_limbs(problem),
         ankles=ankles,
         passive=passive,
-        plant=[copied(plant) for plant in world.plant],
+        plant=copied(list(world.plant)),
         ground=world.ground(),
         points=[Point() for _ in range(max(n_points, 1))],
         belt=copied(world.belt),
-        imposed_motion=_imposed_motion(problem),
-        braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
+        imposed_motion=copied(world.imposed_motion or ImposedMotion()),
+        braces=[] if world.braces is None else copied(list(world.braces.braces)),
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         requests=_requests(problem),
-        efforts=Efforts(
+        efforts=episode.Efforts(
             float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
         ),
-        trunk=ABSENT if world.trunk is None else copied(world.trunk),
+        trunk=copied(world.trunk),
         trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
-        arms=[copied(arm) for arm in world.arms],
-        habit=ABSENT if world.habit is None else copied(world.habit),
-        sense=ABSENT if world.sense is None else copied(world.sense),
+        arms=copied(list(world.arms)),
+        habit=copied(world.habit),
+        sense=copied(world.sense),
         swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
         if world.arms
         else [],
         chair_phases=[FELT.get(name, 0.0) for name in problem.table.phases]
         if world.arms or world.seat is not None
         else [],
-        seat=ABSENT if world.seat is None else copied(world.seat),
-        recording=Recording(
+        seat=copied(world.seat),
+        recording=episode.Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
     )
@@ -196,8 +168,7 @@ def new_episode(
 def memory_of(controller: Controller, plan: Plan) -> Any:
     """What a controller keeps, at the start.
 
-    Raises:
-        ParameterError: If it is no record.
+    Raises ParameterError if it is no record.
     """
     memory = controller.memory(plan)
     if not is_record(memory):
@@ -216,16 +187,12 @@ def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
     return [Setpoint(*row) for row in rows]
 
 
-def _has_ankle(problem: Problem, side: Side) -> bool:
-    return problem.world.model.legs[side].ankle is not None
-
-
-def _joint(problem: Problem, number: int) -> Joint:
+def _joint(problem: Problem, number: int) -> episode.Joint:
     joint, experiment = problem.joints[number], problem.experiment
     actuator, inverter = problem.actuator(joint), experiment.plant.electronics.inverter_resistance
     motor = taken_from(Motor, actuator, resistance=actuator.resistance + inverter)
     angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
-    return Joint(
+    return episode.Joint(
         place=joint.coordinate,
         board=BoardState(
             encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
@@ -242,20 +209,20 @@ def _joint(problem: Problem, number: int) -> Joint:
     )
 
 
-def _limbs(problem: Problem) -> list[Limb]:
+def _limbs(problem: Problem) -> list[episode.Limb]:
     wearer, model = problem.wearer, problem.world.model
     places = [model.index(side, joint) for side in problem.sides for joint in WEARER_JOINTS]
     return [
-        Limb(place, condition, moments.tolist() if wearer.acts else [])
+        episode.Limb(place, condition, moments.tolist() if wearer.acts else [])
         for place, condition, moments in zip(places, wearer.conditions, wearer.moments, strict=True)
     ]
 
 
-def _network(problem: Problem) -> Network:
+def _network(problem: Problem) -> episode.Network:
     """The bus; where there is none, nothing is left of it in the record."""
     parameters = problem.experiment.network
     if parameters is None:
-        absent: Network = ABSENT
+        absent: episode.Network = ABSENT
         return absent
     boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     messages = load_messages(parameters.dbc)
@@ -264,7 +231,7 @@ def _network(problem: Problem) -> Network:
         [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
         for kind in (SETPOINT, MEASUREMENT)
     )
-    return Network(
+    return episode.Network(
         bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
         delay=delay,
         setpoints=setpoints,
@@ -277,9 +244,9 @@ def _delay_ticks(network: NetworkParameters | None) -> int:
     return 0 if network is None else round(network.delay / TICK)
 
 
-def _wire(message: Message, frames: list[Message], delay: int) -> Wire:
+def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
     room = (delay // _LATELY + 1) * _LATELY
-    return Wire(frames.index(message), message.layout, [Lately() for _ in range(room)])
+    return episode.Wire(frames.index(message), message.layout, [episode.Lately() for _ in range(room)])
 
 
 def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
@@ -329,13 +296,13 @@ def _supervisor(problem: Problem) -> Supervisor:
     )
 
 
-def _requests(problem: Problem) -> list[Asked]:
+def _requests(problem: Problem) -> list[episode.Asked]:
     """Requests of the schedule, with room, so that schedules of like length share one loop."""
     modes, requests = problem.experiment.modes, problem.experiment.requests
     if modes is None:
         return []
-    asked = [Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
-    return asked + [Asked() for _ in range(_capacity(len(asked)) - len(asked))]
+    asked = [episode.Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
+    return asked + [episode.Asked() for _ in range(_capacity(len(asked)) - len(asked))]
 
 
 def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJoint:
@@ -384,18 +351,9 @@ def _pad(entries: list[Record], blank: Record) -> None:
     entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]
 
 
-def _rates(problem: Problem) -> Rates:
-    return Rates(
-        period=TICK,
-        fast_gain=problem.fast_gain,
-        decimation=problem.experiment.sensors.decimation,
-        blend_law=problem.table.blending.law.code,
-    )
-
-
-def _supply(problem: Problem) -> Supply:
+def _supply(problem: Problem) -> episode.Supply:
     battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
-    return Supply(
+    return episode.Supply(
         voltage=battery.voltage,
         resistance=battery.internal_resistance,
         constant_power=electronics.constant_power + len(problem.joints) * electronics.inverter_power,
@@ -419,16 +377,6 @@ def _limits(problem: Problem) -> Limits:
     )
 
 
-def _ends(problem: Problem) -> Ends:
-    height = problem.world.fall_height
-    return Ends(
-        -math.inf if height is None else float(height),
-        DIVERGED_VELOCITY,
-        problem.world.fall_pitch,
-        problem.world.longest_reach,
-    )
-
-
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
     q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
     return ControlModel(
@@ -447,8 +395,3 @@ def _trunk_unit(problem: Problem) -> TrunkUnit:
     sensor, place = problem.experiment.sensors.trunk, problem.world.model.pitch_index
     gain, pitch = first_order_gain(TICK, sensor.time_constant), float(problem.world.start_q[place])
     return taken_from(TrunkUnit, sensor, gain=gain, pitch=pitch)
-
-
-def _imposed_motion(problem: Problem) -> ImposedMotion:
-    motion = problem.world.imposed_motion
-    return ImposedMotion(-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if motion is None else copied(motion)

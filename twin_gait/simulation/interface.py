@@ -4,14 +4,11 @@ The rooms import these names; :mod:`twin_gait.simulation.binding` puts the real 
 what a structure rules out is never compiled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from twin_gait.core.contact import Ground, Point
-from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.episode import Episode, Switch
 from twin_gait.simulation.log import LogRow
-from twin_gait.simulation.rows import Switch
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
 # place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
@@ -36,20 +33,10 @@ def dynamics(
     a: list[float],
     points: list[Point],
 ) -> float:
-    """Accelerations under joint torques and contact forces.
+    """Accelerations under joint torques and contact forces; ``a`` and ``points`` are changed in place.
 
-    Args:
-        q: Coordinates, n entries.
-        v: Velocities, n entries.
-        torque: On the coordinates, n entries.
-        bodies: Masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
-        gravity: In [m] / [s²].
-        ground: Under the feet.
-        a: Accelerations, n entries; changed in place.
-        points: Of the soles; changed in place.
-
-    Returns:
-        Power of the contact forces in [W].
+    ``bodies``: masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
+    Returns the power of the contact forces in [W].
     """
     raise NotImplementedError
 
@@ -86,14 +73,10 @@ def side_by_side(
     law: Callable[..., float],
     give: Callable[[Episode, int, float], None],
 ) -> None:
-    """Apply a law in places that do not touch each other; in the loop of one episode they are vectors.
+    """Apply a law of numbers in places that do not touch each other, as vectors in the loop of one episode.
 
-    Args:
-        places: Where; one at least.
-        staged: Whether the state is that of a stage of the integration.
-        take: From episode, place and ``staged`` to the arguments of the law.
-        law: Of numbers alone.
-        give: Takes episode, place and result.
+    ``take``: from episode, place and ``staged``, whether the state is that of a stage of the integration, to
+    the arguments of the law. ``give``: takes episode, place and result.
     """
     for place in places:
         for one in lanes(e):

@@ -6,8 +6,6 @@ is used by the next run. Code is loaded only from the user's own files, and only
 secret says that this program wrote them. Nothing here needs the compiler.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import hmac
@@ -40,16 +38,14 @@ SOURCES = (
     "interface",
     "log",
     "record",
-    "rows",
 )
 
 
 def cache_folder() -> Path | None:
     """Folder of the compiled code: ``$TWIN_GAIT_CACHE``, or twin_gait in the user's cache folder.
 
-    Returns:
-        The folder, made if needed; None if it cannot be had, belongs to somebody else, or others may write
-        there. What is compiled then stays in memory.
+    Returns the folder, made if needed; None if it cannot be had, belongs to somebody else, or others may
+    write there. What is compiled then stays in memory.
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     try:
@@ -64,8 +60,7 @@ def cache_folder() -> Path | None:
 def private_folder(folder: Path, *, close: bool = False) -> Path | None:
     """A folder that is the user's alone to write, made if needed; a warning and None if it is not.
 
-    Args:
-        close: Whether it is this program's own, to be closed to others where an earlier version left it open.
+    ``close``: whether it is this program's own, to be closed to others where an earlier version left it open.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if close and folder.stat().st_uid == os.geteuid():
@@ -98,11 +93,8 @@ def read_own(path: Path) -> bytes | None:
 def seal(name: str, content: bytes) -> str | None:
     """Proof that this user's own program kept a content under a name: HMAC-SHA256 with the user's secret.
 
-    Args:
-        name: Of the file; one file in place of another is noticed too.
-
-    Returns:
-        The proof in hexadecimal digits, or None if there is no place for a secret.
+    In hexadecimal digits; None if there is no place for a secret. One file in place of another is noticed
+    too.
     """
     try:
         secret = _secret(_home("XDG_DATA_HOME", ".local/share") / "twin_gait" / "cache.key")
@@ -135,15 +127,7 @@ def _home(variable: str, folder: str) -> Path:
 
 @lru_cache(maxsize=8)
 def source_key(what: str, *more: str) -> str:
-    """Hash over what is compiled and every source, package and processor that it depends on.
-
-    Args:
-        what: Of the loop itself, beside its sources.
-        more: Further sources, as :data:`SOURCES` names them.
-
-    Returns:
-        The hash.
-    """
+    """Hash over what is compiled and every source, package and processor that it depends on."""
     digest = hashlib.sha256(what.encode() + _content(*SOURCES, *more))
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
@@ -169,8 +153,7 @@ def source_files(*names: str) -> list[Path]:
 def target() -> tuple[str, str]:
     """Name and abilities of the processor that code is compiled for: this one, if numba is not told another.
 
-    Returns:
-        As LLVM writes them: ``znver4`` and ``+avx2,+fma,-avx512f``.
+    Returns as LLVM writes them: ``znver4`` and ``+avx2,+fma,-avx512f``.
     """
     name, features = (os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES"))
     if features is None:  # as in numba.core.config

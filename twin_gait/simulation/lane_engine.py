@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin_gait.simulation.block import WIDTH, shared_words, side_by_side, word_of
-from twin_gait.simulation.compiled_engine import ARGUMENTS, CompiledEngine, Pattern, bound_to, run_at
+from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.episode import COMPLETED
 from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import is_kept, kept_loop
-from twin_gait.simulation.machine_code import NativeFunction
+from twin_gait.simulation.loops import NativeFunction, is_kept, kept_loop
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
@@ -38,10 +37,8 @@ class LaneEngine:
     ) -> None:
         """Put the records side by side and get the compiled loop.
 
-        Args:
-            engines: At tick 0, all of one :func:`kind_of`, at most
-                :data:`~twin_gait.simulation.block.WIDTH`.
-            on_compile: Called if the loop has to be compiled first.
+        ``engines``: at tick 0, all of one :func:`kind_of`, at most :data:`~twin_gait.simulation.block.WIDTH`.
+        ``on_compile``: called if the loop has to be compiled first.
         """
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
@@ -51,14 +48,7 @@ class LaneEngine:
         self._ends = np.zeros_like(self._totals)
 
     def run(self, columns: Sequence[int] | None = None) -> list[EngineResult]:
-        """Run all episodes to their ends.
-
-        Args:
-            columns: Positions of the columns of the logs that are kept; all by default.
-
-        Returns:
-            The result of each, as :meth:`CompiledEngine.run` gives it.
-        """
+        """Run all episodes to their ends, each with the result that :meth:`CompiledEngine.run` gives it."""
         width, record = len(self.engines[0].layout.names), bool(self._numbers("recording", "on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
         # Apart, so that each goes when its run does.
@@ -94,17 +84,12 @@ class LaneEngine:
         self._ends[running[over]] = done
         left: np.ndarray = running[~over]
         for lane in (running if len(left) < FEWEST else running[over]).tolist():
-            self._give_back(lane)
+            self.engines[lane].parts[0].view(np.int64)[:] = self._block[:, lane]
         if len(left) > 0:
             self._block[:, np.setdiff1d(np.arange(WIDTH), left)] = self._block[:, left[:1]]
         return left
 
-    def _give_back(self, lane: int) -> None:
-        """Write a lane into the record of its engine."""
-        self.engines[lane].parts[0].view(np.int64)[:] = self._block[:, lane]
-
     def _finish(self, lane: int, done: int, log: np.ndarray, kept: np.ndarray) -> None:
-        """Run an episode to its end alone."""
         engine, total = self.engines[lane], int(self._totals[lane])
         rows = np.zeros((max(total - done, 1), len(engine.layout.names)))
         end = engine.run_ticks(done, total, rows, done)
@@ -137,9 +122,9 @@ def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> Native
         from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
 
         names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
-        return compile_loop(run_at, names, ARGUMENTS, manner=IN_LOCKSTEP)
+        return compile_loop(run_at, names, manner=IN_LOCKSTEP)
 
-    return kept_loop(_key_of(pattern), ARGUMENTS, make, on_compile)
+    return kept_loop(_key_of(pattern), make, on_compile)
 
 
 def has_lane_loop(engine: CompiledEngine) -> bool:

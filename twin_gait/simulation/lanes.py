@@ -16,8 +16,6 @@ tests/simulation/test_lanes.py compares lanes and single episodes bit for bit.
 # numba and llvmlite have no types.
 # mypy: disable-error-code="misc, untyped-decorator, attr-defined"
 
-from __future__ import annotations
-
 import re
 from functools import lru_cache
 from typing import Any
@@ -31,7 +29,7 @@ from numba.extending import intrinsic
 
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiling import Lowering, Manner, Pruning, distinct, jit, numbers_at
-from twin_gait.simulation.rows import noise_width
+from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.views import INTEGER, LanesView, RecordView, make_view
 
 # Tests set this: LLVM then says on the standard error of which loop over lanes it makes no vectors. Without

@@ -4,15 +4,13 @@ A column's name is that of its field with the unit behind it, and side and joint
 belongs to one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from functools import cached_property
 from typing import Any
 
 from twin_gait.leg_model import LegModel
-from twin_gait.simulation.record import ABSENT
+from twin_gait.simulation.record import ABSENT, kinds_of
 from twin_gait.vocabulary import JointName, Side
 
 LOG_SCHEMA_VERSION = 1
@@ -233,11 +231,7 @@ class LogRow:
 
 
 def columns_of(row: type) -> dict[str, tuple[str, str]]:
-    """Columns that a class of rows declares.
-
-    Returns:
-        Unit and meaning by name, in order.
-    """
+    """Columns that a class of rows declares: unit and meaning by name, in order."""
     return {
         _name_of(item): (item.metadata["unit"], item.metadata["meaning"])
         for item in fields(row)
@@ -261,22 +255,14 @@ WORK_SOURCES, BRACED_WORK_SOURCES = (
 
 
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
-    """Sources of work that a log has columns for.
-
-    Returns:
-        Their names; the braces are one of them if there are any.
-    """
+    """Sources of work that a log has columns for; the braces are one of them if there are any."""
     return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
 
 
 def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
-    """Columns that hold the state of a model.
+    """Columns of the coordinates of a model and of its velocities, in its order.
 
-    Args:
-        wearer: Whether the state is the wearer's own, where braces bind them to the device.
-
-    Returns:
-        Columns of its coordinates and of its velocities, in the order of the model.
+    ``wearer``: whether the state is the wearer's own, where braces bind them to the device.
     """
     own = "wearer_" * wearer
     names = {
@@ -297,11 +283,7 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
 
 
 def unit_of(name: str) -> str:
-    """Unit of a column, from the end of its name.
-
-    Returns:
-        The unit, for example ``N m/rad``; ``name`` of a phase and ``code`` of a state.
-    """
+    """Unit of a column from the end of its name; ``name`` of a phase and ``code`` of a state."""
     if name.endswith("_phase"):
         return "name"
     known = columns_of(LogRow) | columns_of(SupervisorRow)
@@ -313,26 +295,8 @@ def unit_of(name: str) -> str:
 
 def meaning_of(name: str) -> str:
     """What a column of a log means, as it is declared; empty for one that is not."""
-    rows = (
-        JointRow,
-        OrthosisRow,
-        FootRow,
-        PelvisRow,
-        ForwardRow,
-        TrunkRow,
-        CrutchRow,
-        SeatRow,
-        WorkRow,
-        BraceWorkRow,
-        BraceRow,
-        PelvisBraceRow,
-        ForwardBraceRow,
-        SupervisorRow,
-        LogRow,
-    )
-    known = {
-        own: meaning for row in rows for own, (_, meaning) in columns_of(row).items() if name.endswith(own)
-    }
+    rows: list[type] = [LogRow, *(kind for _, kind in kinds_of(LogRow) if is_dataclass(kind))]
+    known = {own: said for row in rows for own, (_, said) in columns_of(row).items() if name.endswith(own)}
     return known[max(known, key=len)] if known else ""
 
 
@@ -341,30 +305,18 @@ class LogLayout:
     """What a log has columns of.
 
     ``time_s`` and the names of the phases are added when the table is made.
-
-    Attributes:
-        legs: Controlled joints per leg, in order.
-        passive: Side and joint of those that are not.
-        feet: Legs with foot contact.
-        pelvis: Whether the pelvis moves.
-        forward: Whether it moves fore-aft too.
-        free: Whether it pitches too.
-        crutches: Sides with one.
-        seat: Whether there is one.
-        braced: Whether braces bind the wearer to the device.
-        supervised: Whether it has operating modes.
     """
 
-    legs: Mapping[Side, Sequence[JointName]]
-    passive: tuple[tuple[Side, JointName], ...]
-    feet: tuple[Side, ...]
-    pelvis: bool
-    forward: bool = False
-    free: bool = False
-    crutches: tuple[Side, ...] = ()
-    seat: bool = False
-    braced: bool = False
-    supervised: bool = False
+    legs: Mapping[Side, Sequence[JointName]]  # Controlled joints per leg, in order.
+    passive: tuple[tuple[Side, JointName], ...]  # Side and joint of those that are not.
+    feet: tuple[Side, ...]  # Legs with foot contact.
+    pelvis: bool  # Whether the pelvis moves.
+    forward: bool = False  # Whether it moves fore-aft too.
+    free: bool = False  # Whether it pitches too.
+    crutches: tuple[Side, ...] = ()  # Sides with one.
+    seat: bool = False  # Whether there is one.
+    braced: bool = False  # Whether braces bind the wearer to the device.
+    supervised: bool = False  # Whether it has operating modes.
 
     def row(self) -> LogRow:
         """An empty row."""

@@ -1,9 +1,7 @@
 """An experiment laid out as the arrays that every engine steps through."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,66 +14,44 @@ from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import ActuatorParameters
-from twin_gait.simulation.plan import plan_of, starting_at
-from twin_gait.simulation.rows import UNIT_READINGS
+from twin_gait.measures.reference import FASTEST, SLOWEST
+from twin_gait.parameters import ActuatorParameters, Patient
+from twin_gait.simulation.episode import UNIT_READINGS
 from twin_gait.simulation.wearer import Wearer, wearer_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World
 
 
 class ActuatedJoint(NamedTuple):
-    """A joint that is controlled.
+    """A joint that is controlled."""
 
-    Attributes:
-        side: Leg.
-        joint: Hip, knee or ankle.
-        coordinate: Position in ``q`` and ``v`` of the plant.
-        control_coordinate: Position in ``q`` of the controller's model.
-    """
-
-    side: Side
-    joint: JointName
-    coordinate: int
-    control_coordinate: int
+    side: Side  # Leg.
+    joint: JointName  # Hip, knee or ankle.
+    coordinate: int  # Position in ``q`` and ``v`` of the plant.
+    control_coordinate: int  # Position in ``q`` of the controller's model.
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What an engine needs, beside the experiment.
+    """What an engine needs, beside the experiment."""
 
-    Attributes:
-        experiment: The experiment.
-        world: Plant and surroundings.
-        control_model: The controller's rigid-body model.
-        table: The gait table after scaling.
-        program: Its guards.
-        joints: Controlled joints, leg by leg in the order of the table.
-        phase_rows: k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
-        offset: Calibration error of each encoder in [rad], shape ``(n_joints,)``.
-        noise: What an encoder reads in excess of the angle in every tick, noise and offset, in [rad], shape
-            ``(n_ticks, n_joints)`` or ``(1, n_joints)``; with an inertial unit 3 more columns of its noise.
-        resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
-        fast_gain: Gain of the fast velocity filter.
-        wearer: What the wearer does at the joints.
-        controller: What decides on the demands.
-        plan: What it knows.
-    """
-
-    experiment: Experiment
-    world: World
-    control_model: LegModel
-    table: GaitTable
-    program: GuardProgram
-    joints: tuple[ActuatedJoint, ...]
+    experiment: Experiment  # The experiment.
+    world: World  # Plant and surroundings.
+    control_model: LegModel  # The controller's rigid-body model.
+    table: GaitTable  # The gait table after scaling.
+    program: GuardProgram  # Its guards.
+    joints: tuple[ActuatedJoint, ...]  # Controlled joints, leg by leg in the order of the table.
+    # k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
     phase_rows: np.ndarray
-    offset: np.ndarray
+    offset: np.ndarray  # Calibration error of each encoder in [rad], shape ``(n_joints,)``.
+    # What an encoder reads in excess of the angle in every tick, noise and offset, in [rad], shape
+    # ``(n_ticks, n_joints)`` or ``(1, n_joints)``; with an inertial unit 3 more columns of its noise.
     noise: np.ndarray
-    resolution: np.ndarray
-    fast_gain: float
-    wearer: Wearer
-    controller: Controller
-    plan: Plan
+    resolution: np.ndarray  # Encoder resolution in [rad], shape ``(n_joints,)``.
+    fast_gain: float  # Gain of the fast velocity filter.
+    wearer: Wearer  # What the wearer does at the joints.
+    controller: Controller  # What decides on the demands.
+    plan: Plan  # What it knows.
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -103,11 +79,8 @@ class Problem:
 def build_problem(experiment: Experiment, own: Controller | None = None) -> Problem:
     """Lay an experiment out.
 
-    Args:
-        own: Controller that takes the place of the mode's.
-
-    Raises:
-        ParameterError: If the controller is none, or what it gives cannot be used.
+    ``own``: controller that takes the place of the mode's. Raises ParameterError if the controller is none,
+    or what it gives cannot be used.
     """
     if own is not None:
         require_controller(own)
@@ -145,6 +118,28 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         controller=controller,
         plan=plan,
     )
+
+
+def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt) -> Plan:
+    """What the controller of an experiment knows."""
+    scenario = experiment.scenario
+    walking = scenario.walking
+    return Plan(
+        sides=sides,
+        joints=tuple(experiment.table.joints),
+        phases=tuple(experiment.table.phase_names),
+        leading=scenario.leading_of(sides),
+        speed=SLOWEST if walking is None else min(max(walking.speed, SLOWEST), FASTEST),
+        height=(experiment.patient or Patient()).height,
+        inertia=inertia,
+    )
+
+
+def starting_at(experiment: Experiment, begin: Mapping[Side, Mapping[JointName, float]]) -> Experiment:
+    """Let the legs begin at the angles in [rad] that the controller wants, whatever the scenario says."""
+    if not begin:
+        return experiment
+    return replace(experiment, scenario=experiment.scenario.starting_in(begin))
 
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:

@@ -8,8 +8,6 @@ code that a constant rules out may name it. Records are never assigned as a whol
 code and aliases in plain Python.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -40,11 +38,7 @@ _known: dict[type, tuple[tuple[str, type], ...]] = {}  # reading hints takes lon
 
 
 def dtype_of(sample: Any) -> np.dtype[Any]:
-    """The dtype of a record, aligned as C would.
-
-    Args:
-        sample: An instance; its lists have the lengths of the dtype.
-    """
+    """The dtype of a record, aligned as C would; lists have the lengths of those of the instance."""
     layout = []
     for name, kind in kinds_of(type(sample)):
         value, shape = getattr(sample, name), []
@@ -57,11 +51,7 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
 
 
 def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
-    """An instance as a NumPy record.
-
-    Returns:
-        Shape ``(1,)``; its entry is the record.
-    """
+    """An instance as a NumPy record, the entry of an array of shape ``(1,)``."""
     return np.array([entries(sample)], dtype_of(sample))
 
 
@@ -111,23 +101,17 @@ def _collect(value: Any, found: list[float]) -> None:
 
 
 def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
-    """A record whose fields are the attributes of the same name of something else.
-
-    Args:
-        source: For example the parameters of a law.
-        more: Fields that it does not have.
-    """
+    """A record whose fields are the attributes of the same name of something else, or among ``more``."""
     values = {item.name: getattr(source, item.name) for item in fields(kind) if item.name not in more}  # type: ignore[arg-type]
     return kind(**values, **more)
 
 
-def copied(sample: Record) -> Record:
-    """A copy that shares nothing with a record."""
-
-    def copy(value: Any) -> Any:
-        if isinstance(value, list):
-            return [copy(item) for item in value]
-        return copied(value) if hasattr(value, "__slots__") else value
-
-    values = {item.name: copy(getattr(sample, item.name)) for item in fields(sample)}  # type: ignore[arg-type]
-    return type(sample)(**values)
+def copied(sample: Record | None) -> Record:
+    """A copy that shares nothing with a record or a list of them; what is absent stays so."""
+    copy: Any = sample
+    if isinstance(sample, list):
+        copy = [copied(item) for item in sample]
+    elif hasattr(copy, "__slots__"):
+        copy = type(copy)(**{item.name: copied(getattr(copy, item.name)) for item in fields(copy)})
+    found: Record = copy
+    return found

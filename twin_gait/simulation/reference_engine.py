@@ -4,8 +4,6 @@ The rooms and laws are those of the compiled engine; the dynamics are Pinocchio'
 are carried by machines of `transitions`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -18,12 +16,11 @@ from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
-from twin_gait.simulation.episode import COMPLETED, Episode
+from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
-from twin_gait.simulation.rows import Switch
 from twin_gait.simulation.traffic import bus_traffic
 from twin_gait.simulation.watching import trip_of
 
@@ -41,15 +38,10 @@ class ReferenceEngine:
         switches: Changes of phase so far.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        kernel: Mapping[str, Callable[..., Any]] | None = None,
-    ) -> None:
+    def __init__(self, problem: Problem, kernel: Mapping[str, Callable[..., Any]] | None = None) -> None:
         """Set everything to time 0.
 
-        Args:
-            kernel: Dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
+        ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
         """
         self.problem = problem
         self.layout = log_layout(problem)
@@ -98,16 +90,7 @@ class ReferenceEngine:
         )
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
-        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
-
-        Args:
-            first: Tick to begin with.
-            end: One past the last.
-            rows: Log, shape ``(n, n_columns)``; changed in place.
-
-        Returns:
-            Ticks run since the start.
-        """
+        """As :meth:`twin_gait.simulation.compiled_engine.CompiledEngine.run_ticks`."""
         for tick in range(first, end):
             self._run_ticks(self.episode, tick, tick + 1)
             if self.episode.recording.on:

@@ -50,29 +50,18 @@ class Run:
 
     ``save`` and ``plot`` are those of the public namespace: a simulation itself touches no disk and draws
     nothing.
-
-    Attributes:
-        experiment: What was run.
-        table: The gait table after scaling to wearer, support and speed.
-        log: One row per tick; units are in the column names.
-        switches: Every change of phase with its cause.
-        status: How the run ended.
-        reason: Why, if it did not complete.
-        wall_s: Wall-clock time of the integration in [s].
-        body_weight: Weight of wearer and device in [N].
-        trip: What the safety monitor tripped on, or None.
-        traffic: Of the bus, or None without one, in live walks and in runs that were read back.
     """
 
-    experiment: Experiment
-    table: GaitTable
-    log: pd.DataFrame
-    switches: tuple[PhaseSwitch, ...]
-    status: RunStatus
-    reason: str
-    wall_s: float
-    body_weight: float
-    trip: Trip | None = None
+    experiment: Experiment  # What was run.
+    table: GaitTable  # The gait table after scaling to wearer, support and speed.
+    log: pd.DataFrame  # One row per tick; units are in the column names.
+    switches: tuple[PhaseSwitch, ...]  # Every change of phase with its cause.
+    status: RunStatus  # How the run ended.
+    reason: str  # Why, if it did not complete.
+    wall_s: float  # Wall-clock time of the integration in [s].
+    body_weight: float  # Weight of wearer and device in [N].
+    trip: Trip | None = None  # What the safety monitor tripped on, or None.
+    # Of the bus, or None without one, in live walks and in runs that were read back.
     traffic: BusTraffic | None = None
 
     def __repr__(self) -> str:
@@ -104,15 +93,7 @@ class Run:
         return tuple(self.experiment.leg.legs)
 
     def leg_record(self, side: Side, *, device: bool = False) -> LegRecord:
-        """What gait measures read of a leg.
-
-        Args:
-            side: The leg.
-            device: Whether the angles are the device's where braces let the wearer move against it.
-
-        Returns:
-            The leg.
-        """
+        """What gait measures read of a leg; ``device``: angles of the device, not of a wearer in braces."""
         return self._read_leg(side, device=True) if device else self._legs[side]
 
     def leg_records(self) -> list[LegRecord]:
@@ -142,27 +123,16 @@ class Run:
         )
 
     def walk_measures(self, *, skip: int = SKIPPED_STRIDES) -> dict[Side, WalkMeasures]:
-        """Ground forces, joints and powers of each leg; see :mod:`twin_gait.measures.walk`.
-
-        Args:
-            skip: So many strides at the start do not count.
-
-        Returns:
-            By leg; nothing without a walkway.
-        """
+        """Ground forces, joints and powers of each leg (:mod:`twin_gait.measures.walk`); by leg."""
         walkway, names = self.walkway, self.table.phase_names
         if walkway is None:
             return {}
         swing = names.index(GaitPhase.SWING_FLEXION) if GaitPhase.SWING_FLEXION in names else None
-        pairs = ((side, self.leg_record(side), self.leg_record(other)) for side, other in self._pairs())
+        legs = zip(self.sides, self.leg_records(), reversed(self.leg_records()), strict=True)
         return {
             side: walk_measures(self.log, leg, other, walkway, swing_phase=swing, skip=skip)
-            for side, leg, other in pairs
+            for side, leg, other in legs
         }
-
-    def _pairs(self) -> list[tuple[Side, Side]]:
-        first, second = self.sides
-        return [(first, second), (second, first)]
 
     def walk_power(self, *, skip: int = SKIPPED_STRIDES) -> WalkPower | None:
         """Who drives the walk; None without a walkway."""
@@ -217,15 +187,10 @@ class Run:
 def log_table(
     rows: np.ndarray, layout: LogLayout, table: GaitTable, columns: Sequence[int] | None = None
 ) -> pd.DataFrame:
-    """Make the log table of the numbers that an engine wrote.
+    """Make the log table of the numbers that an engine wrote, with ``time_s`` in front and phases by name.
 
-    Args:
-        rows: Shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other.
-        table: For the names of the phases.
-        columns: Positions of the columns in the layout, the phases among them; all by default.
-
-    Returns:
-        The table, with ``time_s`` in front and phases by name.
+    ``rows``: shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other. ``columns``:
+    their positions in the layout, the phases among them; all by default.
     """
     names = list(layout.names) if columns is None else [layout.names[place] for place in columns]
     log = pd.DataFrame(np.asfortranarray(rows), columns=names, copy=False)

@@ -1,7 +1,5 @@
 """Simulate an experiment: the one entry, and it touches no disk."""
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -64,10 +62,8 @@ def run_of(
 ) -> Run:
     """The run of an engine that has reached its end.
 
-    Args:
-        result: What it gave.
-        wall_s: How long it took in [s].
-        columns: Positions of the columns of the log that were kept; all by default.
+    ``result``: what it gave. ``wall_s``: how long it took in [s]. ``columns``: positions of the columns of
+    the log that were kept; all by default.
     """
     problem = engine.problem
     return Run(
@@ -87,11 +83,7 @@ def run_of(
 def engine_of(
     problem: Problem, on_compile: Callable[[], None] | None = None
 ) -> ReferenceEngine | CompiledEngine:
-    """The engine that an experiment asks for, at tick 0.
-
-    Args:
-        on_compile: Called if it has to be compiled first.
-    """
+    """The engine that an experiment asks for, at tick 0."""
     if problem.experiment.engine is Engine.COMPILED:
         try:
             return CompiledEngine(problem, on_compile=on_compile)

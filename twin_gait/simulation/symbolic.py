@@ -4,8 +4,6 @@ What an engine integrates is bound here to other elementary functions and to law
 written a second time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -18,15 +16,10 @@ from twin_gait.simulation.rooms.motion import acceleration
 
 
 class Motion(NamedTuple):
-    """What acts at a state.
+    """What acts at a state."""
 
-    Attributes:
-        acceleration: Of the n coordinates.
-        points: Forces on the points of the soles and their heights, foot by foot.
-    """
-
-    acceleration: list[Any]
-    points: list[Point]
+    acceleration: list[Any]  # Of the n coordinates.
+    points: list[Point]  # Forces on the points of the soles and their heights, foot by foot.
 
 
 def equations_of_motion(
@@ -34,22 +27,18 @@ def equations_of_motion(
 ) -> Callable[[Sequence[Any], Sequence[Any], Sequence[Any], Sequence[Any]], Motion]:
     """What the engine integrates, with some functions of ``core`` replaced.
 
-    Args:
-        problem: From :func:`twin_gait.experiment.build_problem`; without bristles, whose deflection is a
-            state of its own, and without a motion imposed by time.
-        laws: Functions by the names of those in ``core`` that they take the place of. Numbers need none;
-            scalars that cannot be compared need ``sine_cosine``, ``exponential``, ``hyperbolic_tangent``
-            and, for their branches, ``ground_contact_force`` and ``mechanical_stop_torque``.
-
-    Returns:
-        From coordinates, velocities, motor torques and accelerations (n each) to the motion under friction,
-        stops, springs, support, belt and gravity, at the belt's cruising speed and with the harness unlocked.
-        Of the accelerations the losses of the gears take what turns the rotors
-        (:func:`twin_gait.core.plant.gear_load`): the motion is the plant's where it has the same ones.
+    ``problem``: from :func:`twin_gait.experiment.build_problem`; without bristles, whose deflection is a
+    state of its own, and without a motion imposed by time. ``laws``: functions by the names of those in
+    ``core`` that they take the place of. Numbers need none; scalars that cannot be compared need
+    ``sine_cosine``, ``exponential``, ``hyperbolic_tangent`` and, for their branches, ``ground_contact_force``
+    and ``mechanical_stop_torque``. Returns from coordinates, velocities, motor torques and accelerations (n
+    each) to the motion under friction, stops, springs, support, belt and gravity, at the belt's cruising
+    speed and with the harness unlocked. Of the accelerations the losses of the gears take what turns the
+    rotors (:func:`twin_gait.core.plant.gear_load`): the motion is the plant's where it has the same ones.
     """
     kernel, episode, structure = laid_out(problem, record=False)
     called = {item.name: laws.get(item.name, item.function) for item in SIDE_BY_SIDE}
-    names = {**structure, **laws, **kernel_functions(write_kernel(*kernel), called)}
+    names = {**structure, **laws, **kernel_functions(write_kernel(kernel), called)}
     room = bind(acceleration, names)
 
     def motion(q: Sequence[Any], v: Sequence[Any], motor: Sequence[Any], a: Sequence[Any]) -> Motion:

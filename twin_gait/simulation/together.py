@@ -17,8 +17,6 @@ a controller of the user's                    not here: :func:`~twin_gait.simula
 A log, a status, a trip does not depend on what else is in the block, on its size, or on the order.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
@@ -60,26 +58,16 @@ class EpisodeFailed(TwinGaitError):
 
 
 class Block(NamedTuple):
-    """Episodes that run together.
+    """Episodes that run together."""
 
-    Attributes:
-        members: Their positions.
-        alike: Whether they are alike and enough for the lanes of one loop.
-    """
-
-    members: tuple[int, ...]
-    alike: bool
+    members: tuple[int, ...]  # Their positions.
+    alike: bool  # Whether they are alike and enough for the lanes of one loop.
 
 
 def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[Block]:
-    """Cut episodes into blocks of the same kind and of similar duration.
+    """Cut episodes into blocks of the same kind (None for one that runs alone) and of similar duration.
 
-    Args:
-        kinds: What the episodes of a block have in common; None for one that runs alone.
-        ticks: Durations.
-
-    Returns:
-        The blocks: every position once, those that run one by one together in front.
+    Returns every position once, those that run one by one together in front.
     """
     groups: dict[Hashable, list[int]] = {}
     for place, kind in enumerate(kinds):
@@ -106,12 +94,7 @@ def _cut(places: Sequence[int], ticks: Sequence[int]) -> Iterator[tuple[int, ...
 
 
 def block_size(experiment: Experiment, total: int) -> int:
-    """How many episodes to hand over at a time, so that whoever gets them can run them as a block.
-
-    Args:
-        experiment: One of them.
-        total: All that there are.
-    """
+    """How many of so many episodes to hand over at a time, so that they can be run as a block."""
     if total < FEWEST_IN_ALL or experiment.engine is not Engine.COMPILED:
         return 1
     return _most(experiment.n_ticks)
@@ -197,8 +180,7 @@ def _run(
 ) -> list[Run]:
     """Runs of the episodes of a block, or of a single one.
 
-    Raises:
-        EpisodeFailed: If a single one cannot be run, telling that it is the one with this number.
+    Raises EpisodeFailed if a single one cannot be run, telling that it is the one with this number.
     """
     names, kept = engines[0].layout.names, None
     if columns is not None:
@@ -217,13 +199,7 @@ def _run(
 
 
 def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
-    """Compile what an experiment needs and keep it, for processes that are about to run many like it.
-
-    Args:
-        experiment: One of them. If it cannot be run, that will be told when it is.
-        total: How many.
-        on_compile: Called if there is anything to compile.
-    """
+    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later."""
     with suppress(TwinGaitError):
         engine = engine_of(build_problem(experiment), on_compile)
         if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:

@@ -1,7 +1,5 @@
 """What a bus has carried in a run, and how old what its receivers went by was."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -14,53 +12,28 @@ _SECOND = 1e-12  # what the bus counts in, in [s]
 
 
 class FrameTraffic(NamedTuple):
-    """What became of a frame that is sent in every cycle.
+    """What became of a frame that is sent in every cycle."""
 
-    Attributes:
-        name: For example ``left_hip_setpoint``.
-        mean_age: Mean time in [s] since its sender wrote what its receiver goes by, over all ticks.
-        oldest: Longest of them in [s].
-        sent: How many its sender believes to have sent.
-        lost: Of these, those that did not arrive.
-        replaced: Those that a newer one took the place of before they were sent.
-        destroyed: Transmissions that ended in an error frame.
-        worst_response: Longest time from the instant at which one was due to its arrival in [s].
-    """
-
-    name: str
-    mean_age: float
-    oldest: float
-    sent: int
-    lost: int
-    replaced: int
-    destroyed: int
-    worst_response: float
+    name: str  # For example ``left_hip_setpoint``.
+    mean_age: float  # Mean time in [s] since its sender wrote what its receiver goes by, over all ticks.
+    oldest: float  # Longest of them in [s].
+    sent: int  # How many its sender believes to have sent.
+    lost: int  # Of these, those that did not arrive.
+    replaced: int  # Those that a newer one took the place of before they were sent.
+    destroyed: int  # Transmissions that ended in an error frame.
+    worst_response: float  # Longest time from the instant at which one was due to its arrival in [s].
 
 
 class BusTraffic(NamedTuple):
-    """What a bus has carried.
+    """What a bus has carried."""
 
-    Attributes:
-        load: Share of the time in which it was in use.
-        bus_offs: How often each node went bus-off.
-        frames: Set points, then measurements.
-    """
-
-    load: float
-    bus_offs: Mapping[str, int]
-    frames: tuple[FrameTraffic, ...]
+    load: float  # Share of the time in which it was in use.
+    bus_offs: Mapping[str, int]  # How often each node went bus-off.
+    frames: tuple[FrameTraffic, ...]  # Set points, then measurements.
 
 
 def bus_traffic(problem: Problem, network: Any, ticks: int) -> BusTraffic | None:
-    """Read the counts of a run from its record.
-
-    Args:
-        network: :class:`~twin_gait.simulation.episode.Network` at the end, or the same as a NumPy record.
-        ticks: So many have been run, at least 1.
-
-    Returns:
-        What was carried; None without a bus.
-    """
+    """Read the counts of a run of at least 1 tick from its record, plain or NumPy's; None without a bus."""
     if problem.experiment.network is None:
         return None
     bus, boards = network.bus, [f"{joint.side}_{joint.joint}" for joint in problem.joints]

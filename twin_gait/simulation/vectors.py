@@ -5,8 +5,6 @@ still takes those that are marked as here. Vectors have 2, 4 or 8 lanes, and a l
 full. Every number goes through the same operations in the same order as alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
@@ -30,7 +28,6 @@ def _width(count: int) -> int:
 
 
 def _passes(count: int) -> int:
-    """Passes of a loop over so many things."""
     return -(-count // _width(count)) * _width(count)
 
 
@@ -71,13 +68,8 @@ def _in_turn(
 ) -> list[list[Any]]:
     """Call a law for each of several things in a loop that may become vectors.
 
-    Args:
-        law: Type and signature.
-        common: Arguments that all have in common; they come first.
-        rows: Numbers of each.
-
-    Returns:
-        Results of each.
+    ``law``: type and signature. ``common``: arguments that all have in common; they come first. ``rows``:
+    numbers of each.
     """
     kind, signature = law
     count, passes, arguments = len(rows), _passes(len(rows)), len(rows[0])
@@ -108,10 +100,9 @@ def _in_turn(
 def _each(function: Any, shared: int, arguments: int) -> Any:
     """Compiled function that calls another one for each of several things.
 
-    Args:
-        function: Compiled; takes what all things have in common, then some numbers of one, and returns some.
-        shared: What all have in common; it comes first.
-        arguments: Numbers of each; those of the first thing come first.
+    ``function``: compiled; takes what all things have in common, then some numbers of one, and returns some.
+    ``shared``: what all have in common; it comes first. ``arguments``: numbers of each; those of the first
+    thing come first.
     """
 
     @intrinsic  # type: ignore[untyped-decorator]
@@ -157,11 +148,7 @@ def _each_of(item: Called) -> Any:
 
 
 def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
-    """What a loop of one episode is bound to so that laws for several things at once become vectors.
-
-    Args:
-        kernel: Functions by name.
-    """
+    """What a loop of one episode is bound to so that laws for several things at once become vectors."""
     found = {"side_by_side": side_by_side}
     for item in SIDE_BY_SIDE:
         each = _each_of(item)

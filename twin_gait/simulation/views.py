@@ -8,8 +8,6 @@ of a block as a whole nothing else can be read, and nothing written.
 # numba and llvmlite have no types.
 # mypy: disable-error-code="misc, untyped-decorator, name-defined, attr-defined, no-untyped-def"
 
-from __future__ import annotations
-
 import hashlib
 import operator
 from functools import lru_cache
@@ -130,7 +128,6 @@ def _seen(item: Any, owner: str, name: str, whole: bool) -> Any:
 
 
 def _entry(view: Any) -> Any:
-    """Type of an entry of a list."""
     return _seen(view.item, "", view.field, view.whole)
 
 
@@ -190,13 +187,7 @@ def _length(view):  # numba compares this with the signature of what it returns
 
 
 def make_view(context: Any, builder: Any, kind: Any, base: Any, lane: Any) -> Any:
-    """A view in machine code.
-
-    Args:
-        kind: Its type.
-        base: Address of its part of the first lane.
-        lane: Which is meant.
-    """
+    """A view in machine code, from the address of its part of the first lane and the lane that is meant."""
     made = cgutils.create_struct_proxy(kind)(context, builder)
     made.base, made.lane = base, lane
     return made._getvalue()

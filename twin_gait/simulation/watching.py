@@ -1,7 +1,5 @@
 """What the safety monitor is set to, faults, and trips, as an episode has them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from twin_gait.control import Trip, TripCause
@@ -9,6 +7,7 @@ from twin_gait.core.faults import Fault
 from twin_gait.core.safety import Bounds
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.problem import ActuatedJoint, Problem
+from twin_gait.simulation.record import taken_from
 from twin_gait.worlds.faults import Fault as InjectedFault
 from twin_gait.worlds.faults import FaultKind
 
@@ -53,44 +52,31 @@ def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
     continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
     cooling = min(1.0, TICK / settings.thermal_time_constant)
     resistance = motor.resistance + problem.experiment.plant.electronics.inverter_resistance
-    return Bounds(
+    fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 in a URDF that leaves it open
+    return taken_from(
+        Bounds,
+        settings,
         lower=lower,
         upper=upper,
-        highest_speed=settings.speed_share * _speed_limit(problem, joint),
+        highest_speed=settings.speed_share * (fastest if fastest > 0.0 else np.inf),
         stop_distance_factor=0.5 / settings.stopping_deceleration,
-        angle_step=settings.angle_step,
-        frozen_speed=settings.frozen_speed,
         frozen_ticks=ticks(settings.frozen_time),
         model_gain=min(1.0, TICK / settings.model_time_constant),
-        model_deviation=settings.model_deviation,
         highest_torque=control.limits.torque,
         torque_ticks=ticks(settings.torque_time),
-        highest_command=settings.highest_command,
         highest_current=settings.current_share * control.limits.current,
         heating=cooling / (continuous * continuous),
         cooling=cooling,
-        drive_deviation=settings.drive_deviation,
         drive_ticks=ticks(settings.drive_time),
         emf_constant=motor.torque_constant * motor.gear_ratio,
         model_resistance=settings.model_resistance_ratio * resistance,
     )
 
 
-def _speed_limit(problem: Problem, joint: ActuatedJoint) -> float:
-    """Highest speed of a joint from the URDF in [rad] / [s]; a URDF that leaves it open sets none."""
-    limit = float(problem.control_model.model.velocityLimit[joint.control_coordinate])
-    return limit if limit > 0.0 else np.inf
-
-
 def trip_of(problem: Problem, tick: int, cause: int, place: int) -> Trip | None:
-    """What the engine's numbers say of a trip.
+    """What the engine's numbers say of a trip; None if its tick is negative.
 
-    Args:
-        tick: Of the trip, or a negative number.
-        place: A joint, or the number of joints plus a leg, or a negative number for the supply.
-
-    Returns:
-        The trip, or None if there was none.
+    ``place``: a joint, or the number of joints plus a leg, or a negative number for the supply.
     """
     if tick < 0:
         return None

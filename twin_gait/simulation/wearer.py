@@ -1,7 +1,5 @@
 """What the wearer of an experiment does, as an episode has it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import NamedTuple
@@ -27,29 +25,21 @@ _SAMPLES = 51  # of the cycle in a phase
 
 
 class Wearer(NamedTuple):
-    """A wearer as :mod:`twin_gait.core.wearer` reads them.
+    """A wearer as :mod:`twin_gait.core.wearer` reads them."""
 
-    Attributes:
-        acts: Whether the wearer gives any torque.
-        conditions: Of each hip and knee, leg by leg.
-        moments: Normative moment in [N m] by such a joint, phase and hip angle, shape
-            ``(n_joints, n_phases, POSTURES)``.
-        noise: Share by which the effort strays in a tick, shape ``(n_ticks or 1, n_joints)``.
-        delay: Of the effort in ticks.
-    """
-
-    acts: bool
-    conditions: list[Condition]
+    acts: bool  # Whether the wearer gives any torque.
+    conditions: list[Condition]  # Of each hip and knee, leg by leg.
+    # Normative moment in [N m] by such a joint, phase and hip angle, shape ``(n_joints, n_phases,
+    # POSTURES)``.
     moments: np.ndarray
-    noise: np.ndarray
-    delay: int
+    noise: np.ndarray  # Share by which the effort strays in a tick, shape ``(n_ticks or 1, n_joints)``.
+    delay: int  # Of the effort in ticks.
 
 
 def wearer_of(experiment: Experiment, table: GaitTable, sides: Sequence[Side]) -> Wearer:
     """Lay the wearer of an experiment out.
 
-    Raises:
-        ParameterError: If the wearer makes an effort, and the table's cycle is no stride.
+    Raises ParameterError if the wearer makes an effort, and the table's cycle is no stride.
     """
     patient, joints = experiment.patient, [(side, joint) for side in sides for joint in WEARER_JOINTS]
     count, phases = len(joints), len(table.phase_names)
@@ -85,12 +75,8 @@ def phase_spans(table: GaitTable) -> dict[str, tuple[float, float]]:
     that the table names, or its phases in their order. A phase of swing outside it begins a walk and is the
     first swing of any stride.
 
-    Returns:
-        First and last instant in [%] of the cycle by phase; nothing for a phase of stance outside the
-        cycle, in which the wearer stands still.
-
-    Raises:
-        ParameterError: If the cycle has no stance, or no swing.
+    Returns the first and last instant in [%] of the cycle by phase; nothing for a phase of stance outside the
+    cycle, in which the wearer stands still. Raises ParameterError if the cycle has no stance, or no swing.
     """
     cycle = table.cycles[0] if table.cycles else table.phase_names
     begins = [i for i in range(len(cycle)) if table.is_swing(cycle[i - 1]) and not table.is_swing(cycle[i])]

@@ -1,7 +1,5 @@
 """The hip-femur-knee bench leg: pelvis fixed, leg in the air (thesis, sections 2.5 and 3.6)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -11,26 +9,14 @@ import numpy as np
 
 from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import require
-from twin_gait.parameters.quantities import (
-    LATER,
-    NOT_NEGATIVE,
-    POSITIVE,
-    Angle,
-    Frequency,
-    Key,
-    Parameters,
-    RotaryDamping,
-    RotaryStiffness,
-    Time,
-)
+from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import Posture, Scenario
 from twin_gait.worlds.world import World, start_posture
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImposedMotionParameters(Parameters):
+class ImposedMotionParameters(quantities.Parameters):
     """An imposed motion of one joint, as by a hand that leads it and then lets go.
 
     Attributes:
@@ -43,11 +29,11 @@ class ImposedMotionParameters(Parameters):
     """
 
     joint: JointName = JointName.KNEE
-    amplitude: Angle = math.radians(40.0)
-    frequency: Annotated[Frequency, POSITIVE] = 0.25
-    stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 400.0
-    damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 40.0
-    release_time: Annotated[Time, LATER, Key("release")] = math.inf
+    amplitude: quantities.Angle = math.radians(40.0)
+    frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 0.25
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 400.0
+    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 40.0
+    release_time: Annotated[quantities.Time, quantities.LATER, quantities.Key("release")] = math.inf
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the joint is one with a motor."""
@@ -68,10 +54,10 @@ class BenchLeg(Scenario):
     kind: ClassVar[str] = "bench_leg"
     surroundings: ClassVar[Surroundings] = Surroundings.STAND
 
-    start_angles: Annotated[Posture, Key("start")] = field(
+    start_angles: Annotated[Posture, quantities.Key("start")] = field(
         default_factory=lambda: {JointName.HIP: math.radians(20.0), JointName.KNEE: math.radians(10.0)}
     )
-    initial_phase: Annotated[str | None, Key("start_phase")] = None
+    initial_phase: Annotated[str | None, quantities.Key("start_phase")] = None
     imposed_motion: ImposedMotionParameters | None = None
 
     @property

@@ -1,7 +1,5 @@
 """The wearer bound to the device by braces instead of rigidly, and the step that carries what is stiff."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -53,18 +51,9 @@ Step = Callable[[np.ndarray, float], np.ndarray]
 
 
 def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
-    r"""What one step of the classical Runge-Kutta method makes of the state of a linear system.
+    r"""What one step h of the classical Runge-Kutta method makes of the state of :math:`\dot x = A x`.
 
-    .. math::
-
-        R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}
-
-    Args:
-        system: A of :math:`\dot x = A x`, shape ``(m, m)``.
-        step: h in [s].
-
-    Returns:
-        R, shape ``(m, m)``.
+    :math:`R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}`, shape ``(m, m)``.
     """
     term = growth = np.eye(len(system))
     for power in range(1, RK4_ORDER + 1):
@@ -74,12 +63,7 @@ def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
 
 
 def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
-    r"""What one step of the semi-implicit Euler method makes of positions and velocities.
-
-    Args:
-        system: A of :math:`\dot x = A x` with positions first, velocities after them, shape ``(m, m)``.
-        step: h in [s].
-    """
+    """As :func:`rk4_growth` of the semi-implicit Euler method; positions are first, then velocities."""
     half = len(system) // 2
     velocity = np.eye(len(system))[half:] + step * system[half:]
     position = np.eye(len(system))[:half] + step * velocity
@@ -92,9 +76,7 @@ def carries(world: World, growth: Step, step: float) -> bool:
     Braces, springs, viscous dampers and bristles that stick are linear; gravity, contact and the change of
     the inertias on the way are not looked at.
 
-    Args:
-        growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
-        step: In [s].
+    ``growth``: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`. ``step``: in [s].
     """
     return all(
         _largest_growth(growth, _linear(world, q), step) <= 1.0 + _ROUNDING

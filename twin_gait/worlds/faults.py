@@ -1,7 +1,5 @@
 """Faults injected into a run, and their notation: ``encoder_freeze:left_knee@4.2s``."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection
@@ -59,21 +57,14 @@ _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One fault; it lasts to the end of the run but for a jump (5 ms) and a dip of the supply (0.5 s).
+    """One fault; it lasts to the end of the run but for a jump (5 ms) and a dip of the supply (0.5 s)."""
 
-    Attributes:
-        kind: What breaks.
-        time: When, in [s].
-        side: Leg; None for the supply.
-        joint: Joint; None for a foot and the supply.
-        magnitude: Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in
-            [V], as the kind has it; None takes the kind's own.
-    """
-
-    kind: FaultKind
-    time: float
-    side: Side | None = None
-    joint: JointName | None = None
+    kind: FaultKind  # What breaks.
+    time: float  # When, in [s].
+    side: Side | None = None  # Leg; None for the supply.
+    joint: JointName | None = None  # Joint; None for a foot and the supply.
+    # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], as the kind
+    # has it; None takes the kind's own.
     magnitude: float | None = None
 
     def __post_init__(self) -> None:
@@ -131,45 +122,35 @@ def parse_fault(text: str) -> Fault:
     ``encoder_freeze:left_knee@4.2s``, ``encoder_drift:right_hip@3s=20deg/s``,
     ``foot_load_stuck:left_foot@2s``, ``supply_dip@5s=12V``.
 
-    Args:
-        text: The notation.
-
-    Returns:
-        The fault.
-
-    Raises:
-        ParameterError: If it cannot be read.
+    Raises ParameterError if it cannot be read.
     """
-    match = _SHAPE.fullmatch(text.strip())
-    if match is None:
-        raise ParameterError(
-            f"fault {text!r}: expected KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s"
-        )
-    kind_text, place, time_text, size = match.groups()
-    if kind_text not in list(FaultKind):
-        raise ParameterError(f"fault {text!r}: no kind {kind_text!r}; there are {', '.join(FaultKind)}")
-    kind = FaultKind(kind_text)
     try:
-        time = float(time_text)
-    except ValueError:
-        raise ParameterError(f"fault {text!r}: expected a time in seconds, got {time_text!r}") from None
-    side, joint = _place(text, kind, place)
-    try:
-        return Fault(kind=kind, time=time, side=side, joint=joint, magnitude=_magnitude(text, kind, size))
+        return _parsed(text.strip())
     except ParameterError as error:
         raise ParameterError(f"fault {text!r}: {error}") from error
 
 
-def _place(text: str, kind: FaultKind, place: str | None) -> tuple[Side | None, JointName | None]:
-    if place is None:
-        return None, None
-    side, _, name = place.partition("_")
-    if side not in list(Side) or name not in (FOOT, *JointName):
-        raise ParameterError(f"fault {text!r}: no place {place!r}; expected {_expected_place(kind)}")
-    return Side(side), None if name == FOOT else JointName(name)
+def _parsed(text: str) -> Fault:
+    match = _SHAPE.fullmatch(text)
+    if match is None:
+        raise ParameterError("expected KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s")
+    name, place, time, size = match.groups()
+    if name not in list(FaultKind):
+        raise ParameterError(f"no kind {name!r}; there are {', '.join(FaultKind)}")
+    kind, side, joint = FaultKind(name), None, None
+    try:
+        seconds = float(time)
+    except ValueError:
+        raise ParameterError(f"expected a time in seconds, got {time!r}") from None
+    if place is not None:
+        leg, _, part = place.partition("_")
+        if leg not in list(Side) or part not in (FOOT, *JointName):
+            raise ParameterError(f"no place {place!r}; expected {_expected_place(kind)}")
+        side, joint = Side(leg), None if part == FOOT else JointName(part)
+    return Fault(kind=kind, time=seconds, side=side, joint=joint, magnitude=_magnitude(kind, size))
 
 
-def _magnitude(text: str, kind: FaultKind, size: str | None) -> float | None:
+def _magnitude(kind: FaultKind, size: str | None) -> float | None:
     if size is None:
         return None
     match = _MAGNITUDE.fullmatch(size)
@@ -189,9 +170,7 @@ def check_faults(
 ) -> None:
     """Check that faults act on something that is there, within the run.
 
-    Args:
-        duration: Of the run in [s].
-        joints: Those that are controlled.
+    ``duration``: of the run in [s]. ``joints``: those that are controlled.
     """
     for fault in faults:
         if fault.side is not None and fault.side not in sides:

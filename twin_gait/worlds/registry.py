@@ -1,7 +1,5 @@
 """Which worlds there are: a module each of this package, and those that other packages bring."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -35,8 +33,7 @@ def world_kinds() -> tuple[str, ...]:
 def world_of(kind: str) -> type[Scenario]:
     """The class of a world.
 
-    Raises:
-        ParameterError: If there is no such world, or the package that brings it is broken.
+    Raises ParameterError if there is no such world, or the package that brings it is broken.
     """
     if kind in _shipped():
         return _shipped()[kind]
@@ -55,8 +52,7 @@ def world_of(kind: str) -> type[Scenario]:
 def load_plugin(entry: EntryPoint) -> Any:
     """What an entry point of another package names.
 
-    Raises:
-        ParameterError: If it cannot be imported.
+    Raises ParameterError if it cannot be imported.
     """
     try:
         return entry.load()

@@ -1,7 +1,5 @@
 """What all worlds have in common for the rest of the program, which knows none of them by name."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -23,20 +21,13 @@ BELT_SPEED, SUPPORT_SHARE = "belt_speed", "support_share"
 
 @dataclass(frozen=True, kw_only=True)
 class Walking:
-    """Walking on ground, where a world has some.
+    """Walking on ground, where a world has some."""
 
-    Attributes:
-        speed: Over the ground in [m] / [s].
-        support_share: Share of the weight of wearer and device that ropes carry.
-        slope: By which the ground rises forwards in [rad].
-        contact: Of heels and toes.
-        belt: What sets the speed of the ground; one at rest for ground that stays.
-    """
-
-    speed: float
-    support_share: float = 0.0
-    slope: float = 0.0
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    speed: float  # Over the ground in [m] / [s].
+    support_share: float = 0.0  # Share of the weight of wearer and device that ropes carry.
+    slope: float = 0.0  # By which the ground rises forwards in [rad].
+    contact: ContactParameters = field(default_factory=ContactParameters)  # Of heels and toes.
+    # What sets the speed of the ground; one at rest for ground that stays.
     belt: Belt = field(default_factory=Belt)
 
     @property
@@ -47,24 +38,16 @@ class Walking:
     def belt_speed_at(self, time: float, trip_time: float = math.inf) -> float:
         """Speed of the belt at a time.
 
-        Args:
-            time: In [s].
-            trip_time: Of the trip that brings the belt to rest, in [s]; infinite if there is none.
-
-        Returns:
-            Speed in [m] / [s], backwards positive.
+        ``time``: in [s]. ``trip_time``: of the trip that brings the belt to rest, in [s]; infinite if there
+        is none. Returns the speed in [m] / [s], backwards positive.
         """
         return treadmill_speed(self.belt, time, trip_time)
 
     def belt_travel(self, time: float, trip_time: float = math.inf) -> float:
         """Way that the belt has gone since time 0.
 
-        Args:
-            time: In [s].
-            trip_time: As in :meth:`belt_speed_at`.
-
-        Returns:
-            Way in [m], backwards positive.
+        ``time``: in [s]. ``trip_time``: as in :meth:`belt_speed_at`. Returns the way in [m], backwards
+        positive.
         """
         return treadmill_travel(self.belt, time, trip_time)
 
@@ -73,32 +56,19 @@ class Adjustment(NamedTuple):
     """A number of a world that others may set: a live session, a search for a table, another day.
 
     A walk that is under way takes over what follows of belt speed, support force and scaled gait table.
-
-    Attributes:
-        name: Of the control in a live session.
-        value: Present value in SI.
-        place: Of the number in the world, such as ``support.share``.
-        key: In a file, below ``scenario``.
-        label: In words.
-        least: Least value, in ``unit``.
-        largest: Largest value, in ``unit``.
-        step: Of the control, in ``unit``.
-        help: One sentence.
-        unit: Of the control.
-        scale: SI value of one unit.
     """
 
-    name: str
-    value: float
-    place: str
-    key: str
-    label: str
-    least: float
-    largest: float
-    step: float
-    help: str
-    unit: str = ""
-    scale: float = 1.0
+    name: str  # Of the control in a live session.
+    value: float  # Present value in SI.
+    place: str  # Of the number in the world, such as ``support.share``.
+    key: str  # In a file, below ``scenario``.
+    label: str  # In words.
+    least: float  # Least value, in ``unit``.
+    largest: float  # Largest value, in ``unit``.
+    step: float  # Of the control, in ``unit``.
+    help: str  # One sentence.
+    unit: str = ""  # Of the control.
+    scale: float = 1.0  # SI value of one unit.
 
     @property
     def shown(self) -> float:

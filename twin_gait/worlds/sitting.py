@@ -1,7 +1,5 @@
 """How a wearer comes to sit on a chair at the start: by statics."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -45,23 +43,14 @@ def _height(model: LegModel, joint: JointName) -> float:
 
 @dataclass(frozen=True)
 class Sitting:
-    """A wearer on a chair with motors that hold what they have to; the hands rest.
+    """A wearer on a chair with motors that hold what they have to; the hands rest."""
 
-    Attributes:
-        model: Of wearer and device.
-        seat: Under them.
-        contact: Of the feet on the floor.
-        plant: For the springs of the ankles.
-        lean: Of the trunk in [rad].
-        shank: Angle from the vertical by which the shanks lean forward over the feet, in [rad].
-    """
-
-    model: LegModel
-    seat: Seat
-    contact: ContactParameters
-    plant: tuple[Plant, ...]
-    lean: float
-    shank: float
+    model: LegModel  # Of wearer and device.
+    seat: Seat  # Under them.
+    contact: ContactParameters  # Of the feet on the floor.
+    plant: tuple[Plant, ...]  # For the springs of the ankles.
+    lean: float  # Of the trunk in [rad].
+    shank: float  # Angle from the vertical by which the shanks lean forward over the feet, in [rad].
 
     def posture(self) -> np.ndarray:
         """Coordinates in balance, with the hips at 0 forwards: shape ``(nv,)``.
@@ -69,8 +58,7 @@ class Sitting:
         Height of the hips, elevation of the thighs and dorsiflexion are such that vertical force, moment
         about the hips and torque of the ankles come to nothing, by Newton's method.
 
-        Raises:
-            ParameterError: If there is no such posture, or a joint would be beyond its stop.
+        Raises ParameterError if there is no such posture, or a joint would be beyond its stop.
         """
         found = self._guess()
         for _ in range(MOST_ROUNDS):
@@ -93,15 +81,13 @@ class Sitting:
         """Height of the hips, elevation of the thighs and dorsiflexion of a wearer with flat feet."""
         model = self.model
         hip, knee, ankle = (_height(model, joint) for joint in JointName)
-        sole = min(model.frame_position(np.zeros(model.nv), name)[2] for name in self._soles())
+        soles = model.legs[model.sides[0]].contact_frames
+        sole = min(model.frame_position(np.zeros(model.nv), name)[2] for name in soles)
         height = self.seat.height + self.seat.buttocks.thickness
         rise = height - (knee - ankle) * math.cos(self.shank) - (ankle - sole)
         reaches = abs(rise) < hip - knee
         require(reaches, "scenario.chair.height", "a seat from which feet are on the floor", self.seat.height)
         return np.array([height - 0.01, math.acos(rise / (hip - knee)), self.shank])
-
-    def _soles(self) -> tuple[str, ...]:
-        return self.model.legs[self.model.sides[0]].contact_frames
 
     def _coordinates(self, found: np.ndarray) -> np.ndarray:
         model, (height, elevation, dorsiflexion) = self.model, found

@@ -1,7 +1,5 @@
 """How legs come to stand on the ground at the start."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -16,12 +14,8 @@ FALL_SHARE = 0.75
 def stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
     """Bend the ankle of the foot that reaches lower until both feet stand on the ground.
 
-    Args:
-        q: Coordinates with the hips in the origin, shape ``(nv,)``; the ankle is changed in place.
-        rise: Of the ground, height over way.
-
-    Returns:
-        Height of the hips in [m].
+    ``q``: coordinates with the hips in the origin, shape ``(nv,)``; the ankle is changed in place. ``rise``:
+    of the ground, height over way. Returns the height of the hips in [m].
     """
     reach = {side: _lowest_point(model, side, q, rise) for side in model.sides}
     lower, higher = sorted(model.sides, key=lambda side: reach[side])

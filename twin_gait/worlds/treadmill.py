@@ -1,7 +1,5 @@
 """Both legs on a treadmill, pelvis guided vertically or in a soft harness, under body-weight support."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

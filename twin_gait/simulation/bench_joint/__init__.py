@@ -1,7 +1,7 @@
 """Simulation of the joint bench: one motor, its gear and a link with a weight.
 
-A test is one record (:mod:`.episode`). The rooms of its loop are ordinary functions of it: :mod:`.sensing`,
-:mod:`.command`, :mod:`.winding` and :mod:`.mechanics`, which :mod:`.tick` puts in order.
+A test is one record (:mod:`.episode`), laid out by :mod:`.filling`. The rooms of its loop (:mod:`.tick`,
+:mod:`.mechanics`) are ordinary functions of it, which :mod:`.loop` runs compiled or as plain Python.
 """
 
 from twin_gait.gait.table import TICK

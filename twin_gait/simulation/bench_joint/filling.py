@@ -1,7 +1,5 @@
 """The record of a test on the joint bench at tick 0, and the noise that it reads."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -19,7 +17,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import SLOWEST
 from twin_gait.parameters import KNEE_FRICTION, Patient, require
 from twin_gait.simulation.bench_joint import episode as record
-from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
+from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
 from twin_gait.simulation.filling import memory_of
 from twin_gait.simulation.record import taken_from
 from twin_gait.vocabulary import JointName, Side
@@ -40,18 +38,14 @@ from twin_gait.worlds.bench_joint import (
     Torsion,
 )
 
-_SOURCES = {
-    InertialSensor.GYROSCOPE: record.GYROSCOPE,
-    InertialSensor.ACCELEROMETER: record.ACCELEROMETER,
-}
+_SOURCES = {InertialSensor.GYROSCOPE: record.GYROSCOPE, InertialSensor.ACCELEROMETER: record.ACCELEROMETER}
 
 
 def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
     """Draw the noise of a test; what is not noisy draws nothing.
 
-    Returns:
-        Shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial unit
-        and of the sample of the current in each period of its loop.
+    Returns shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial
+    unit and of the sample of the current in each period of its loop.
     """
     rng, sensors, periods = np.random.default_rng(seed), test.sensors, _periods(test)
     noise = np.zeros((ticks, CURRENT_NOISE + periods))
@@ -67,8 +61,7 @@ def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
 def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
     """The record of a test at tick 0.
 
-    Raises:
-        ParameterError: If parts of the test do not go together.
+    Raises ParameterError if parts of the test do not go together.
     """
     link, friction, sensors = test.link, test.friction, test.sensors
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
@@ -111,7 +104,6 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
 
 
 def _periods(test: BenchJoint) -> int:
-    """Periods of the current loop in a tick."""
     return round(test.drive.rate * TICK)
 
 
@@ -134,7 +126,7 @@ def _acceleration(test: BenchJoint, unit: InertialUnit) -> record.Acceleration:
 def _imposed_motion(test: BenchJoint) -> ImposedMotion:
     motion = test.imposed_motion
     if motion is None or (motion.stiffness == 0.0 and motion.damping == 0.0):
-        return ImposedMotion(-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return ImposedMotion()
     return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle, torque=0.0)
 
 

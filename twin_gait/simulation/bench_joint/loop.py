@@ -22,8 +22,7 @@ from twin_gait.simulation.bench_joint.episode import (
     BenchVariation,
 )
 from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
-from twin_gait.simulation.bench_joint.interface import CURRENT_NOISE, bench_at
-from twin_gait.simulation.bench_joint.tick import run_ticks
+from twin_gait.simulation.bench_joint.tick import CURRENT_NOISE, bench_at, run_ticks
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import COMPLETED, DIVERGED
@@ -38,35 +37,22 @@ if TYPE_CHECKING:
 
 CHUNK_TICKS = 5000  # between two looks at progress and interruption
 _ROW = dtype_of(BenchRow())
-_ARGUMENTS = 3  # address, first tick, end
 Advance = Callable[[int, int], tuple[int, int]]  # from tick and to tick; ticks done and status
 
 
 @dataclass(frozen=True, eq=False)
 class BenchRun:
-    """What a test left behind.
+    """What a test left behind."""
 
-    Attributes:
-        test: The test.
-        rows: Log, shape ``(n_ticks, n_columns)``.
-        status: Completed, diverged or interrupted.
-    """
-
-    test: BenchJoint
-    rows: np.ndarray
-    status: RunStatus
+    test: BenchJoint  # The test.
+    rows: np.ndarray  # Log, shape ``(n_ticks, n_columns)``.
+    status: RunStatus  # Completed, diverged or interrupted.
 
     def column(self, name: str) -> np.ndarray:
         """A column by its name, shape ``(n_ticks,)``.
 
-        Args:
-            name: One of :class:`twin_gait.simulation.bench_joint.episode.BenchRow`, with its unit.
-
-        Returns:
-            The values.
-
-        Raises:
-            ParameterError: If there is no such column.
+        ``name``: one of :class:`twin_gait.simulation.bench_joint.episode.BenchRow`, with its unit. Raises
+        ParameterError if there is no such column.
         """
         if name not in COLUMNS:
             raise ParameterError(f"{name}: no such column; there are {', '.join(COLUMNS)}")
@@ -75,11 +61,7 @@ class BenchRun:
     def log(self, *, truth: bool = True) -> pd.DataFrame:
         """The log as a table.
 
-        Args:
-            truth: Also what no bench can see: friction, true motion, true current.
-
-        Returns:
-            One row per tick.
+        ``truth``: also what no bench can see: friction, true motion, true current. Returns one row per tick.
         """
         columns = COLUMNS if truth else LOG_COLUMNS
         return pd.DataFrame(self.rows[:, : len(columns)], columns=list(columns))
@@ -154,11 +136,11 @@ def _compiled(
 
         ticks = compiled_ticks(acting.name, functions, store.dtype["device"])
         names = {**structure, **_compiled_rows(store.dtype), **functions, **ticks}
-        return compile_loop(run_at, names, _ARGUMENTS, acting.name if ticks else "")
+        return compile_loop(run_at, names, acting.name if ticks else "")
 
     structure = _structure(episode, acting)
     key, own = _key(store.dtype, str(structure)), tuple(functions.values())
-    loop = kept_loop(key, _ARGUMENTS, make, on_compile, own)
+    loop = kept_loop(key, make, on_compile, own)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
 
 
@@ -175,7 +157,7 @@ def _structure(episode: BenchEpisode, acting: Controller) -> dict[str, int]:
 
 @lru_cache(maxsize=8)
 def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
-    """Functions of :mod:`.interface` that find what is behind addresses."""
+    """Functions of :mod:`.tick` that find what is behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
 
     logs, numbers = rows_at(_ROW), numbers_at(1)

@@ -1,14 +1,56 @@
-"""Rotor and link: the torques on them, and a step in time."""
+"""Winding, rotor and link: currents, torques, and a step in time."""
 
-from __future__ import annotations
-
-from twin_gait.core.actuator import current_to_torque
+from twin_gait.core.actuator import current_to_torque, voltage_limited_current
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque, gear_loss_torque
 from twin_gait.core.friction_models import conditioned_torque, ripple_torque
-from twin_gait.core.motor_drive import drive_efficiency, link_load_torque, torsion_torque
+from twin_gait.core.motor_drive import (
+    current_loop_step,
+    drive_efficiency,
+    inverter_voltage,
+    link_load_torque,
+    torsion_torque,
+    winding_current_step,
+)
 from twin_gait.core.plant import imposed_motion_torque
-from twin_gait.simulation.bench_joint.episode import BenchEpisode
+from twin_gait.simulation.bench_joint.episode import IDEAL, OPEN, PI, BenchEpisode
+
+
+def drive_winding(e: BenchEpisode, velocity: float) -> None:
+    """Current at the end of a period and its mean, at the joint velocity in the middle of it."""
+    motor, winding, counts = e.motor, e.winding, e.test.drive.counts
+    if winding.drive == OPEN:
+        return
+    back_emf = motor.torque_constant * motor.gear_ratio * velocity
+    if winding.drive == IDEAL:
+        current = voltage_limited_current(
+            winding.target_current,
+            velocity,
+            e.bus_voltage,
+            motor.resistance,
+            motor.torque_constant,
+            motor.gear_ratio,
+        )
+        winding.current = current
+        winding.mean_current = current
+        winding.voltage = motor.resistance * current + back_emf
+        winding.duty = winding.voltage / e.bus_voltage
+        return
+    if winding.drive == PI:
+        wanted, winding.integral = current_loop_step(
+            winding.target_current - winding.sample,
+            winding.integral,
+            winding.proportional_gain,
+            winding.integral_gain,
+            winding.period,
+            e.bus_voltage,
+        )
+        full = counts if counts > 0 else 1
+        winding.voltage = inverter_voltage(wanted / e.bus_voltage * full, counts, e.bus_voltage)
+        winding.duty = winding.voltage / e.bus_voltage
+    winding.current, winding.mean_current = winding_current_step(
+        winding.current, winding.voltage, back_emf, motor.resistance, e.test.drive.inductance, winding.period
+    )
 
 
 def motor_torque(e: BenchEpisode, current: float) -> float:
@@ -58,7 +100,6 @@ def accelerations(
 
 
 def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> float:
-    """Torque of the friction of motor and gear on the rotor in [N m]."""
     law, more, deflection = e.friction, e.test.friction, e.deflection
     if OTHER_LAWS:
         deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection)
@@ -86,10 +127,8 @@ def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> f
     A loss :math:`T_l = s\,\tau` slows the rotor, whose inertia gives back the share :math:`c` of it to the
     load of the gear: :math:`\tau = \tau_0 + c\,T_l = \tau_0 / (1 - c s)`.
 
-    Args:
-        load: :math:`\tau_0`, what the gear would pass on without losses, in [N m].
-        velocity: Of the rotor at the joint in [rad] / [s].
-        share: :math:`c` of the rotor in the inertia that turns with it.
+    ``load``: :math:`\tau_0`, what the gear would pass on without losses, in [N m]. ``velocity``: of the rotor
+    at the joint in [rad] / [s]. ``share``: :math:`c` of the rotor in the inertia that turns with it.
     """
     gear, efficiency = e.efficiency, e.test.actuator.gear_efficiency
     if e.catalogued:

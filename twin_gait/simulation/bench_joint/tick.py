@@ -6,28 +6,58 @@ current drives a Runge-Kutta step of the mechanics. The error shrinks with the s
 nothing at constant speed.
 """
 
-from __future__ import annotations
-
+from twin_gait.control.gait_controller import CONTROLLED, controller_tick
 from twin_gait.core.actuator import sagged_bus_voltage
+from twin_gait.core.control_tick import controller_torques, measure_joint, target_current
+from twin_gait.core.dead_zone import dead_zone
+from twin_gait.core.estimation import delayed_sample, first_order_step, quantise
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
+from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
+from twin_gait.core.motor_drive import cosine_path, inverter_voltage, six_step_current
+from twin_gait.core.transparency import transparency_duty
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.bench_joint.command import control
-from twin_gait.simulation.bench_joint.episode import BenchEpisode
-from twin_gait.simulation.bench_joint.interface import log_row
-from twin_gait.simulation.bench_joint.mechanics import mechanical_step, motor_torque, present_accelerations
-from twin_gait.simulation.bench_joint.sensing import measure
-from twin_gait.simulation.bench_joint.winding import drive_winding, sample_current
+from twin_gait.simulation.bench_joint.episode import (
+    ACCELEROMETER,
+    DUTY,
+    ENCODER,
+    GYROSCOPE,
+    OPEN,
+    BenchEpisode,
+    BenchRow,
+)
+from twin_gait.simulation.bench_joint.mechanics import (
+    drive_winding,
+    mechanical_step,
+    motor_torque,
+    present_accelerations,
+)
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import DIVERGED
 
+# Places in the noise of a tick; the samples of the current follow, one for each period of the loop.
+ANGLE_NOISE, UNIT_NOISE, CURRENT_NOISE = range(3)
+
+
+def bench_at(address: int) -> BenchEpisode:
+    """The test at an address."""
+    raise NotImplementedError
+
+
+def log_row(e: BenchEpisode, tick: int) -> BenchRow:
+    """Row of the log for a tick."""
+    raise NotImplementedError
+
+
+def noise(e: BenchEpisode, tick: int, place: int) -> float:
+    """Noise of a tick: of the encoder in [rad], else standard normal."""
+    raise NotImplementedError
+
 
 def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
-    """Run ticks ``first`` to ``end - 1``, or until the test is over or has diverged.
+    """Run ticks ``first`` to ``end - 1``, or until the test is over or has diverged, as ``e.status`` says.
 
-    Args:
-        e: The test; changed in place.
-
-    Returns:
-        Ticks that have been run since the start; ``e.status`` says whether it has diverged.
+    Returns the ticks that have been run since the start.
     """
     for tick in range(first, end):
         measure(e, tick)
@@ -46,6 +76,122 @@ def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
         if e.ticks_at_stop > e.test.rest_at_stop / TICK:
             return tick + 1
     return end
+
+
+def measure(e: BenchEpisode, tick: int) -> None:
+    """Encoder on the motor, the two velocity estimates, and the acceleration."""
+    encoder, acceleration = e.encoder, e.acceleration
+    reading = e.rotor.angle + noise(e, tick, ANGLE_NOISE)
+    measure_joint(encoder, tick, reading, TICK, e.fast_gain, e.test.sensors.decimation)
+    if tick == 0:
+        encoder.last_angle = encoder.angle
+    if acceleration.source != ENCODER:
+        _sense(e, tick)
+    else:
+        change = (encoder.velocity_fast - encoder.last_fast) / TICK
+        acceleration.estimate = first_order_step(acceleration.estimate, change, acceleration.gain)
+
+
+def _sense(e: BenchEpisode, tick: int) -> None:
+    """Angular acceleration of the link from the inertial unit on it; a sample is used after its delay."""
+    unit, acceleration = e.unit, e.acceleration
+    taken = _unit_reading(e, tick) + unit.noise * noise(e, tick, UNIT_NOISE)
+    sample = delayed_sample(acceleration.line, tick, taken)
+    if tick < unit.delay:
+        return
+    if acceleration.source == ACCELEROMETER:
+        angle, gravity = e.encoder.angle, e.test.gravity
+        change = angular_acceleration(sample, angle, unit.lever, gravity, e.horizontal_angle)
+    else:
+        before = sample if tick == unit.delay else acceleration.last_sample
+        change = (sample - before) / TICK
+    acceleration.last_sample = sample
+    acceleration.estimate = first_order_step(acceleration.estimate, change, acceleration.gain)
+
+
+def _unit_reading(e: BenchEpisode, tick: int) -> float:
+    """What the unit would report without noise: velocity, or specific force along its path."""
+    if e.acceleration.source == GYROSCOPE:
+        return e.link.velocity
+    _, acceleration = present_accelerations(e, tick * TICK)
+    return tangential_specific_force(
+        acceleration, e.link.angle, e.unit.lever, e.test.gravity, e.horizontal_angle
+    )
+
+
+def control(e: BenchEpisode, tick: int) -> None:
+    """Target current or duty of a tick; writes the controller's columns."""
+    if e.winding.drive == DUTY:
+        _control_duty(e, tick)
+    elif e.winding.drive != OPEN:
+        _control_torque(e, tick)
+
+
+def _control_duty(e: BenchEpisode, tick: int) -> None:
+    """Duty that lets the joint be moved; no current loop is asked for anything."""
+    motor, winding, velocity, counts = e.motor, e.winding, e.encoder.velocity_fast, e.test.drive.counts
+    duty = transparency_duty(e.transparency, tick + e.variation.duty_start, velocity, e.bus_voltage, counts)
+    winding.voltage = inverter_voltage(duty, counts, e.bus_voltage)
+    winding.duty = winding.voltage / e.bus_voltage
+    # What the firmware can know of it: the current that this voltage drives at the measured speed.
+    back_emf = motor.torque_constant * motor.gear_ratio * velocity
+    winding.target_current = (winding.voltage - back_emf) / motor.resistance
+
+
+def _control_torque(e: BenchEpisode, tick: int) -> None:
+    """Torque of impedance, compensations and target, and the current that gives it."""
+    law, limits, encoder, row = e.torque_control, e.test.limits, e.encoder, log_row(e, tick)
+    demand, inertia = e.device.joints[0].demand, e.rotor.inertia + e.link.inertia
+    row.target_position, path_velocity, path_acceleration = cosine_path(
+        tick * TICK, e.path.start_angle, e.path.amplitude, e.path.frequency
+    )
+    demand.stiffness, demand.damping = law.stiffness, law.damping
+    demand.equilibrium, demand.gain = row.target_position, law.friction_compensation_gain
+    demand.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
+    demand.target = law.target_torque + inertia * path_acceleration
+    if CONTROLLED:
+        _let_act(e, tick)
+    row.impedance_torque, row.friction_compensation_torque = controller_torques(
+        encoder.angle,
+        encoder.velocity_fast - path_velocity,
+        encoder.velocity_slow,
+        demand.stiffness,
+        demand.damping,
+        demand.equilibrium,
+        demand.gain,
+        _model_friction(e, path_velocity),
+    )
+    row.inertia_compensation_torque = demand.inertia
+    row.target_torque = demand.target
+    command = row.impedance_torque + row.friction_compensation_torque + row.inertia_compensation_torque
+    command += row.target_torque
+    row.motor_command_torque = command
+    e.winding.target_current = target_current(e.motor, command, limits.torque, limits.current)
+
+
+def _let_act(e: BenchEpisode, tick: int) -> None:
+    """Let a controller change what is demanded; gravity that it feeds forward goes with the target."""
+    joint = e.device.joints[0]
+    joint.measurement.angle, joint.measurement.velocity = e.encoder.angle, e.encoder.velocity_fast
+    joint.demand.gravity = 0.0
+    controller_tick(e.device.memory, e.device, tick, TICK)
+    joint.demand.target += joint.demand.gravity
+
+
+def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
+    """Friction torque of the compensator's model; the old one knew no slow velocity."""
+    model, old = e.torque_control.friction_model, e.old_model
+    measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
+    velocity = dead_zone(path_velocity if e.follows_path else measured, e.torque_control.dead_zone)
+    if e.old:
+        return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
+    return rotational_friction_torque(
+        velocity,
+        model.breakaway_torque,
+        model.coulomb_friction,
+        model.breakaway_velocity,
+        model.viscous_friction,
+    )
 
 
 def record(e: BenchEpisode, tick: int) -> None:
@@ -84,3 +230,13 @@ def advance(e: BenchEpisode, tick: int, number: int) -> None:
     drive_winding(e, e.rotor.velocity + 0.5 * step * acceleration)
     winding.energy += winding.voltage * winding.mean_current * step
     mechanical_step(e, time, step)
+
+
+def sample_current(e: BenchEpisode, tick: int, number: int) -> None:
+    """Read the shunts in a period of a tick; the loop sees the sample after its delay."""
+    winding, drive = e.winding, e.test.drive
+    stray = e.variation.current_offset + drive.noise * noise(e, tick, CURRENT_NOISE + number)
+    motor_angle = e.motor.gear_ratio * e.rotor.angle
+    sample = six_step_current(winding.current, motor_angle, drive.pole_pairs, drive.ripple, stray)
+    taken = quantise(sample, drive.resolution)
+    winding.sample = delayed_sample(winding.line, tick * winding.periods + number, taken)

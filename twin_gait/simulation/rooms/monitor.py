@@ -3,15 +3,7 @@
 Causes are looked for everywhere and noted where they are found; only if there is one are they gone through.
 """
 
-from __future__ import annotations
-
-from twin_gait.control.gait_controller import (
-    has_cause,
-    trip_on_causes,
-    watch_foot,
-    watch_phase,
-    watch_supply,
-)
+from twin_gait.control.gait_controller import has_cause, trip_on_causes, watch_foot, watch_phase, watch_supply
 from twin_gait.control.joint_board import watch_drive
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import POINTS_PER_FOOT, each, lanes

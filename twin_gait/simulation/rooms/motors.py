@@ -1,7 +1,5 @@
 """From what the gait controller wants to the torques of the motors and the voltage of the battery."""
 
-from __future__ import annotations
-
 from twin_gait.control.gait_controller import (
     INERTIA_WANTED,
     demand,
@@ -154,7 +152,6 @@ def drive(e: Episode, tick: int) -> None:
 
 
 def _drive(e: Episode, number: int) -> None:
-    """Current and torque of a motor."""
     joint = e.joints[number]
     board, place = joint.board, joint.place
     current, torque = driven_motor(
@@ -167,7 +164,6 @@ def _drive(e: Episode, number: int) -> None:
 
 
 def _drive_faulty(e: Episode, number: int, tick: int) -> None:
-    """Current and torque of a motor under its faults."""
     joint = e.joints[number]
     motor, board = joint.motor, joint.board
     if tick >= e.first_fault and not board.command.drive_off:

@@ -6,8 +6,6 @@ the gait controller. At the start the gait controller knows how the legs stand; 
 nothing yet asks for no torque.
 """
 
-from __future__ import annotations
-
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, hear_board, hear_load, trip
 from twin_gait.control.joint_board import report
 from twin_gait.core.can_bus import REBOOT, Frame, is_due
@@ -119,7 +117,6 @@ def _arrive(e: Episode, wire: Wire, tick: int) -> None:
 
 
 def _count(frame: Frame) -> float:
-    """Counter of a frame that is due."""
     return float(frame.event // frame.period % COUNTS)
 
 

@@ -1,7 +1,5 @@
 """The state machine of both legs, and the fade into the parameters of a new phase."""
 
-from __future__ import annotations
-
 from twin_gait.control.gait_controller import (
     LEGS,
     begin_tick,
@@ -123,14 +121,12 @@ def _blend(e: Episode, number: int, tick: int) -> None:
 
 
 def _switch(e: Episode, number: int, tick: int) -> None:
-    """Note a transition, and take it."""
     chosen = e.controller.legs[number].chosen
     _note(e, number, tick, e.controller.program.transitions[chosen].target, chosen)
     enter_phase(e.controller, number, tick)
 
 
 def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> None:
-    """Note a switch of a leg."""
     if e.recording.n_switches < e.recording.most_switches:
         row = switch_row(e, e.recording.n_switches)
         row.tick = tick

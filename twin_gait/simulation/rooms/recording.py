@@ -1,7 +1,5 @@
 """The row of a tick in the log."""
 
-from __future__ import annotations
-
 from twin_gait.control.gait_controller import SUPERVISED
 from twin_gait.core.arms import Arm
 from twin_gait.core.contact import LEAST_FORCE
@@ -44,7 +42,6 @@ def record(e: Episode, tick: int) -> None:
 
 
 def _record_whole(e: Episode, row: LogRow) -> None:
-    """Write energies, works, supply, pelvis and what has tripped."""
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)
     if PELVIS >= 0:
         pelvis, hung = row.pelvis, e.plant[PELVIS + SHIFT]
@@ -92,7 +89,6 @@ def _record_whole(e: Episode, row: LogRow) -> None:
 
 
 def _record_crutch(e: Episode, arm: Arm, out: CrutchRow) -> None:
-    """Write place and load of a tip, and what the arm does."""
     out.crutch_forward = e.q[arm.place]
     out.crutch_height = e.q[arm.place + 1]
     out.crutch_normal_force = arm.tip.upward
@@ -103,7 +99,6 @@ def _record_crutch(e: Episode, arm: Arm, out: CrutchRow) -> None:
 
 
 def _record_joint(e: Episode, number: int, out: JointRow) -> None:
-    """Write motion, torques, currents and setpoint of a joint."""
     joint = e.joints[number]
     place, encoder, asked = joint.place, joint.board.encoder, joint.board.command
     out.angle = e.q[place]
@@ -133,7 +128,6 @@ def _record_joint(e: Episode, number: int, out: JointRow) -> None:
 
 
 def _record_passive(e: Episode, number: int, out: PassiveRow) -> None:
-    """Write motion and spring of a joint that is not controlled."""
     place = e.passive[number]
     out.angle = e.q[place]
     out.velocity = e.v[place]
@@ -141,7 +135,6 @@ def _record_passive(e: Episode, number: int, out: PassiveRow) -> None:
 
 
 def _record_leg(e: Episode, number: int, row: LogRow) -> None:
-    """Write phase, orthosis and foot."""
     row.phases[number] = float(e.controller.legs[number].phase)
     if POWERED_ANKLES:
         row.orthoses[number].orthosis_torque = e.plant[e.ankles[number]].spring_torque

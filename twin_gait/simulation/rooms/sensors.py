@@ -1,7 +1,5 @@
 """What the sensors read in a tick: encoders with their velocity estimates, loads of the feet, the trunk."""
 
-from __future__ import annotations
-
 from twin_gait.control.gait_controller import hear_trunk
 from twin_gait.control.joint_board import model_friction, read_encoder, sample_velocity
 from twin_gait.core.contact import along_slope
@@ -92,7 +90,6 @@ def _measure_slowly(e: Episode, tick: int) -> None:
 
 
 def _measure_loads(e: Episode, tick: int) -> None:
-    """Loads of the feet over body weight."""
     for one in lanes(e):
         contact_forces(one.q, one.v, one.bodies, one.ground, one.points)
     for number in range(len(e.soles)):

@@ -1,7 +1,5 @@
 """A tick of the episode and its order: sensors; watch, decide and control; drives, record and motion."""
 
-from __future__ import annotations
-
 import math
 
 from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
@@ -14,19 +12,15 @@ from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
-from twin_gait.simulation.rooms.surroundings import catch, command
+from twin_gait.simulation.rooms.surroundings import catch, command, push
 from twin_gait.simulation.rooms.upper_body import place_chair, use_crutches
-from twin_gait.simulation.rooms.wearer import push
 
 
 def run_ticks(e: Episode, first: int, end: int) -> int:
     """Run ticks ``first`` to ``end - 1``, or until the wearer falls or the state diverges.
 
-    Args:
-        e: The episode, or those that run in lockstep; changed in place.
-
-    Returns:
-        Ticks that have been run since the start of the episode; ``e.status`` says how it stands.
+    ``e``: the episode, or those that run in lockstep. Returns the ticks that have been run since the start;
+    ``e.status`` says how it stands.
     """
     for tick in range(first, end):
         sense(e, tick)

@@ -1,0 +1,414 @@
+"""The joint test bench: one motor, one gear, a rigid link with a weight, a stop (thesis, section 2.2.1).
+
+Sources: *thesis* is what it prints; *data sheet* is maxon's EC 90 flat 323772 (24 V); *from memory* was not
+found again; *assumption* has no source, with the reason beside it.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated
+
+from twin_gait import parameters
+from twin_gait.control import Controller
+from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, quantities, require
+from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
+
+HORIZONTAL = math.pi / 2.0  # [rad]: where the fall begins (thesis 2.3.1)
+STOP_ANGLE = math.radians(125.0)  # where it ends (thesis, appendix B)
+LOWER_STOP = math.radians(-4.0)  # thesis 2.4
+DUTIES = quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
+CATALOGUE = quantities.Range(-10.0, 40.0, words="-10 to 40 °C, the range of the catalogue")
+
+
+class LoadAngle(StrEnum):
+    """From where the angle of the load torque is counted."""
+
+    CORRECTED = "corrected"  # F b cos(θ − 90°): the link is level where the fall begins
+    PRINTED = "printed"  # F b cos θ, equation (2.8) as printed
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchFriction(quantities.Parameters):
+    """True friction of the joint: its law, and what may come on top of it.
+
+    What comes on top turns over within a tenth of the law's break-away or Stribeck velocity.
+
+    Attributes:
+        law: Equation (3.1), or one with directions or bristles.
+        coulomb_per_load: Coulomb friction per load torque, no unit.
+        coulomb_per_kelvin: In [N m] / [K] from 25 °C.
+        viscous_per_kelvin: In [N m s] / [rad K] from 25 °C.
+        temperature: In [°C].
+        ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N m].
+    """
+
+    law: parameters.FrictionLaw
+    coulomb_per_load: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    coulomb_per_kelvin: Annotated[float, quantities.Unit("Nm_per_K")] = 0.0
+    viscous_per_kelvin: Annotated[float, quantities.Unit("Nms_per_rad_K")] = 0.0
+    temperature: Annotated[float, quantities.Unit("degC")] = 25.0
+    ripple: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkParameters(quantities.Parameters):
+    """What hangs on the joint.
+
+    Attributes:
+        mass: In [kg].
+        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        inertia: Of the link about the axis in [kg m²]; an assumption.
+        moment: Mass of the link times the distance of its centre in [kg m].
+        load_angle: Form of the load torque.
+        stops: Of the bench: the link hits its base, some 2e6 N/m at 0.3 m (an assumption).
+        lower_stop: In [rad].
+        upper_stop: In [rad].
+    """
+
+    mass: Annotated[quantities.Mass, quantities.NOT_NEGATIVE] = 2.0
+    lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
+    inertia: Annotated[quantities.Inertia, quantities.POSITIVE] = 0.02
+    moment: Annotated[float, quantities.Unit("kgm"), quantities.NOT_NEGATIVE] = 0.0
+    load_angle: LoadAngle = LoadAngle.CORRECTED
+    stops: parameters.StopParameters = field(default_factory=lambda: parameters.StopParameters(stiffness=2e5))
+    lower_stop: quantities.Angle = LOWER_STOP
+    upper_stop: quantities.Angle = STOP_ANGLE
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        super().__post_init__()
+        require(self.lower_stop < self.upper_stop, "stops", "lower < upper", self.lower_stop)
+
+    @property
+    def total_inertia(self) -> float:
+        """Link and weight about the axis, m b² and not the thesis's m b, in [kg m²]."""
+        return self.inertia + self.mass * self.lever * self.lever
+
+    @property
+    def total_moment(self) -> float:
+        """Of weight and link in [kg m]."""
+        return self.moment + self.mass * self.lever
+
+
+class InertialSensor(StrEnum):
+    """What an inertial unit measures."""
+
+    GYROSCOPE = "gyroscope"  # the velocity of the link, differentiated by the firmware
+    ACCELEROMETER = "accelerometer"  # the specific force along the path of the unit
+
+
+# Noise of a sample at 1 kHz.
+INERTIAL_NOISE: Mapping[InertialSensor, float] = {
+    InertialSensor.GYROSCOPE: parameters.GYROSCOPE_NOISE,
+    InertialSensor.ACCELEROMETER: parameters.ACCELEROMETER_NOISE,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class InertialUnit(quantities.Parameters):
+    """An inertial unit on the link, sampled at 1 kHz.
+
+    Attributes:
+        sensor: What it measures.
+        noise: Standard deviation of a sample in [rad] / [s] or [m] / [s²]; white.
+        delay: Ticks between a sample and its use; 2 for a bus of 500 Hz (thesis 2.1.2).
+        lever: From the axis to the unit in [m].
+        time_constant: Of the first-order filter behind it in [s].
+    """
+
+    sensor: InertialSensor
+    noise: Annotated[float, quantities.Unit(""), quantities.NOT_NEGATIVE] = 0.0  # of the sensor's unit
+    delay: Annotated[int, quantities.Range(0, 1000, words="0 to 1000 ticks")] = 2
+    lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
+    time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.001
+
+
+class CurrentLoop(StrEnum):
+    """How a target current becomes a current."""
+
+    IDEAL = "ideal"  # at once, as far as the bus voltage drives it
+    PI = "pi"  # figure 2.13: PI on the six-step measurement
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveParameters(quantities.Parameters):
+    """Winding, inverter and current loop.
+
+    Attributes:
+        inductance: L, line to line, in [H].
+        pole_pairs: Of the motor (data sheet: 12).
+        rate: Of the current loop in [Hz], a whole multiple of 1 kHz; 20 kHz as the thesis's position loop.
+        counts: Counts of full duty: 120 MHz of the controller over 20 kHz (computed). 0 for no steps.
+        loop: Ideal or PI.
+        bandwidth: Of the PI loop in [rad] / [s]; an assumption, a fortieth of the loop's rate.
+        noise: Standard deviation of a current sample in [A]; chosen so that the RMSE of target and measured
+            current is near the thesis's 0.0113 A (calibrated, not predicted).
+        ripple: Relative first harmonic of the commutation. A sine of back-EMF over 60° varies by 13.4 % from
+            end to end, a cosine of 0.067; the loop sees that as current. An assumption: a tenth is left.
+        delay: Periods of the loop between a sample and its use; an assumption.
+        resolution: Of the current converter in [A]; 0 for none.
+    """
+
+    inductance: Annotated[float, quantities.Unit("H"), quantities.POSITIVE]
+    pole_pairs: Annotated[int, quantities.COUNT] = 12
+    rate: Annotated[quantities.Frequency, quantities.POSITIVE] = 20_000.0
+    counts: Annotated[int, quantities.WHOLE] = 6000
+    loop: CurrentLoop = CurrentLoop.PI
+    bandwidth: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = 2.0 * math.pi * 500.0
+    noise: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.011
+    ripple: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0067
+    delay: Annotated[int, quantities.Range(0, 100, words="0 to 100 periods of the loop")] = 1
+    resolution: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        super().__post_init__()
+        per_tick = self.rate / 1000.0
+        require(per_tick == round(per_tick), "rate", "a whole multiple of 1000 Hz", self.rate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatalogueEfficiency(quantities.Parameters):
+    """Efficiency of the CSD-25-100 at rated torque with grease, a quadratic in temperature and input speed.
+
+    Least squares over 44 values of Harmonic Drive's catalogue (−10 to 40 °C, 500 to 3500 1/min): RMS error
+    0.011, largest 0.024 (computed). Below rated torque the efficiency is lower still.
+
+    Attributes:
+        temperature: Of the grease in [°C].
+        coefficients: See :func:`twin_gait.core.motor_drive.drive_efficiency`.
+        transition_velocity: Of the loss at a reversal, in [rad] / [s]; an assumption.
+    """
+
+    temperature: Annotated[float, quantities.Unit("degC"), CATALOGUE] = 25.0
+    coefficients: tuple[float, float, float, float, float, float] = (
+        0.688878205,
+        9.24475524e-3,
+        -1.18764569e-4,
+        -1.47423702e-3,
+        1.06902515e-5,
+        1.57005966e-6,
+    )
+    transition_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Torsion(quantities.Parameters):
+    """Compliance of the flexspline between motor and link.
+
+    Attributes:
+        stiffness: In [N m] / [rad]; 3.1e4 is CSF-25 at low torque (from memory, medium confidence).
+        damping: In [N m s] / [rad]; an assumption, about 3 % of critical for the default link.
+    """
+
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE] = 3.1e4
+    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 5.0
+
+
+TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
+# ω_min of (2.1) in [rad] / [s], which the thesis does not print: where A = 140 to 195 counts just break the
+# joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
+LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: 0.11, JointName.HIP: 0.07}
+
+
+class CompensationVelocity(StrEnum):
+    """At which velocity the friction is compensated."""
+
+    MEASURED = "measured"  # the slow estimate, equation (2.16)
+    REFERENCE = "reference"  # that of the path: nothing is fed back
+
+
+@dataclass(frozen=True, kw_only=True)
+class DutyControl(quantities.Parameters):
+    """Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
+
+    K, A and f are the thesis's. It prints neither p0, p1, p2 nor ω_min; they are assumptions, chosen so that
+    the falls go as its appendix B tells: with K = 1 the joint creeps and may stick, with 1.15 it runs freely
+    and stays near 0.6 rad/s. With counts of 6000, A from 140 to 195 makes up for the difference between 3 kg
+    and 1 kg: 55 counts are 5.4 N m at the knee, the weights 5.9 N m.
+
+    Attributes:
+        amplitude: A in counts.
+        frequency: f in [Hz].
+        transparency_gain: K.
+        lowest_velocity: ω_min in [rad] / [s].
+        static_voltage: p0 in [V].
+        back_emf_share: p1 over the back-EMF constant at the joint.
+        braking_torque: p2 as torque on the standing motor, in [N m s²] / [rad²].
+        duty_limit: As a share of full duty.
+    """
+
+    amplitude: Annotated[float, quantities.Unit("counts"), quantities.NOT_NEGATIVE] = 170.0
+    frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 3.0
+    transparency_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 1.10
+    lowest_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = LOWEST_VELOCITIES[
+        JointName.KNEE
+    ]
+    static_voltage: Annotated[quantities.Voltage, quantities.NOT_NEGATIVE] = 0.05
+    back_emf_share: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.9
+    braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), quantities.NOT_NEGATIVE] = 18.0
+    duty_limit: Annotated[
+        quantities.Ratio, quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
+    ] = 0.9
+
+    def voltages(self, actuator: parameters.ActuatorParameters) -> tuple[float, float, float]:
+        """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] of equation (2.1b) for a motor."""
+        torque_per_current = actuator.torque_constant * actuator.gear_ratio
+        return (
+            self.static_voltage,
+            self.back_emf_share * torque_per_current,
+            self.braking_torque * actuator.resistance / torque_per_current,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OldFrictionModel(quantities.Parameters):
+    """TWIN's old friction model, equation (2.5) of the thesis.
+
+    Attributes:
+        coulomb: F_s in [N m]; an assumption, the Coulomb friction of the knee in table 3.1.
+        viscous: F_v in [N m s] / [rad]; likewise.
+        steepness: In [s] / [rad]; 40 in the thesis.
+    """
+
+    coulomb: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 3.193
+    viscous: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 2.06
+    steepness: Annotated[quantities.RotaryDissipation, quantities.POSITIVE] = 40.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CosinePath(quantities.Parameters):
+    """A path of the equilibrium angle, there and back.
+
+    Attributes:
+        start_angle: In [rad].
+        amplitude: End to end in [rad].
+        frequency: In [Hz].
+    """
+
+    start_angle: quantities.Angle
+    amplitude: quantities.Angle
+    frequency: Annotated[quantities.Frequency, quantities.POSITIVE]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueControl(quantities.Parameters):
+    """Torque control, equations (2.7), (2.16) and (2.18) of the thesis.
+
+    With stiffness and damping of zero it is friction compensation with a target torque (2.16); with a
+    stiffness, impedance control (2.18); with the old model and an inertia compensation of 1, (2.7).
+
+    Attributes:
+        friction_model: The compensator's own friction model.
+        controller: Changes what is demanded in every tick, as one of the gait's does, if it has one.
+        old_model: Takes the place of the friction model if given.
+        friction_compensation_gain: G.
+        compensation_velocity: At which velocity the friction is compensated.
+        dead_zone: Speed below which it is not, in [rad] / [s]; taken off the speeds above it.
+        target_torque: In [N m].
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium_angle: θ0 in [rad].
+        inertia_compensation: Share of the known inertia times the measured acceleration that is added.
+        path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
+    """
+
+    friction_model: parameters.FrictionParameters
+    controller: Controller = field(default_factory=Controller)
+    old_model: OldFrictionModel | None = None
+    friction_compensation_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.35
+    compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED
+    dead_zone: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 0.0
+    target_torque: quantities.Torque = 0.0
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 0.0
+    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
+    equilibrium_angle: quantities.Angle = 0.0
+    inertia_compensation: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    path: CosinePath | None = None
+
+
+BENCH_ACTUATORS: Mapping[JointName, parameters.ActuatorParameters] = {
+    JointName.KNEE: KNEE_ACTUATOR,
+    JointName.HIP: HIP_ACTUATOR,
+}
+BENCH_FRICTION: Mapping[JointName, parameters.FrictionParameters] = {
+    JointName.KNEE: parameters.KNEE_FRICTION,
+    JointName.HIP: parameters.HIP_FRICTION,
+}
+# L of the 24 V winding from the data sheet. That of the 36 V winding scales with the square of K_t, as its R
+# does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
+BENCH_INDUCTANCE: Mapping[JointName, float] = {
+    JointName.KNEE: 0.264e-3,
+    JointName.HIP: 0.264e-3 * (HIP_ACTUATOR.torque_constant / KNEE_ACTUATOR.torque_constant) ** 2,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchJoint(quantities.Parameters):
+    """One test on the joint bench.
+
+    Attributes:
+        actuator: Motor and gear.
+        drive: Winding, inverter, current loop.
+        friction: True friction.
+        control: Controller; None leaves the winding open.
+        link: Link, weight and stops.
+        battery: Its voltage is the bus voltage at rest.
+        efficiency: Losses of the gear under load beyond the friction law; None, because equation (3.1)
+            already holds what was measured.
+        torsion: Compliance of the gear; None for a rigid one.
+        sensors: Encoder and velocity estimates.
+        inertial_unit: On the link, for the inertia compensation; None for the differentiated encoder.
+        limits: Of torque and current.
+        imposed_motion: Imposed motion of the link, or None.
+        start_angle: In [rad].
+        start_velocity: In [rad] / [s].
+        gravity: In [m] / [s²].
+        duration: In [s].
+        rest_at_stop: The test ends so long after the upper stop was reached, in [s]; infinite for never.
+    """
+
+    actuator: parameters.ActuatorParameters
+    drive: DriveParameters
+    friction: BenchFriction
+    control: DutyControl | TorqueControl | None
+    link: LinkParameters = field(default_factory=LinkParameters)
+    battery: parameters.BatteryParameters = field(default_factory=parameters.BatteryParameters)
+    efficiency: CatalogueEfficiency | None = None
+    torsion: Torsion | None = None
+    sensors: parameters.SensorParameters = field(
+        default_factory=lambda: parameters.SensorParameters(ideal=False)
+    )
+    inertial_unit: InertialUnit | None = None
+    limits: parameters.LimitParameters = field(default_factory=parameters.LimitParameters)
+    imposed_motion: ImposedMotionParameters | None = None
+    start_angle: quantities.Angle = HORIZONTAL
+    start_velocity: quantities.AngularVelocity = 0.0
+    gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
+    duration: Annotated[quantities.Time, quantities.Range(1e-3, 3600.0, words="0.001 to 3600 s")] = 5.0
+    rest_at_stop: Annotated[quantities.Time, quantities.LATER] = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        super().__post_init__()
+        require(not self.sensors.offset, "sensors offset", "none on the joint bench", self.sensors.offset)
+
+
+def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
+    """The bench with the motor and friction of a joint, knee or hip; without ``control`` the winding is open.
+
+    ``changes``: attributes of :class:`BenchJoint` that differ. Raises ParameterError if there is no such
+    joint on the bench, or a value is out of its range.
+    """
+    require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
+    chosen: dict[str, object] = {
+        "actuator": BENCH_ACTUATORS[joint],
+        "drive": DriveParameters(inductance=BENCH_INDUCTANCE[joint]),
+        "friction": BenchFriction(law=BENCH_FRICTION[joint]),
+        "control": None,
+        **changes,
+    }
+    return BenchJoint(**chosen)  # type: ignore[arg-type]
