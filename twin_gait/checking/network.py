@@ -1,10 +1,10 @@
 """Whether the CAN bus carries what the central unit and the boards tell each other."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity
+from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.checking.response_time import CyclicFrame, bus_load, response_times
 from twin_gait.core.can_frame import most_frame_bits
 from twin_gait.exceptions import ParameterError
@@ -53,7 +53,8 @@ def _messages(experiment: Experiment, network: NetworkParameters) -> list[Messag
     return cyclic_messages(load_messages(network.dbc), boards)
 
 
-def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
+@rule
+def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     """The bus is asked for more than it carries, or a frame may arrive after the next one is due.
 
     A note on load and response times where it carries all. The bounds are those of Davis, Burns, Bril and
@@ -61,11 +62,10 @@ def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
     """
     network = None if case.experiment is None else case.experiment.network
     if network is None or case.experiment is None:
-        return []
+        return
     traffic, messages = traffic_of(case.experiment), _messages(case.experiment, network)
     severity, reason = _judged(network, traffic, len(messages))
-    suggestion = "" if severity is Severity.NOTE else _way_out(network, messages)
-    return [Finding(rule="traffic_on_the_bus", severity=severity, reason=reason, suggestion=suggestion)]
+    yield Finding(severity, reason, "" if severity is Severity.NOTE else _way_out(network, messages))
 
 
 def _judged(network: NetworkParameters, traffic: Traffic, frames: int) -> tuple[Severity, str]:
@@ -101,17 +101,15 @@ def _way_out(network: NetworkParameters, messages: Sequence[Message]) -> str:
     return ", or ".join(ways) or "lower network.jitter_us"
 
 
-def values_on_the_bus(case: CheckCase) -> list[Finding]:
+@rule
+def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     """A value of the experiment is outside the range of the signal that carries it, and would be cut."""
     if case.experiment is None or case.experiment.network is None:
-        return []
+        return
     messages = load_messages(case.experiment.network.dbc)
-    return [
-        Finding(rule="values_on_the_bus", severity=Severity.ERROR, reason=reason, suggestion=way_out)
-        for reason, _, way_out in (
-            line.partition("; ") for line in values_out_of_range(build_problem(case.experiment), messages)
-        )
-    ]
+    for line in values_out_of_range(build_problem(case.experiment), messages):
+        reason, _, way_out = line.partition("; ")
+        yield Finding(Severity.ERROR, reason, way_out)
 
 
 RULES = (traffic_on_the_bus, values_on_the_bus)
