@@ -29,36 +29,30 @@ class Inference(ExpressionKinds):
             found = kind_of_hint(self.source.hints["return"])
         self.function.returns = found
 
-    def _block(self, statements: Sequence[ast.stmt]) -> bool:
-        """Go through statements; whether what comes after them is reached."""
-        for number, statement in enumerate(statements):
-            if not self._statement(statement):
-                if number + 1 < len(statements):
-                    raise self.source.refused(statements[number + 1], "is never reached")
-                return False
-        return True
+    def _block(self, statements: Sequence[ast.stmt]) -> None:
+        for statement in statements:
+            self._statement(statement)
 
-    def _statement(self, node: ast.stmt) -> bool:
+    def _statement(self, node: ast.stmt) -> None:
         match node:
             case ast.Assign(targets=[target]):
                 self._assign(node, target, node.value)
             case ast.If():
-                return self._condition(node)
+                self.expect(node.test, BOOL)
+                self.in_order(node.test)
+                self._block(node.body)
+                self._block(node.orelse)
             case ast.For(orelse=[]):
                 self._loop(node)
             case ast.Return():
                 self._returns(node)
-                return False
-            case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
+            case ast.Expr(value=ast.Constant(value=str())) | ast.Pass() | ast.Continue():
                 pass
             case ast.Expr(value=ast.Call()):
                 self.kind(node.value)
                 self.in_order(node.value)
-            case ast.Continue():
-                return False
             case _:
                 raise self.source.refused(node, "a statement that is not printed")
-        return True
 
     def _assign(self, node: ast.stmt, target: ast.expr, value: ast.expr) -> None:
         kind = self.kind(value)
@@ -91,27 +85,13 @@ class Inference(ExpressionKinds):
         known = function.params.get(name) or function.locals.setdefault(name, kind)
         self.fits(value, kind, known)
         function.kinds[target] = known
-        self.assigned.add(name)
         if not isinstance(kind, Scalar):
             function.aliases.setdefault(name, []).append(value)
             if name in function.written:
                 self.wrote(value)
 
-    def _condition(self, node: ast.If) -> bool:
-        self.expect(node.test, BOOL)
-        self.in_order(node.test)
-        before = set(self.assigned)
-        ends = self._block(node.body)
-        after, self.assigned = self.assigned, before
-        other = self._block(node.orelse)
-        if ends and other:
-            self.assigned &= after
-        elif ends:
-            self.assigned = after
-        return ends or other
-
     def _loop(self, node: ast.For) -> None:
-        target, before = node.target, set(self.assigned)
+        target = node.target
         match node.iter:
             case ast.Call(func=ast.Name(id="range"), args=args) if 1 <= len(args) <= 2:
                 for item in args:
@@ -127,10 +107,7 @@ class Inference(ExpressionKinds):
         for name in (name for item in node.body for name in ast.walk(item)):
             if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store) and name.id in counters:
                 raise self.source.refused(name, "is counted by the loop")
-        if counters & before:
-            raise self.source.refused(target, "has another meaning before the loop")
         self._block(node.body)
-        self.assigned = before
 
     def _counter(self, target: ast.expr) -> None:
         assert isinstance(target, ast.Name)
