@@ -16,7 +16,7 @@ from .identify import IdentificationOptions as IdentificationOptions
 from .identify import IdentifiedModel as IdentifiedModel
 from .identify import identify_logs as identify_logs
 from .identify import identify_tests as identify_tests
-from .models import MODELS as MODELS
+from .laws import MODELS as MODELS
 from .models import find_models as find_models
 from .processing import RATE as RATE
 from .processing import process_log as process_log

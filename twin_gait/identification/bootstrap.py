@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from twin_gait.identification.fitting import MAD_TO_SIGMA, Fit, rows_of
-from twin_gait.identification.models import LOGARITHMIC
+from twin_gait.identification.laws import LOGARITHMIC
 from twin_gait.identification.refining import huber_weights, jacobian, residuals
 from twin_gait.identification.samples import Samples
 

@@ -199,13 +199,10 @@ def _even_rows(items: list[Artist], most: int) -> list[list[Artist]]:
     return [items[start : start + length] for start in range(0, len(items), length)]
 
 
-def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
-    """A figure as PNG.
-
-    ``ground``: its colour; that of the figure by default, ``none`` for a transparent one.
-    """
+def picture_bytes(figure: Figure) -> bytes:
+    """A figure as PNG."""
     room = io.BytesIO()
-    figure.savefig(room, format="png", dpi=RESOLUTION, facecolor=ground)
+    figure.savefig(room, format="png", dpi=RESOLUTION)
     return room.getvalue()
 
 
