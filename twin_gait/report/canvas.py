@@ -19,7 +19,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.files import write_atomically
 from twin_gait.palette import HELD_COLOUR, phase_colour
@@ -33,10 +32,6 @@ SCREEN_WIDTH = 11.0  # [inches]
 LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
 HELD = -1  # in the place of a phase, after a trip
-# Margins of a figure on a screen in lines of text: the labels of axes and ticks take the first and the third,
-# gaps (across, down) are those of panels that share their axes.
-LEFT, RIGHT, BELOW = 6.0, 1.2, 3.8
-SHARED = 2.0, 2.2
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
 
@@ -46,15 +41,14 @@ def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WID
     One for print has no title inside. ``run`` for the second line of the title, and a third where faults
     acted or the monitor tripped.
     """
-    on_screen = width >= SCREEN_WIDTH
-    figure = Figure(figsize=(width, height), layout=None if on_screen else "constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
     events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
     more = [f"and {len(events) - MOST_EVENTS} more"] * (len(events) > MOST_EVENTS)
     lines = [title, describe(run), " · ".join([*events[:MOST_EVENTS], *more])]
     text = "\n".join(line for line in lines if line)
     figure.set_label(text)
-    if on_screen:
-        figure.suptitle(text, fontsize="large", y=1.0 - 0.5 * _line() / height)
+    if width >= SCREEN_WIDTH:
+        figure.suptitle(text, fontsize="large")
     return figure
 
 
@@ -71,20 +65,11 @@ def describe(run: Run) -> str:
 
 def style_panel(axes: Axes, title: str, unit: str) -> None:
     """Give a panel its title, the unit of its values and a quiet grid. ``title``: what it shows."""
-    put_title(axes, title)
+    axes.set_title(title, fontsize="medium")
     axes.set_ylabel(unit)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def put_title(axes: Axes, title: str) -> None:
-    """Put a title over a panel.
-
-    Between fixed margins its height is fixed: looking for a free one lays all ticks out once more.
-    """
-    fixed = axes.figure.get_layout_engine() is None
-    axes.set_title(title, fontsize="medium", y=1.0 if fixed else None)
 
 
 def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequence[str]) -> None:
@@ -137,18 +122,10 @@ def amount(value: float | None, unit: str = "") -> str:
     return f"{value:.{places}f} {unit}".strip()
 
 
-def put_legend(
-    figure: Figure,
-    lines: Sequence[Artist],
-    phases: Sequence[Artist] = (),
-    *,
-    gaps: tuple[float, float] = SHARED,
-) -> None:
+def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
     """Put one legend under all panels, where it covers nothing: rows of lines, rows of phases.
 
-    ``figure``: the figure; without a layout engine, its panels are put between title and legend; ``lines``:
-    entries of lines and areas; of equal labels one is kept; ``gaps``: between such panels, across and down,
-    in lines of text.
+    ``lines``: entries of lines and areas; of equal labels one is kept.
     """
     most = int(figure.get_figwidth() / LEGEND_COLUMN)
     entries = [list({str(item.get_label()): item for item in row}.values()) for row in (lines, phases) if row]
@@ -159,39 +136,6 @@ def put_legend(
     # matplotlib fills a legend column by column.
     handles = [row[column] for column in range(columns) for row in padded]
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
-    if figure.get_layout_engine() is None:
-        _fix_margins(figure, len(rows), *gaps)
-
-
-def _line() -> float:
-    """Height of a line of text in [inches]."""
-    return float(mpl.rcParams["font.size"]) / 72.0
-
-
-def _fix_margins(figure: Figure, legend_rows: int, across: float, down: float) -> None:
-    """Put one grid of panels between title and legend, with the labels of the axes at fixed distances."""
-    line, (width, height) = _line(), figure.get_size_inches()
-    grid = figure.axes[0].get_gridspec()
-    assert grid is not None  # of subplots
-    titles = len(figure.get_suptitle().splitlines())
-    top, bottom = 2.2 + 1.5 * titles, BELOW + 1.4 * legend_rows
-    panel_width = (width / line - LEFT - RIGHT - across * (grid.ncols - 1)) / grid.ncols
-    panel_height = (height / line - top - bottom - down * (grid.nrows - 1)) / grid.nrows
-    figure.subplots_adjust(
-        left=LEFT * line / width,
-        right=1.0 - RIGHT * line / width,
-        bottom=bottom * line / height,
-        top=1.0 - top * line / height,
-        wspace=across / panel_width,
-        hspace=down / panel_height,
-    )
-    for axes in figure.axes:
-        place = axes.get_position()
-        axes.yaxis.set_label_coords(-(LEFT - 1.3) * line / (width * place.width), 0.5)
-        axes.xaxis.set_label_coords(0.5, -2.0 * line / (height * place.height))
-        for axis in (axes.xaxis, axes.yaxis):
-            if not isinstance(axis.get_major_locator(), FixedLocator):
-                axis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10]))
 
 
 def _even_rows(items: list[Artist], most: int) -> list[list[Artist]]:

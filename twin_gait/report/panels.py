@@ -21,7 +21,6 @@ from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES
 from twin_gait.palette import EVENT_COLOUR, LIMIT_COLOUR
 from twin_gait.report.canvas import (
     HELD,
-    SHARED,
     colour_of,
     new_figure,
     phase_handles,
@@ -173,7 +172,7 @@ def draw_over_time(
     for axes in figure.axes[-len(records) :] if last is None else []:
         axes.set_xlabel("time [s]")
     phases = np.concatenate([shown_phases(run, record, window) for record in records])
-    put_legend(figure, lines, phase_handles(names, phases), gaps=(4.0, 3.9) if last else SHARED)
+    put_legend(figure, lines, phase_handles(names, phases))
     return figure
 
 

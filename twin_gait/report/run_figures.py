@@ -38,7 +38,6 @@ from twin_gait.report.canvas import (
     new_figure,
     phase_handles,
     put_legend,
-    put_title,
     readable,
     shade_phases,
     style_panel,
@@ -103,7 +102,7 @@ def _draw_mean_cycle(axes: Axes, run: Run, record: LegRecord, joint: JointName) 
             axes, np.degrees(reference), **REFERENCE_STYLE, label="healthy, Koopman (2014)"
         )
         title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
-    put_title(axes, title)
+    axes.set_title(title, fontsize="medium")
     return lines
 
 
@@ -302,7 +301,7 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
-    put_legend(figure, [], phase_handles(names, np.concatenate(occurring)), gaps=(2.4, 5.4))
+    put_legend(figure, [], phase_handles(names, np.concatenate(occurring)))
     return figure
 
 
