@@ -2,8 +2,6 @@ from .bench import BenchSetup as BenchSetup
 from .bench import CurrentSource as CurrentSource
 from .bench import Processing as Processing
 from .bench import ProcessingOptions as ProcessingOptions
-from .bootstrap import Uncertainty as Uncertainty
-from .bootstrap import uncertainty as uncertainty
 from .columns import LogColumns as LogColumns
 from .columns import Quantity as Quantity
 from .fitting import Fit as Fit
@@ -30,4 +28,6 @@ from .signals import moving_average as moving_average
 from .signals import zero_phase as zero_phase
 from .statistics import CrossValidation as CrossValidation
 from .statistics import Goodness as Goodness
+from .statistics import Uncertainty as Uncertainty
 from .statistics import goodness as goodness
+from .statistics import uncertainty as uncertainty

@@ -17,9 +17,9 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.identification import Identification, IdentifiedModel
-from twin_gait.identification.bootstrap import DRAWS, LEVEL
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
+from twin_gait.identification.statistics import DRAWS, LEVEL
 from twin_gait.report.canvas import picture_bytes, readable
 from twin_gait.report.pages import figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory

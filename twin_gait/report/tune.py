@@ -16,13 +16,14 @@ from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR
 from twin_gait.report.canvas import (
     SCREEN_WIDTH,
     amount,
+    draw_cycle_curve,
+    flexion,
     picture_bytes,
     put_legend,
     readable,
     style_panel,
 )
 from twin_gait.report.pages import paragraphs, render
-from twin_gait.report.panels import draw_cycle_curve, flexion
 from twin_gait.vocabulary import JointName, Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE

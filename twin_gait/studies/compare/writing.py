@@ -24,9 +24,8 @@ from twin_gait.palette import (
     SKY_BLUE,
     VERMILLION,
 )
-from twin_gait.report.canvas import picture_bytes, put_legend, style_panel
+from twin_gait.report.canvas import draw_cycle_curve, picture_bytes, put_legend, style_panel
 from twin_gait.report.pages import paragraphs, render
-from twin_gait.report.panels import draw_cycle_curve
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.run_page import belt_speed_of, describe
