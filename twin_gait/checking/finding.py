@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import wraps
-from typing import Any
+from typing import Any, TypeVar
 
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, StateTable, Transition, Waiver
@@ -73,6 +73,18 @@ class CheckCase:
 
 
 Rule = Callable[[CheckCase], list[Finding]]
+_T = TypeVar("_T")
+
+
+def once(work: Callable[[CheckCase], _T]) -> Callable[[CheckCase], _T]:
+    """Work something out once for all rules of a case."""
+
+    @wraps(work)
+    def found(case: CheckCase) -> _T:
+        kept: _T = case.once(work, lambda: work(case))
+        return kept
+
+    return found
 
 
 def rule(find: Callable[[CheckCase], Iterator[Finding]]) -> Rule:

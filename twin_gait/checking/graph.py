@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
 from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
 from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.modes import ModeTable
@@ -222,10 +222,10 @@ def _sorted(pair: Pair) -> Pair:
     return min(pair), max(pair)
 
 
+@once
 def two_legs(case: CheckCase) -> TwoLegs:
     """The pairs of phases of a case, searched once for all rules."""
-    legs: TwoLegs = case.once(TwoLegs, lambda: TwoLegs(case))
-    return legs
+    return TwoLegs(case)
 
 
 @rule

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, once, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
@@ -80,15 +80,10 @@ def _some_exit_opens(
     return False
 
 
+@once
 def _leavings(case: CheckCase) -> list[_Leaving]:
-    """Worst way out of every phase, found once for both rules."""
-    found: list[_Leaving] = case.once(_Leaving, lambda: [*_each_leaving(case)])
-    return found
-
-
-def _each_leaving(case: CheckCase) -> Iterator[_Leaving]:
     """Worst way out of every phase with guarded exits; not of a stance that is declared to end by contact."""
-    space = signal_space(case)
+    space, found = signal_space(case), []
     for leg in hanging_legs(case):
         for phase in leg.phases:
             exits = _guarded_exits(space, phase)
@@ -96,7 +91,8 @@ def _each_leaving(case: CheckCase) -> Iterator[_Leaving]:
             if not exits or (declared and in_contact(leg, phase)):
                 continue
             rest, way = min(ways_out(space, leg, phase), key=lambda found: found[1])
-            yield _Leaving(leg, phase, rest, way)
+            found.append(_Leaving(leg, phase, rest, way))
+    return found
 
 
 def _is_driven_by_contact(space: SignalSpace, leg: HangingLeg, index: int) -> bool:

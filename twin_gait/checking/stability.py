@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, once, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.linear_loop import (
     LinearLoop,
@@ -62,15 +62,13 @@ class _Phase:
         return Finding(severity, reason, suggestion, phase=self.name, side=self.leg.shown_side)
 
 
+@once
 def _phases(case: CheckCase) -> list[_Phase]:
-    phases: list[_Phase] = case.once(_phases, lambda: [*_each_phase(case)])
-    return phases
-
-
-def _each_phase(case: CheckCase) -> Iterator[_Phase]:
-    for leg in hanging_legs(case):
-        for index, name in enumerate(leg.phases):
-            yield _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
+    return [
+        _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
+        for leg in hanging_legs(case)
+        for index, name in enumerate(leg.phases)
+    ]
 
 
 def _about(velocity: float) -> str:
