@@ -1,7 +1,8 @@
 """Compilers and the emulator of the firmware's tests, and a unit small enough to know all about it."""
 
 import os
-from collections.abc import Callable
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -19,6 +20,8 @@ from twin_gait.simulation.record import copied, dtype_of, entries
 
 FIRMWARE_VARIABLE = "TWIN_GAIT_REQUIRE_FIRMWARE"
 TARGET_TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
+# A conversion out of range is undefined as well, and not among those of "undefined".
+SANITIZE = ("-g", "-fsanitize=undefined,float-cast-overflow,address", "-fno-sanitize-recover=all")
 
 
 def require_tools(*names: str) -> None:
@@ -30,6 +33,14 @@ def require_tools(*names: str) -> None:
             if os.environ.get(FIRMWARE_VARIABLE):
                 pytest.fail(f"{FIRMWARE_VARIABLE} is set, but {error}")
             pytest.skip(str(error))
+
+
+def symbols(objects: Sequence[Path]) -> Mapping[str, str]:
+    """Names in object files or an image, and ``nm``'s letter for each: ``U`` is wanted from elsewhere."""
+    command = [find_tool("arm-none-eabi-nm"), "--format=posix", *objects]
+    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    fields = (line.split() for line in lines)
+    return {words[0]: words[1] for words in fields if len(words) > 1}
 
 
 def write_unit(

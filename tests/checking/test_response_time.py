@@ -9,8 +9,13 @@ import pytest
 
 from twin_gait.checking.check import load_case
 from twin_gait.checking.finding import Finding, Severity
-from twin_gait.checking.network import traffic_on_the_bus, worst_traffic
-from twin_gait.checking.response_time import CyclicFrame, bus_load, response_times
+from twin_gait.checking.network import (
+    CyclicFrame,
+    bus_load,
+    response_times,
+    traffic_on_the_bus,
+    worst_traffic,
+)
 from twin_gait.core import can_bus
 from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, Frame, Node, Outage, advance
 from twin_gait.core.can_frame import Header, most_frame_bits, new_header

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from firmware_tools import TARGET_TOOLS, require_tools, write_unit
+from firmware_tools import TARGET_TOOLS, require_tools, symbols, write_unit
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware import Emulator, build_host, build_image, build_objects, find_tool, sizes, symbols
+from twin_gait.firmware import Emulator, build_host, build_image, build_objects, find_tool, sizes
 
 
 def unit_of(folder, step, **records):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from firmware_tools import TARGET_TOOLS, require_tools, write_unit
+from firmware_tools import SANITIZE, TARGET_TOOLS, require_tools, write_unit
 
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import Emulator, HostUnit, Unit, build_host, build_image, build_objects
@@ -235,7 +235,7 @@ def test_undefined_behaviour_stops_the_unit(probe, tmp_path, compiler):
     rows = inputs_of(CONVERT, CONVERT)
     rows["a"] = [1.5, 3e9]
     with HostUnit(
-        build_host(probe, tmp_path / "probe", compiler=compiler, sanitize=True, flags=["-Werror"])
+        build_host(probe, tmp_path / "probe", compiler=compiler, flags=[*SANITIZE, "-Werror"])
     ) as host:
         host.exchange(rows[0])
         with pytest.raises(FirmwareError, match="outside the range of representable values"):

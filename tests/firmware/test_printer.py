@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import pytest
 from firmware_tools import require_tools
+from printed_library import Library
 
 from twin_gait import load_experiment
 from twin_gait.configuration.gait_table_file import load_gait_table
@@ -32,7 +33,7 @@ from twin_gait.core.control_tick import (
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import guard_holds, next_transition
 from twin_gait.core.safety import NO_TRIP, Bounds, Watched, watch_joint
-from twin_gait.firmware import Library, Program, TranslationUnit, print_units, units
+from twin_gait.firmware import Program, TranslationUnit, print_units, units
 from twin_gait.gait.program import compile_guards
 from twin_gait.kernels.generated import write_control_gravity, write_side_by_side
 from twin_gait.simulation import interface

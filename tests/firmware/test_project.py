@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import yaml
-from firmware_tools import require_tools
+from firmware_tools import SANITIZE, require_tools, symbols
+from printed_library import Library
 from test_printer import bits
 
 from twin_gait import load_experiment
@@ -20,8 +21,7 @@ from twin_gait.cli.program import main
 from twin_gait.core.guards import OP_ALL
 from twin_gait.core.safety import COMMAND_TRIP
 from twin_gait.exceptions import GaitTableError
-from twin_gait.firmware import Library, Unit, build_objects, sizes, symbols, units
-from twin_gait.firmware.cross import SANITIZE
+from twin_gait.firmware import Unit, build_objects, sizes, units
 from twin_gait.firmware.project import (
     EXOSKELETON,
     GAIT_CONTROLLER,

@@ -69,18 +69,6 @@ def two_kinds(x: float) -> float:
     return y
 
 
-def perhaps(x: float) -> float:
-    if x > 0.0:
-        y = x
-    return y
-
-
-def after_the_loop(x: float) -> float:
-    for _ in range(3):
-        y = x
-    return y
-
-
 def text(x: float) -> float:
     name = "x"
     return x if name else 0.0
@@ -108,14 +96,6 @@ def order_of_a_target(cell: Cell) -> None:
 
 def exchanged(cell: Cell, x: float) -> None:
     cell.charge, cell.count = x, int(cell.charge > 0.0)
-
-
-def too_long(x: int) -> int:
-    return x + 4294967296
-
-
-def too_large(x: float) -> float:
-    return x + 1e300
 
 
 def from_the_end(cell: Cell) -> float:
@@ -160,8 +140,6 @@ def broken_off(x: float) -> float:
         (library_call, 1, "math.sqrt(x): a function"),
         (power, 1, "x ** 2: arithmetic"),
         (two_kinds, 2, "x: is real where int32_t is expected"),
-        (perhaps, 3, "y: may be read before it is assigned"),
-        (after_the_loop, 3, "y: may be read before it is assigned"),
         (text, 1, "'x': is no number"),
         (number_as_truth, 1, "is int32_t where bool is expected"),
         (no_such_field, 1, "cell.absent: no sample of Cell has absent"),
@@ -169,8 +147,6 @@ def broken_off(x: float) -> float:
         (order, 1, "bump(cell): changes records beside"),
         (order_of_a_target, 1, "bump(cell): changes records beside"),
         (exchanged, 1, "values that are exchanged"),
-        (too_long, 1, "4294967296 does not fit into 32 bits"),
-        (too_large, 1, "1e+300 does not fit into a float"),
         (from_the_end, 1, "counted from its beginning"),
         (unknown_length, 1, "row: is no list of one known length"),
         (counted_twice, 2, "i: is counted by the loop"),

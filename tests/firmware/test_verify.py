@@ -14,9 +14,8 @@ from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.experiment import Experiment
 from twin_gait.firmware import verification as verifying
-from twin_gait.firmware.builds import Bench
+from twin_gait.firmware.builds import Bench, walk_with
 from twin_gait.firmware.cross import INSTALL
-from twin_gait.firmware.processor import walk_with
 from twin_gait.firmware.project import Project, print_project
 from twin_gait.firmware.vectors import record_vectors
 from twin_gait.firmware.verification import Check, Verification, cases_of, verify

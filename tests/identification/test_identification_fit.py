@@ -27,11 +27,10 @@ from twin_gait.identification import (
     identify_tests,
     join_tests,
 )
-from twin_gait.identification.bootstrap import uncertainty
 from twin_gait.identification.fitting import Fit, bounds, refit
 from twin_gait.identification.friction_model import Shape
 from twin_gait.identification.refining import huber_cost, refine
-from twin_gait.identification.statistics import goodness
+from twin_gait.identification.statistics import goodness, uncertainty
 
 ROTATIONAL = (
     "breakaway_torque_Nm",

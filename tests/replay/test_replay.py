@@ -26,9 +26,9 @@ from twin_gait.replay import (
     replay,
     stride_period,
 )
-from twin_gait.replay.agreement import meant_cycles, stride_phases
 from twin_gait.replay.machine import needed_signals
 from twin_gait.replay.reading import shifted
+from twin_gait.replay.writing import meant_cycles, stride_phases
 from twin_gait.vocabulary import JointName, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE

@@ -32,8 +32,12 @@ from twin_gait.gait.documents import Held, PhaseLogic, Stay, transition_table, t
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, parse_guard
 from twin_gait.gait.signals import all_signal_names
 from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, ring
-from twin_gait.report.diagram_words import guard_words, state_diagram_mermaid
-from twin_gait.report.state_diagram import phase_colours, state_diagram_svg
+from twin_gait.report.state_diagram import (
+    guard_words,
+    phase_colours,
+    state_diagram_mermaid,
+    state_diagram_svg,
+)
 from twin_gait.vocabulary import Side
 
 SVG = "{http://www.w3.org/2000/svg}"

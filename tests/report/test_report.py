@@ -25,9 +25,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
-from twin_gait.report.canvas import STRIP_OPACITY
+from twin_gait.report.canvas import STRIP_OPACITY, end_or_events, last_strides, whole_run
 from twin_gait.report.figures import FIGURES, draw_figure, write_figures
-from twin_gait.report.panels import end_or_events, last_strides, whole_run
 from twin_gait.report.reference import reference_cycle, reference_stride_time
 from twin_gait.report.run_figures import (
     draw_angles,
@@ -205,7 +204,7 @@ def test_window_holds_the_last_two_strides_of_the_first_leg(walk: Run) -> None:
 
 
 def test_long_run_is_thinned_out(walk: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("twin_gait.report.panels.MOST_POINTS", 1000)
+    monkeypatch.setattr("twin_gait.report.canvas.MOST_POINTS", 1000)
     window = whole_run(walk)
     assert len(window.time) <= 1000
     assert window.time[0] == 0.0 and window.time[-1] > walk.duration - 0.01

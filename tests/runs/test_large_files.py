@@ -18,7 +18,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.identification import read_log
 from twin_gait.replay.tables import read_table
 from twin_gait.runs.record import load_run
-from twin_gait.runs.shown_run import read_shown_run
+from twin_gait.runs.run_page import read_shown_run
 
 
 @pytest.fixture(scope="module")

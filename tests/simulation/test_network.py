@@ -15,7 +15,7 @@ from twin_gait.core.can_bus import NEVER
 from twin_gait.core.safety import support_share
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import load_messages
-from twin_gait.report.network_words import table_of_network
+from twin_gait.report.walk_words import table_of_network
 from twin_gait.runs.run_page import shown_run
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out

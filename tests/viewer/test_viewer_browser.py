@@ -20,8 +20,7 @@ from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.runs.record import write_run
-from twin_gait.runs.run_page import ShownRun, page_of
-from twin_gait.runs.shown_run import read_shown_run
+from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.page_server import PageServer

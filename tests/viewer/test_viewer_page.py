@@ -40,8 +40,7 @@ from twin_gait.palette import (
     phase_colour,
 )
 from twin_gait.runs.record import load_run, write_run
-from twin_gait.runs.run_page import ShownRun, page_of, with_walk
-from twin_gait.runs.shown_run import read_shown_run
+from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, with_walk
 from twin_gait.viewer.body import CLOTH
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.curves import extremes, faithful_curve

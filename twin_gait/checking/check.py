@@ -133,12 +133,8 @@ def _order(table: StateTable, finding: Finding) -> tuple[int, bool, int]:
 def counts(findings: Sequence[Finding]) -> dict[str, int]:
     """How many findings there are of each severity; waived ones are counted apart."""
     live = [finding.severity for finding in findings if not finding.waived]
-    return {
-        "errors": live.count(Severity.ERROR),
-        "warnings": live.count(Severity.WARNING),
-        "notes": live.count(Severity.NOTE),
-        "waived": len(findings) - len(live),
-    }
+    found = {f"{severity}s": live.count(severity) for severity in Severity}
+    return {**found, "waived": len(findings) - len(live)}
 
 
 def report(case: CheckCase, findings: Sequence[Finding]) -> dict[str, Any]:
@@ -153,14 +149,6 @@ def report(case: CheckCase, findings: Sequence[Finding]) -> dict[str, Any]:
 
 
 def _document(finding: Finding) -> Mapping[str, Any]:
-    return {
-        "rule": finding.rule,
-        "severity": str(finding.severity),
-        "phase": finding.phase,
-        "transition": finding.transition,
-        "side": None if finding.side is None else str(finding.side),
-        "reason": finding.reason,
-        "suggestion": finding.suggestion,
-        "counterexample": dict(finding.counterexample),
-        "waived": finding.waived or None,
-    }
+    keys = ("rule", "severity", "phase", "transition", "side", "reason", "suggestion")
+    told = {key: getattr(finding, key) for key in keys}
+    return {**told, "counterexample": dict(finding.counterexample), "waived": finding.waived or None}

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label
+from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
 from twin_gait.gait.feasibility import Bound, Requirement, translated
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
@@ -14,18 +14,18 @@ from twin_gait.gait.table import TICK, Transition
 _NOISY, _ENTRY = "noisy.", (TICK, TICK)
 
 
-def ambiguity(case: CheckCase) -> list[Finding]:
+@rule
+def ambiguity(case: CheckCase) -> Iterator[Finding]:
     """Two exits of a phase with different targets can be open at once; time-outs are exempt."""
-    space, findings = signal_space(case), list[Finding]()
+    space = signal_space(case)
     for phase in space.table.phase_names:
         guarded = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
         for first, second in itertools.combinations(guarded, 2):
             if space.transition(first).target != space.transition(second).target:
-                findings += _open_at_once(space, first, second)
-    return findings
+                yield from _open_at_once(space, first, second)
 
 
-def _open_at_once(space: SignalSpace, first: int, second: int) -> list[Finding]:
+def _open_at_once(space: SignalSpace, first: int, second: int) -> Iterator[Finding]:
     earliest = max(space.window(first)[0], space.window(second)[0])
 
     def holds(point: Point) -> bool:
@@ -34,39 +34,27 @@ def _open_at_once(space: SignalSpace, first: int, second: int) -> list[Finding]:
     times = {TIME: (earliest, space.window(first)[1])}
     point = next(space.find([space.requirement(first), space.requirement(second)], times, holds), None)
     if point is None:
-        return []
+        return
     one, other = space.transition(first), space.transition(second)
     winner = space.winner(one.source, point, point.signals.get(TIME, earliest))
     wins = label(one if winner is None else space.transition(winner))
     ticks = one.debounce_ticks, other.debounce_ticks
     waits = f"; debounce {ticks[0]} and {ticks[1]} ms, so the order of opening counts"
     waits = waits if ticks[0] != ticks[1] else ""
-    return [
-        about(
-            other,
-            "ambiguity",
-            Severity.WARNING,
-            f"{label(one)} and {label(other)} can be open at once; when both are due {wins} wins{waits}",
-            "let a condition of one exclude the other, or waive it if the order is meant",
-            space.counterexample(point),
-        )
-    ]
+    reason = f"{label(one)} and {label(other)} can be open at once; when both are due {wins} wins{waits}"
+    suggestion = "let a condition of one exclude the other, or waive it if the order is meant"
+    shown = space.counterexample(point)
+    yield about(other, Severity.WARNING, reason, suggestion, counterexample=shown)
 
 
-def never_opens(case: CheckCase) -> list[Finding]:
+@rule
+def never_opens(case: CheckCase) -> Iterator[Finding]:
     """The guard of an exit contradicts itself inside the limits of the signals and the time-out."""
     space = signal_space(case)
-    return [
-        about(
-            item,
-            "never_opens",
-            Severity.ERROR,
-            f"no signals inside the limits open {item.guard} {_in_time(space, index)}",
-            "correct the thresholds, or take the transition out",
-        )
-        for index, item in enumerate(space.table.transitions)
-        if not item.is_time_out and space.opening(index) is None
-    ]
+    for index, item in enumerate(space.table.transitions):
+        if not item.is_time_out and space.opening(index) is None:
+            reason = f"no signals inside the limits open {item.guard} {_in_time(space, index)}"
+            yield about(item, Severity.ERROR, reason, "correct the thresholds, or take the transition out")
 
 
 def _in_time(space: SignalSpace, index: int) -> str:
@@ -74,36 +62,27 @@ def _in_time(space: SignalSpace, index: int) -> str:
     return f"from {earliest:g} to {latest:g} s in the phase"
 
 
-def debounce_beyond_time_out(case: CheckCase) -> list[Finding]:
+@rule
+def debounce_beyond_time_out(case: CheckCase) -> Iterator[Finding]:
     """The debounce of an exit is longer than the time for which its guard can stay open."""
     space = signal_space(case)
-    return [
-        about(
-            item,
-            "debounce_beyond_time_out",
-            Severity.ERROR,
-            f"the debounce of {item.debounce_ticks} ms cannot be over {_in_time(space, index)}",
-            "shorten the debounce, or let the time-out come later",
-        )
-        for index, item in enumerate(space.table.transitions)
-        if space.opening(index) is not None and not space.can_fire(index)
-    ]
+    for index, item in enumerate(space.table.transitions):
+        if space.opening(index) is not None and not space.can_fire(index):
+            reason = f"the debounce of {item.debounce_ticks} ms cannot be over {_in_time(space, index)}"
+            yield about(item, Severity.ERROR, reason, "shorten the debounce, or let the time-out come later")
 
 
-def shadowed_exit(case: CheckCase) -> list[Finding]:
+@rule
+def shadowed_exit(case: CheckCase) -> Iterator[Finding]:
     """An exit never wins, because exits listed earlier are due whenever it is."""
     space = signal_space(case)
-    findings = []
     for index, item in enumerate(space.table.transitions):
         before = [other for other in space.exits(item.source) if _is_due_before(space, other, index)]
         possible = item.is_time_out or space.opening(index) is not None
         if before and possible and not _wins_somewhere(space, index, before):
             names = ", ".join(label(space.transition(other)) for other in before)
             reason = f"{label(item)} never wins: {names} is due whenever it is, and comes first"
-            findings.append(
-                about(item, "shadowed_exit", Severity.WARNING, reason, "list it earlier, or take it out")
-            )
-    return findings
+            yield about(item, Severity.WARNING, reason, "list it earlier, or take it out")
 
 
 def _is_due_before(space: SignalSpace, other: int, index: int) -> bool:
@@ -130,10 +109,10 @@ def _wins_somewhere(space: SignalSpace, index: int, before: list[int]) -> bool:
     return all(open_behind(group) for group in [quick, *slow])
 
 
-def threshold_beyond_limits(case: CheckCase) -> list[Finding]:
+@rule
+def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
     """A threshold lies outside what its signal can measure: the condition is always or never true."""
     space = signal_space(case)
-    findings = []
     for item in space.table.transitions:
         for atom in dict.fromkeys(atoms(item.guard)):
             if not isinstance(atom, Comparison):
@@ -146,8 +125,7 @@ def threshold_beyond_limits(case: CheckCase) -> list[Finding]:
             truth = "always" if (atom.threshold <= low) == (atom.operator == ">") else "never"
             reason = f"{atom} is {truth} true: the left side lies in {low:.4g} … {high:.4g}"
             suggestion = "move the threshold inside the range, or take the condition out"
-            findings.append(about(item, "threshold_beyond_limits", Severity.WARNING, reason, suggestion))
-    return findings
+            yield about(item, Severity.WARNING, reason, suggestion)
 
 
 def _range_of(space: SignalSpace, item: Transition, atom: Comparison) -> tuple[float, float]:
@@ -164,18 +142,16 @@ def _range_of(space: SignalSpace, item: Transition, atom: Comparison) -> tuple[f
     return (0.0, 0.0) if atom.minus == atom.signal else (low - most, high - least)
 
 
-def redundant_condition(case: CheckCase) -> list[Finding]:
+@rule
+def redundant_condition(case: CheckCase) -> Iterator[Finding]:
     """A condition follows from those beside it, or opens nothing that they do not open."""
     space = signal_space(case)
-    findings = []
     for index, item in enumerate(space.table.transitions):
         for group in _groups(item.guard):
             says = "is true whenever" if isinstance(group, AllOf) else "is true only when"
             for member, rest in _superfluous(space, index, group):
                 reason = f"{member} {says} {type(group)(guards=rest)} is, so it decides nothing"
-                suggestion = "take it out, or correct its threshold"
-                findings.append(about(item, "redundant_condition", Severity.WARNING, reason, suggestion))
-    return findings
+                yield about(item, Severity.WARNING, reason, "take it out, or correct its threshold")
 
 
 def _groups(guard: Guard) -> Iterator[AllOf | AnyOf]:
@@ -215,23 +191,22 @@ def _superfluous(
             yield member, tuple(rest)
 
 
-def cascade(case: CheckCase) -> list[Finding]:
+@rule
+def cascade(case: CheckCase) -> Iterator[Finding]:
     """A phase can be entered with one of its exits already open.
 
     A warning if the phase is left in its first tick; a note if a debounce or a minimum duration holds it for
     a while, or if it is entered by a time-out, at which the signals may be anything.
     """
     space = signal_space(case)
-    findings = []
     for into, item in enumerate(space.table.transitions):
         for out in space.exits(item.target):
             after = space.transition(out)
             if not after.is_time_out and (after.time_out_ticks or 0) <= 1:
-                findings += _straight_through(space, into, out)
-    return findings
+                yield from _straight_through(space, into, out)
 
 
-def _straight_through(space: SignalSpace, into: int, out: int) -> list[Finding]:
+def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Finding]:
     """The finding, with signals at which the entry also wins where there are any."""
     entry, leave = space.transition(into), space.transition(out)
     earlier = [
@@ -254,22 +229,18 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> list[Finding]:
     if point is None and shut:
         wins, point = False, next(space.find(both, times, holds), None)
     if point is None:
-        return []
+        return
     stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
     at_once = stay <= 1 and not entry.is_time_out and wins
     held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
     rival = "; an exit listed earlier would win then, unless its own debounce or time holds it"
-    return [
-        about(
-            leave,
-            "cascade",
-            Severity.WARNING if at_once else Severity.NOTE,
-            f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: "
-            f"{held}{'' if wins else rival}",
-            "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms",
-            space.counterexample(point),
-        )
-    ]
+    reason = (
+        f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: "
+        f"{held}{'' if wins else rival}"
+    )
+    suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
+    severity = Severity.WARNING if at_once else Severity.NOTE
+    yield about(leave, severity, reason, suggestion, counterexample=space.counterexample(point))
 
 
 def _lasting(space: SignalSpace) -> Callable[[PhaseMembership], bool] | None:
@@ -277,18 +248,17 @@ def _lasting(space: SignalSpace) -> Callable[[PhaseMembership], bool] | None:
     return (lambda item: False) if isinstance(space.table, ModeTable) else None
 
 
-def hysteresis(case: CheckCase) -> list[Finding]:
+@rule
+def hysteresis(case: CheckCase) -> Iterator[Finding]:
     """Noise can undo a switch: the way back opens within it, without a debounce or a minimum duration."""
     space = signal_space(case)
-    findings = []
     for there, back in itertools.product(range(len(space.table.transitions)), repeat=2):
         first, second = space.transition(there), space.transition(back)
         there_and_back = (first.source, first.target) == (second.target, second.source)
         stay = max(space.table.phases[second.source].minimum_ticks, second.time_out_ticks or 0)
         held = first.is_time_out or second.debounce_ticks > 1 or stay > 1
         if there_and_back and not held:
-            findings += _undone(space, there, back)
-    return findings
+            yield from _undone(space, there, back)
 
 
 def _noisy(name: str) -> str:
@@ -296,7 +266,7 @@ def _noisy(name: str) -> str:
     return ENTRY_TIME if name == TIME else name if name.endswith(TIME) else _NOISY + name
 
 
-def _undone(space: SignalSpace, there: int, back: int) -> list[Finding]:
+def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
     first, second = space.transition(there), space.transition(back)
     compared = [atom for atom in atoms(second.guard) if isinstance(atom, Comparison)]
     read = dict.fromkeys(name for atom in compared for name in (atom.signal, atom.minus or atom.signal))
@@ -318,18 +288,13 @@ def _undone(space: SignalSpace, there: int, back: int) -> list[Finding]:
     times = {TIME: space.window(there), ENTRY_TIME: _ENTRY}
     point = next(space.find(requirements, times, holds, beside=noise), None)
     if point is None:
-        return []
-    return [
-        about(
-            second,
-            "hysteresis",
-            Severity.WARNING,
-            f"{label(second)} can undo {label(first)} in the next tick: noise of {ANGLE.noise:g}°, "
-            f"{VELOCITY.noise:g} deg/s or {LOAD.noise:g} of body weight is enough",
-            "part the thresholds by more than the noise, or give the way back a debounce_ms",
-            space.counterexample(point),
-        )
-    ]
+        return
+    reason = (
+        f"{label(second)} can undo {label(first)} in the next tick: noise of {ANGLE.noise:g}°, "
+        f"{VELOCITY.noise:g} deg/s or {LOAD.noise:g} of body weight is enough"
+    )
+    suggestion = "part the thresholds by more than the noise, or give the way back a debounce_ms"
+    yield about(second, Severity.WARNING, reason, suggestion, counterexample=space.counterexample(point))
 
 
 RULES = (

@@ -1,14 +1,15 @@
 """What a check finds, what it looks at, and warnings that a table lives with.
 
-A rule is a function that takes a :class:`CheckCase` and returns its findings, one for each place. Its name
-is the id of all its findings, the first line of its docstring says what is found, and its module lists it in
-``RULES``.
+A rule is a function under :func:`rule` that takes a :class:`CheckCase` and gives its findings, one for each
+place. Its name is the id of all its findings, the first line of its docstring says what is found, and its
+module lists it in ``RULES``.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar
 
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, StateTable, Transition, Waiver
@@ -23,11 +24,10 @@ class Severity(StrEnum):
     NOTE = "note"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Finding:
     """One finding of a check."""
 
-    rule: str  # id of the rule, for example ``ambiguity``
     severity: Severity  # how bad it is
     reason: str  # what is wrong, in one sentence with numbers and units
     suggestion: str  # the way out, in one sentence
@@ -37,6 +37,7 @@ class Finding:
     # signals by name in the units of the table that show it, if there is such a point
     counterexample: Mapping[str, float | str] = field(default_factory=dict)
     waived: str = ""  # reason that the table gives for living with it; empty if it does not
+    rule: str = ""  # id of the rule, for example ``ambiguity``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +73,28 @@ class CheckCase:
 
 
 Rule = Callable[[CheckCase], list[Finding]]
+_T = TypeVar("_T")
+
+
+def once(work: Callable[[CheckCase], _T]) -> Callable[[CheckCase], _T]:
+    """Work something out once for all rules of a case."""
+
+    @wraps(work)
+    def found(case: CheckCase) -> _T:
+        kept: _T = case.once(work, lambda: work(case))
+        return kept
+
+    return found
+
+
+def rule(find: Callable[[CheckCase], Iterator[Finding]]) -> Rule:
+    """Make a rule of a function, whose name its findings bear."""
+
+    @wraps(find)
+    def found(case: CheckCase) -> list[Finding]:
+        return [replace(finding, rule=find.__name__) for finding in find(case)]
+
+    return found
 
 
 def label(transition: Transition) -> str:
@@ -79,37 +102,20 @@ def label(transition: Transition) -> str:
     return f"{transition.source} → {transition.target} ({transition.cause})"
 
 
-def about(
-    item: Transition,
-    rule: str,
-    severity: Severity,
-    reason: str,
-    suggestion: str,
-    counterexample: Mapping[str, float | str] | None = None,
-) -> Finding:
+def about(item: Transition, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
     """A finding about a transition."""
-    return Finding(
-        rule=rule,
-        severity=severity,
-        reason=reason,
-        suggestion=suggestion,
-        phase=item.source,
-        transition=label(item),
-        counterexample=counterexample or {},
-    )
+    return Finding(severity, reason, suggestion, phase=item.source, transition=label(item), **more)
 
 
 def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
     """The table waives a rule that does not exist."""
+    suggestion = "correct the id under waive; twin-gait check --rules lists them"
     return [
         Finding(
-            rule="unknown_rule",
-            severity=Severity.ERROR,
-            reason=f"the table waives {waiver.rule!r}, which is no rule",
-            suggestion="correct the id under waive; twin-gait check --rules lists them",
+            Severity.ERROR, f"the table waives {name!r}, which is no rule", suggestion, rule="unknown_rule"
         )
-        for waiver in case.table.waivers
-        if waiver.rule not in rules
+        for name in (waiver.rule for waiver in case.table.waivers)
+        if name not in rules
     ]
 
 
@@ -123,15 +129,10 @@ def unused_waiver(case: CheckCase, findings: Sequence[Finding], rules: Collectio
         why = "nothing that it matches was found"
         if matching:
             why = f"only warnings can be waived, and it matches {matching[0].severity}s"
-        result.append(
-            Finding(
-                rule="unused_waiver",
-                severity=Severity.NOTE,
-                phase=waiver.phase,
-                reason=f"the waiver of {waiver.rule} has no effect: {why}",
-                suggestion="take it out of the table, or correct its phase or transition",
-            )
-        )
+        reason = f"the waiver of {waiver.rule} has no effect: {why}"
+        suggestion = "take it out of the table, or correct its phase or transition"
+        note = Finding(Severity.NOTE, reason, suggestion, phase=waiver.phase, rule="unused_waiver")
+        result.append(note)
     return result
 
 

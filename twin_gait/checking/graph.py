@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, label
+from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
 from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
 from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.modes import ModeTable
@@ -34,24 +34,20 @@ def path(transitions: Sequence[Transition], start: str, goal: str | None = None)
     return before
 
 
-def unreachable_phase(case: CheckCase) -> list[Finding]:
+@rule
+def unreachable_phase(case: CheckCase) -> Iterator[Finding]:
     """No chain of transitions that can fire reaches a phase."""
     first = case.table.phase_names[0]
     reached = {found for start in (first, *case.table.entered) for found in path(firing(case), start)}
-    return [
-        Finding(
-            rule="unreachable_phase",
-            severity=Severity.ERROR,
-            phase=phase,
-            reason=f"no chain of transitions that can fire leads from {first} to {phase}",
-            suggestion="add or correct a transition into it, or take the phase out",
-        )
-        for phase in case.table.phases
-        if phase not in reached
-    ]
+    suggestion = "add or correct a transition into it, or take the phase out"
+    for phase in case.table.phases:
+        if phase not in reached:
+            reason = f"no chain of transitions that can fire leads from {first} to {phase}"
+            yield Finding(Severity.ERROR, reason, suggestion, phase=phase)
 
 
-def trap(case: CheckCase) -> list[Finding]:
+@rule
+def trap(case: CheckCase) -> Iterator[Finding]:
     """A phase, or a group of phases, can be entered and never left."""
     table = case.table
     transitions = firing(case)
@@ -61,36 +57,24 @@ def trap(case: CheckCase) -> list[Finding]:
     groups = {tuple(phase for phase in table.phase_names if phase in group) for group in stuck}
     cycles = meant_cycles(table) if isinstance(table, GaitTable) else (table.phase_names[:1],)
     meant = [*cycles, *((phase,) for phase in table.entered)]  # which are left from outside
-    return [
-        Finding(
-            rule="trap",
-            severity=Severity.ERROR,
-            phase=names[0],
-            reason=f"{', '.join(names)} can be entered but not left",
-            suggestion="add a transition that leads back, or declare it under cycles if it is meant",
-        )
-        for names in sorted(groups, key=lambda names: table.phase_names.index(names[0]))
-        if len(table.phases) > 1 and not any(set(group) <= set(names) for group in meant)
-    ]
+    suggestion = "add a transition that leads back, or declare it under cycles if it is meant"
+    for names in sorted(groups, key=lambda names: table.phase_names.index(names[0])):
+        if len(table.phases) > 1 and not any(set(group) <= set(names) for group in meant):
+            reason = f"{', '.join(names)} can be entered but not left"
+            yield Finding(Severity.ERROR, reason, suggestion, phase=names[0])
 
 
-def missing_time_out(case: CheckCase) -> list[Finding]:
+@rule
+def missing_time_out(case: CheckCase) -> Iterator[Finding]:
     """A phase has no time-out: if its exits stay shut, the leg stays in it for ever."""
-    leaving = {
-        phase: [item for item in case.table.transitions if item.source == phase]
-        for phase in case.table.phases
-    }
-    return [
-        Finding(
-            rule="missing_time_out",
-            severity=Severity.WARNING,
-            phase=phase,
-            reason=f"{phase} has no time-out: if none of its exits opens, the leg stays in it for ever",
-            suggestion=f"add a transition from {phase} with after_s alone, or waive it if the leg is to wait",
-        )
-        for phase, items in leaving.items()
-        if items and not any(item.is_time_out for item in items)
-    ]
+    for phase in case.table.phases:
+        items = [item for item in case.table.transitions if item.source == phase]
+        if items and not any(item.is_time_out for item in items):
+            reason = f"{phase} has no time-out: if none of its exits opens, the leg stays in it for ever"
+            suggestion = (
+                f"add a transition from {phase} with after_s alone, or waive it if the leg is to wait"
+            )
+            yield Finding(Severity.WARNING, reason, suggestion, phase=phase)
 
 
 def meant_cycles(table: GaitTable) -> tuple[tuple[str, ...], ...]:
@@ -102,7 +86,8 @@ def _edges(cycle: Sequence[str]) -> Iterator[Pair]:
     return zip(cycle, (*cycle[1:], cycle[0]), strict=True)
 
 
-def undeclared_cycle(case: CheckCase) -> list[Finding]:
+@rule
+def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
     """Phases can be passed in a cycle that is not meant, or a declared cycle lacks a transition.
 
     Meant are the ``cycles`` of the table; without them its phases in their order.
@@ -110,34 +95,20 @@ def undeclared_cycle(case: CheckCase) -> list[Finding]:
     table = case.gait
     transitions = firing(case)
     listed = {(item.source, item.target) for item in transitions}
-    findings = [
-        Finding(
-            rule="undeclared_cycle",
-            severity=Severity.ERROR,
-            phase=source,
-            reason=f"the declared cycle {' → '.join(cycle)} lacks a transition from {source} to {target}",
-            suggestion="add the transition, or correct the cycle under cycles",
-        )
-        for cycle in table.cycles
-        for source, target in _edges(cycle)
-        if (source, target) not in listed
-    ]
+    for cycle in table.cycles:
+        for source, target in _edges(cycle):
+            if (source, target) not in listed:
+                named = " → ".join(cycle)
+                reason = f"the declared cycle {named} lacks a transition from {source} to {target}"
+                suggestion = "add the transition, or correct the cycle under cycles"
+                yield Finding(Severity.ERROR, reason, suggestion, phase=source)
     meant = {edge for cycle in meant_cycles(table) for edge in _edges(cycle)}
     for item in transitions:
         before = path(transitions, item.target, item.source)
-        if (item.source, item.target) in meant or item.source not in before:
-            continue
-        findings.append(
-            Finding(
-                rule="undeclared_cycle",
-                severity=Severity.ERROR,
-                phase=item.source,
-                transition=label(item),
-                reason=f"the cycle {_chain(item, before)} is not one that is meant",
-                suggestion="take the transition out, or declare the cycle under cycles",
-            )
-        )
-    return findings
+        if (item.source, item.target) not in meant and item.source in before:
+            reason = f"the cycle {_chain(item, before)} is not one that is meant"
+            suggestion = "take the transition out, or declare the cycle under cycles"
+            yield about(item, Severity.ERROR, reason, suggestion)
 
 
 def _chain(closing: Transition, before: dict[str, str | None]) -> str:
@@ -251,13 +222,14 @@ def _sorted(pair: Pair) -> Pair:
     return min(pair), max(pair)
 
 
+@once
 def two_legs(case: CheckCase) -> TwoLegs:
     """The pairs of phases of a case, searched once for all rules."""
-    legs: TwoLegs = case.once(TwoLegs, lambda: TwoLegs(case))
-    return legs
+    return TwoLegs(case)
 
 
-def both_in_swing(case: CheckCase) -> list[Finding]:
+@rule
+def both_in_swing(case: CheckCase) -> Iterator[Finding]:
     """Both legs can be in swing at once under free signals.
 
     An error if the experiment has two legs or a guard reads the other leg; a warning if the table knows
@@ -265,16 +237,11 @@ def both_in_swing(case: CheckCase) -> list[Finding]:
     there is nothing to look for. A finding for each transition out of stance that can begin it.
     """
     if not case.has_other_leg:
-        return []
+        return
     if not any(map(case.gait.is_swing, case.table.phases)):
-        return [
-            Finding(
-                rule="both_in_swing",
-                severity=Severity.NOTE,
-                reason="no phase is swing by its name, so whether both legs can swing at once is not known",
-                suggestion="let the names of the phases of swing contain the word",
-            )
-        ]
+        reason = "no phase is swing by its name, so whether both legs can swing at once is not known"
+        yield Finding(Severity.NOTE, reason, "let the names of the phases of swing contain the word")
+        return
     legs = two_legs(case)
     lifting = [
         index
@@ -282,7 +249,7 @@ def both_in_swing(case: CheckCase) -> list[Finding]:
         if not case.gait.is_swing(item.source) and case.gait.is_swing(item.target)
     ]
     steps = (legs.lifts_in_swing(index) or legs.lifts_together(index, lifting) for index in lifting)
-    return [_both_lifted(case, step) for step in steps if step is not None]
+    yield from (_both_lifted(case, step) for step in steps if step is not None)
 
 
 def _both_lifted(case: CheckCase, step: Step) -> Finding:
@@ -291,62 +258,44 @@ def _both_lifted(case: CheckCase, step: Step) -> Finding:
     sure = case.experiment is not None or any(OTHER in str(item.guard) for item in case.table.transitions)
     names = " and ".join(dict.fromkeys(label(item) for item in taken))
     together = " in the same tick" if len(taken) > 1 else ""
-    return Finding(
-        rule="both_in_swing",
-        severity=Severity.ERROR if sure else Severity.WARNING,
-        phase=own,
-        transition=label(taken[0]),
-        reason=f"with one leg in {own} and the other in {other}, {names} can bring both into swing{together}",
-        suggestion="add other.phase in [phases of stance] to it, and let one leg be ahead",
-        counterexample=step.counterexample,
-    )
+    severity = Severity.ERROR if sure else Severity.WARNING
+    reason = f"with one leg in {own} and the other in {other}, {names} can bring both into swing{together}"
+    suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
+    return about(taken[0], severity, reason, suggestion, counterexample=step.counterexample)
 
 
-def deadlock(case: CheckCase) -> list[Finding]:
+@rule
+def deadlock(case: CheckCase) -> Iterator[Finding]:
     """Two legs can reach a pair of phases in which neither can ever go on, whatever is measured.
 
     Out of postures a supervisor may send both.
     """
     if not case.has_other_leg or len(case.table.phases) == 1:
-        return []
+        return
     legs = two_legs(case)
-    return [
-        Finding(
-            rule="deadlock",
-            severity=Severity.ERROR,
-            phase=first,
-            reason=f"with one leg in {first} and the other in {second} no signals ever let either go on",
-            suggestion=f"let {first} or {second} be left in this case too, or give one a time-out",
-        )
-        for first, second in legs.entered
-        if not {first, second} <= set(case.gait.postures)
-        and not any(
+    for first, second in legs.entered:
+        goes_on = any(
             legs.can_leave(index, other) is not None
             for own, other in ((first, second), (second, first))
             for index in legs.space.exits(own)
         )
-    ]
+        if not goes_on and not {first, second} <= set(case.gait.postures):
+            reason = f"with one leg in {first} and the other in {second} no signals ever let either go on"
+            suggestion = f"let {first} or {second} be left in this case too, or give one a time-out"
+            yield Finding(Severity.ERROR, reason, suggestion, phase=first)
 
 
-def unanswered_request(case: CheckCase) -> list[Finding]:
+@rule
+def unanswered_request(case: CheckCase) -> Iterator[Finding]:
     """No mode ever answers a request."""
     table = case.table
-    if not isinstance(table, ModeTable):
-        return []
-    answering = {
-        request: [item for mode in table.phase_names for item in table.answers(mode, request)]
-        for request in table.requests
-    }
-    return [
-        Finding(
-            rule="unanswered_request",
-            severity=Severity.WARNING,
-            reason=f"no transition that can fire answers the request {request}",
-            suggestion="add a transition that does, or take the request out",
-        )
-        for request, items in answering.items()
-        if not any(item in firing(case) for item in items)
-    ]
+    assert isinstance(table, ModeTable)  # a rule of theirs
+    for request in table.requests:
+        answers = [item for mode in table.phase_names for item in table.answers(mode, request)]
+        if not any(item in firing(case) for item in answers):
+            reason = f"no transition that can fire answers the request {request}"
+            suggestion = "add a transition that does, or take the request out"
+            yield Finding(Severity.WARNING, reason, suggestion)
 
 
 RULES = (unreachable_phase, trap, missing_time_out, undeclared_cycle, both_in_swing, deadlock)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase
+from twin_gait.checking.finding import CheckCase, once
 from twin_gait.checking.linear_loop import LinearLoop, leg_motion
 from twin_gait.core import friction as core
 from twin_gait.core.actuator import current_to_torque
@@ -165,13 +165,10 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
     return np.array(columns).T
 
 
+@once
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
     """Legs with numbers of their own: one where both sides have the same; none without an experiment."""
-    experiment = case.experiment
-    if experiment is None:
-        return []
-    legs: list[HangingLeg] = case.once(hanging_legs, lambda: _hanging_legs(experiment))
-    return legs
+    return [] if case.experiment is None else _hanging_legs(case.experiment)
 
 
 def _hanging_legs(experiment: Experiment) -> list[HangingLeg]:

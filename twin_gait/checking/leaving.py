@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity
+from twin_gait.checking.finding import CheckCase, Finding, Severity, once, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
@@ -80,15 +80,10 @@ def _some_exit_opens(
     return False
 
 
+@once
 def _leavings(case: CheckCase) -> list[_Leaving]:
-    """Worst way out of every phase, found once for both rules."""
-    found: list[_Leaving] = case.once(_Leaving, lambda: [*_each_leaving(case)])
-    return found
-
-
-def _each_leaving(case: CheckCase) -> Iterator[_Leaving]:
     """Worst way out of every phase with guarded exits; not of a stance that is declared to end by contact."""
-    space = signal_space(case)
+    space, found = signal_space(case), []
     for leg in hanging_legs(case):
         for phase in leg.phases:
             exits = _guarded_exits(space, phase)
@@ -96,7 +91,8 @@ def _each_leaving(case: CheckCase) -> Iterator[_Leaving]:
             if not exits or (declared and in_contact(leg, phase)):
                 continue
             rest, way = min(ways_out(space, leg, phase), key=lambda found: found[1])
-            yield _Leaving(leg, phase, rest, way)
+            found.append(_Leaving(leg, phase, rest, way))
+    return found
 
 
 def _is_driven_by_contact(space: SignalSpace, leg: HangingLeg, index: int) -> bool:
@@ -105,7 +101,8 @@ def _is_driven_by_contact(space: SignalSpace, leg: HangingLeg, index: int) -> bo
     return grounded and space.transition(index).driven_by is DrivenBy.CONTACT
 
 
-def cannot_leave(case: CheckCase) -> list[Finding]:
+@rule
+def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     """The leg comes to rest in a phase, or friction stops it, before any exit but the time-out opens.
 
     The static balance of the joints: spring with its torque, current and angle limits, gravity and its
@@ -113,51 +110,45 @@ def cannot_leave(case: CheckCase) -> list[Finding]:
     a belt the foot carries the leg and belt and other leg move the hip, so the finding is a warning there,
     and none if an exit of the phase is declared ``driven_by: contact``.
     """
-    findings = []
-    for leg, phase, rest, way in _leavings(case):
-        stance = in_contact(leg, phase)
-        if way is Way.AT_REST or (way is Way.IN_MOTION and not stance):
-            continue
-        findings.append(
-            Finding(
-                rule="cannot_leave",
-                severity=Severity.WARNING if stance else Severity.ERROR,
-                phase=phase,
-                side=leg.shown_side,
-                reason=(
-                    f"by its motors the leg stops at {_posture(leg, rest)}, where {_causes(case, phase)} "
-                    f"is not open{'' if stance else ', nor was it on the way'}; {_remains(case, phase)}"
-                ),
-                suggestion=(
+    for found in _leavings(case):
+        leg, phase, rest, way = found
+        if way is Way.NONE or (way is Way.IN_MOTION and in_contact(leg, phase)):
+            before = (
+                f"by its motors the leg stops at {_posture(leg, rest)}, where {_causes(case, phase)} is not"
+            )
+            if in_contact(leg, phase):
+                reason = f"{before} open; {_remains(case, phase)}"
+                suggestion = (
                     "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
                     "equilibrium beyond the threshold"
-                    if stance
-                    else "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
-                ),
-                counterexample=_middle(leg, rest),
-            )
-        )
-    return findings
+                )
+                yield _left(found, Severity.WARNING, reason, suggestion)
+            else:
+                reason = f"{before} open, nor was it on the way; {_remains(case, phase)}"
+                suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
+                yield _left(found, Severity.ERROR, reason, suggestion)
 
 
-def leaves_in_motion_only(case: CheckCase) -> list[Finding]:
+@rule
+def leaves_in_motion_only(case: CheckCase) -> Iterator[Finding]:
     """The exits of a swing open only on the way: once the leg rests, only the time-out is left."""
-    return [
-        Finding(
-            rule="leaves_in_motion_only",
-            severity=Severity.WARNING,
-            phase=phase,
-            side=leg.shown_side,
-            reason=(
+    for found in _leavings(case):
+        leg, phase, rest, way = found
+        if way is Way.IN_MOTION and not in_contact(leg, phase):
+            reason = (
                 f"{_causes(case, phase)} can open on the way only: once the leg rests at "
                 f"{_posture(leg, rest)}, {_remains(case, phase)}"
-            ),
-            suggestion="move the equilibrium beyond the thresholds of one exit, or keep an early time-out",
-            counterexample=_middle(leg, rest),
-        )
-        for leg, phase, rest, way in _leavings(case)
-        if way is Way.IN_MOTION and not in_contact(leg, phase)
-    ]
+            )
+            suggestion = "move the equilibrium beyond the thresholds of one exit, or keep an early time-out"
+            yield _left(found, Severity.WARNING, reason, suggestion)
+
+
+def _left(found: _Leaving, severity: Severity, reason: str, suggestion: str) -> Finding:
+    """A finding with the posture in which the leg rests."""
+    leg, phase, rest, _ = found
+    pairs = zip(leg.joints, rest.middle.tolist(), strict=True)
+    middle = {ANGLE.of(joint): round(math.degrees(angle), 2) for joint, angle in pairs}
+    return Finding(severity, reason, suggestion, phase=phase, side=leg.shown_side, counterexample=middle)
 
 
 def _causes(case: CheckCase, phase: str) -> str:
@@ -175,11 +166,6 @@ def _posture(leg: HangingLeg, rest: Rest) -> str:
     low, high = np.degrees(rest.corners.min(axis=0)), np.degrees(rest.corners.max(axis=0))
     parts = zip(leg.joints, low.tolist(), high.tolist(), strict=True)
     return ", ".join(f"{joint} {least:.1f} … {most:.1f}°" for joint, least, most in parts)
-
-
-def _middle(leg: HangingLeg, rest: Rest) -> dict[str, float | str]:
-    pairs = zip(leg.joints, rest.middle.tolist(), strict=True)
-    return {ANGLE.of(joint): round(math.degrees(angle), 2) for joint, angle in pairs}
 
 
 RULES = (cannot_leave, leaves_in_motion_only)

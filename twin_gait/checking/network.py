@@ -1,11 +1,11 @@
 """Whether the CAN bus carries what the central unit and the boards tell each other."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import NamedTuple
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity
-from twin_gait.checking.response_time import CyclicFrame, bus_load, response_times
+from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.core.can_frame import most_frame_bits
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
@@ -15,6 +15,66 @@ from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import BIT_RATES, BOARDS, NetworkParameters
 from twin_gait.simulation.bus_ranges import values_out_of_range
 from twin_gait.simulation.problem import build_problem
+
+
+class CyclicFrame(NamedTuple):
+    """A frame as the analysis sees it."""
+
+    transmission: int  # longest time on the wire C, interframe space included
+    period: int  # shortest time T between two of its events
+    jitter: int = 0  # longest time J from an event until the frame is queued
+
+
+def bus_load(frames: Sequence[CyclicFrame]) -> Fraction:
+    r"""Share of its time in which the bus is in use at most, :math:`\sum C_m / T_m`."""
+    return sum((Fraction(frame.transmission, frame.period) for frame in frames), Fraction(0))
+
+
+def response_times(frames: Sequence[CyclicFrame], bit: int) -> list[int | None]:
+    r"""Longest times from an event to the end of its frame.
+
+    With :math:`B_m` the longest transmission of a lower priority, over the instances
+    :math:`q = 0 \dots Q_m - 1` of the busy period :math:`t_m`:
+
+    .. math::
+
+        t_m &= B_m + \sum_{k \le m} \left\lceil \frac{t_m + J_k}{T_k} \right\rceil C_k, \qquad
+        Q_m = \left\lceil \frac{t_m + J_m}{T_m} \right\rceil
+
+        w_m(q) &= B_m + q\,C_m + \sum_{k < m} \left\lceil \frac{w_m + J_k + \tau_{bit}}{T_k} \right\rceil C_k
+
+        R_m &= \max_q\; J_m + w_m(q) - q\,T_m + C_m
+
+    ``frames``: the highest priority first. ``bit``: length :math:`\tau_{bit}` of a bit, within which nodes
+    begin at the same time. Returns :math:`R_m` of each frame; None where frames of its priority and above
+    fill the bus.
+    """
+    return [_response_time(frames, number, bit) for number in range(len(frames))]
+
+
+def _response_time(frames: Sequence[CyclicFrame], number: int, bit: int) -> int | None:
+    frame, higher = frames[number], frames[:number]
+    blocking = max((other.transmission for other in frames[number + 1 :]), default=0)
+    if bus_load(frames[: number + 1]) >= 1:
+        return None
+    busy = _settled(frame.transmission, blocking, [*higher, frame], 0)
+    instances = -(-(busy + frame.jitter) // frame.period)
+    longest, waiting = 0, 0
+    for instance in range(instances):
+        waiting = _settled(waiting, blocking + instance * frame.transmission, higher, bit)
+        longest = max(longest, frame.jitter + waiting - instance * frame.period + frame.transmission)
+    return longest
+
+
+def _settled(start: int, constant: int, frames: Sequence[CyclicFrame], bit: int) -> int:
+    """The least fixed point above a start of what frames with a constant take."""
+    time, longer = start, -1
+    while time != longer:
+        longer = time
+        time = constant + sum(
+            -(-(longer + item.jitter + bit) // item.period) * item.transmission for item in frames
+        )
+    return time
 
 
 class Traffic(NamedTuple):
@@ -53,7 +113,8 @@ def _messages(experiment: Experiment, network: NetworkParameters) -> list[Messag
     return cyclic_messages(load_messages(network.dbc), boards)
 
 
-def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
+@rule
+def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     """The bus is asked for more than it carries, or a frame may arrive after the next one is due.
 
     A note on load and response times where it carries all. The bounds are those of Davis, Burns, Bril and
@@ -61,11 +122,10 @@ def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
     """
     network = None if case.experiment is None else case.experiment.network
     if network is None or case.experiment is None:
-        return []
+        return
     traffic, messages = traffic_of(case.experiment), _messages(case.experiment, network)
     severity, reason = _judged(network, traffic, len(messages))
-    suggestion = "" if severity is Severity.NOTE else _way_out(network, messages)
-    return [Finding(rule="traffic_on_the_bus", severity=severity, reason=reason, suggestion=suggestion)]
+    yield Finding(severity, reason, "" if severity is Severity.NOTE else _way_out(network, messages))
 
 
 def _judged(network: NetworkParameters, traffic: Traffic, frames: int) -> tuple[Severity, str]:
@@ -101,17 +161,15 @@ def _way_out(network: NetworkParameters, messages: Sequence[Message]) -> str:
     return ", or ".join(ways) or "lower network.jitter_us"
 
 
-def values_on_the_bus(case: CheckCase) -> list[Finding]:
+@rule
+def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     """A value of the experiment is outside the range of the signal that carries it, and would be cut."""
     if case.experiment is None or case.experiment.network is None:
-        return []
+        return
     messages = load_messages(case.experiment.network.dbc)
-    return [
-        Finding(rule="values_on_the_bus", severity=Severity.ERROR, reason=reason, suggestion=way_out)
-        for reason, _, way_out in (
-            line.partition("; ") for line in values_out_of_range(build_problem(case.experiment), messages)
-        )
-    ]
+    for line in values_out_of_range(build_problem(case.experiment), messages):
+        reason, _, way_out = line.partition("; ")
+        yield Finding(Severity.ERROR, reason, way_out)
 
 
 RULES = (traffic_on_the_bus, values_on_the_bus)

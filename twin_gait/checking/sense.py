@@ -1,10 +1,10 @@
 """Numbers outside what others have published or measured."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity
+from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.checking.hanging_leg import hanging_legs
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.core.impedance import damping_ratio_of
@@ -20,6 +20,7 @@ class PublishedRange(NamedTuple):
     source: str
 
 
+_DEGREE = math.pi / 180.0
 # Chapter 4 of the thesis on TWIN's hip and knee: the loop with 0.20 to 0.60 was usable, 0.35 the best.
 GAIN_JOINTS = (JointName.HIP, JointName.KNEE)
 GAIN_RANGE = PublishedRange(0.20, 0.60, "the thesis on TWIN's joints, chapter 4")
@@ -33,13 +34,9 @@ DAMPING_RATIO_RANGE = PublishedRange(0.4, 0.8, "Ogata, Modern Control Engineerin
 # Ankle, found in the tables of prostheses: from the swing of the Open-Source Leg, 7.9 Nm/rad, to the
 # stance of Sup et al. (2009); the swings of Sup et al., 0.3 to 0.7 Nm/deg, lie inside.
 STIFFNESS_RANGES: Mapping[str, PublishedRange] = {
-    JointName.HIP: PublishedRange(
-        math.radians(16.0), math.radians(231.0), "Winter 1991, Fukuchi et al. 2018"
-    ),
-    JointName.KNEE: PublishedRange(
-        0.0, math.radians(359.0), "Winter 1991, Fukuchi et al. 2018, Sup et al. 2009"
-    ),
-    JointName.ANKLE: PublishedRange(math.radians(7.9), 5.0, "Open-Source Leg, Sup et al. 2009"),
+    JointName.HIP: PublishedRange(16.0 * _DEGREE, 231.0 * _DEGREE, "Winter 1991, Fukuchi et al. 2018"),
+    JointName.KNEE: PublishedRange(0.0, 359.0 * _DEGREE, "Winter 1991, Fukuchi et al. 2018, Sup et al. 2009"),
+    JointName.ANKLE: PublishedRange(7.9 * _DEGREE, 5.0, "Open-Source Leg, Sup et al. 2009"),
 }
 
 
@@ -47,26 +44,15 @@ STIFFNESS_RANGES: Mapping[str, PublishedRange] = {
 _Look = Callable[[Side | None, str, str, JointImpedance], str]
 
 
-def _find(case: CheckCase, rule: str, suggestion: str, look: _Look) -> list[Finding]:
+def _find(case: CheckCase, suggestion: str, look: _Look) -> Iterator[Finding]:
     """One warning for each phase, with what was seen of all its joints."""
-    findings = []
     common: list[tuple[Side | None, Mapping[str, PhaseParameters]]] = [(None, case.gait.phases)]
     for side, phases in [*common, *case.gait.side_phases.items()]:
         for phase, parameters in phases.items():
             said = [look(side, phase, name, joint) for name, joint in parameters.joints.items()]
             seen = [text for text in said if text]
             if seen:
-                findings.append(
-                    Finding(
-                        rule=rule,
-                        severity=Severity.WARNING,
-                        phase=phase,
-                        side=side,
-                        reason="; ".join(seen),
-                        suggestion=suggestion,
-                    )
-                )
-    return findings
+                yield Finding(Severity.WARNING, "; ".join(seen), suggestion, phase=phase, side=side)
 
 
 def _out_of(what: str, value: float | None, published: PublishedRange | None, unit: str = "") -> str:
@@ -77,22 +63,23 @@ def _out_of(what: str, value: float | None, published: PublishedRange | None, un
     return f"{what} {value:.2f}{unit} is outside {least:.2f} … {most:.2f}{unit} ({source})"
 
 
-def unusual_gain(case: CheckCase) -> list[Finding]:
+@rule
+def unusual_gain(case: CheckCase) -> Iterator[Finding]:
     """A friction compensation gain lies outside 0.20 to 0.60, what was usable on the bench.
 
     The range is that of TWIN's hip and knee; for other joints and devices there is no published one.
     """
-    if case.experiment is None:
-        return []
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         published = GAIN_RANGE if name in GAIN_JOINTS else None
         return _out_of(f"{name} G", joint.friction_compensation_gain, published)
 
-    return _find(case, "unusual_gain", "take a gain from 0.20 to 0.60", look)
+    if case.experiment is not None:
+        yield from _find(case, "take a gain from 0.20 to 0.60", look)
 
 
-def equilibrium_beyond_limits(case: CheckCase) -> list[Finding]:
+@rule
+def equilibrium_beyond_limits(case: CheckCase) -> Iterator[Finding]:
     """An equilibrium angle lies outside the limits of its joint: the spring presses it into the stop."""
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
@@ -101,20 +88,22 @@ def equilibrium_beyond_limits(case: CheckCase) -> list[Finding]:
         outside = f"{name} θ0 {angle:.1f}° is outside {low:.1f} … {high:.1f}°, the joint's limits"
         return "" if low <= angle <= high else outside
 
-    return _find(case, "equilibrium_beyond_limits", "move the equilibrium inside the limits", look)
+    return _find(case, "move the equilibrium inside the limits", look)
 
 
-def unusual_stiffness(case: CheckCase) -> list[Finding]:
+@rule
+def unusual_stiffness(case: CheckCase) -> Iterator[Finding]:
     """A stiffness lies outside the published ranges of its joint."""
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         return _out_of(f"{name} k", math.radians(joint.stiffness), STIFFNESS_RANGES.get(name), " Nm/deg")
 
     suggestion = "compare with the source; a drive with more friction and inertia needs more stiffness"
-    return _find(case, "unusual_stiffness", suggestion, look)
+    return _find(case, suggestion, look)
 
 
-def unusual_damping_ratio(case: CheckCase) -> list[Finding]:
+@rule
+def unusual_damping_ratio(case: CheckCase) -> Iterator[Finding]:
     """A damping ratio, given or resulting from b, lies outside 0.4 to 0.8.
 
     Where the table gives b, ζ = b / (2 √(k I)) takes the inertia of the leg in the air; without a leg model
@@ -127,25 +116,22 @@ def unusual_damping_ratio(case: CheckCase) -> list[Finding]:
         ratio = resolved.get((side, phase, name)) if ratio is None else ratio
         return _out_of(f"{name} ζ", ratio, DAMPING_RATIO_RANGE)
 
-    return _find(case, "unusual_damping_ratio", "take a damping ratio from 0.4 to 0.8", look)
+    return _find(case, "take a damping ratio from 0.4 to 0.8", look)
 
 
 def _resolved_ratios(case: CheckCase) -> dict[tuple[Side | None, str, str], float]:
     """Damping ratio of every phase and joint with a spring, for both sides and for each of its own."""
     ratios: dict[tuple[Side | None, str, str], float] = {}
     for leg in hanging_legs(case):
+        side = leg.shown_side
         for phase, name in enumerate(leg.phases):
-            inertia = leg.mass(leg.column(EQUILIBRIUM)[phase]).diagonal()
-            for joint, k, b, mass in zip(
-                leg.joints, leg.column(STIFFNESS)[phase], leg.column(DAMPING)[phase], inertia, strict=True
-            ):
+            inertia = leg.mass(leg.column(EQUILIBRIUM)[phase]).diagonal().tolist()
+            columns = (leg.column(which)[phase].tolist() for which in (STIFFNESS, DAMPING))
+            for joint, k, b, mass in zip(leg.joints, *columns, inertia, strict=True):
                 if k > 0.0:
-                    ratio = damping_ratio_of(float(b), float(k), float(mass))
-                    ratios[(leg.shown_side, name, joint)] = ratio
-                    if leg.shown_side is not None and name not in case.gait.side_phases.get(
-                        leg.shown_side, {}
-                    ):
-                        ratios[(None, name, joint)] = ratio
+                    ratio = ratios[side, name, joint] = damping_ratio_of(b, k, mass)
+                    if side is not None and name not in case.gait.side_phases.get(side, {}):
+                        ratios[None, name, joint] = ratio
     return ratios
 
 

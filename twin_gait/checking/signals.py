@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from twin_gait.checking.finding import CheckCase
+from twin_gait.checking.finding import CheckCase, once
 from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
@@ -245,10 +245,10 @@ def _others(case: CheckCase) -> tuple[str | None, ...]:
     return case.table.members if case.has_other_leg else (None,)
 
 
+@once
 def signal_space(case: CheckCase) -> SignalSpace:
     """The signals of a case, laid out once for all rules."""
-    space: SignalSpace = case.once(SignalSpace, lambda: SignalSpace(case))
-    return space
+    return SignalSpace(case)
 
 
 def _names(atom: Guard) -> tuple[str, ...]:

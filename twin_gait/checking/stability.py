@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity
+from twin_gait.checking.finding import CheckCase, Finding, Severity, once, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.linear_loop import (
     LinearLoop,
@@ -57,37 +57,32 @@ class _Phase:
         """Whether a small motion does not die away."""
         return max(self.radii) > 1.0 + NEUTRAL
 
-    def finding(self, rule: str, severity: Severity, reason: str, suggestion: str) -> Finding:
+    def finding(self, severity: Severity, reason: str, suggestion: str) -> Finding:
         """A finding about the phase."""
-        side = self.leg.shown_side
-        return Finding(
-            rule=rule, severity=severity, phase=self.name, side=side, reason=reason, suggestion=suggestion
-        )
+        return Finding(severity, reason, suggestion, phase=self.name, side=self.leg.shown_side)
 
 
+@once
 def _phases(case: CheckCase) -> list[_Phase]:
-    phases: list[_Phase] = case.once(_phases, lambda: [*_each_phase(case)])
-    return phases
-
-
-def _each_phase(case: CheckCase) -> Iterator[_Phase]:
-    for leg in hanging_legs(case):
-        for index, name in enumerate(leg.phases):
-            yield _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
+    return [
+        _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
+        for leg in hanging_legs(case)
+        for index, name in enumerate(leg.phases)
+    ]
 
 
 def _about(velocity: float) -> str:
     return f"±{velocity:g} rad/s" if velocity else "rest"
 
 
-def unstable(case: CheckCase) -> list[Finding]:
+@rule
+def unstable(case: CheckCase) -> Iterator[Finding]:
     """The sampled loop of the joints is unstable in a phase: its spectral radius is above 1.
 
     That of the closed-loop transition matrix, at rest or at ±1 rad/s. The leg is in the air with its pelvis
     held, at the equilibrium angles of the phase and under the plant's stated friction; ground and belt are
     not in it.
     """
-    findings = []
     for phase in filter(lambda phase: phase.is_unstable, _phases(case)):
         worst = int(np.argmax(phase.radii))
         radius = phase.radii[worst]
@@ -95,14 +90,12 @@ def unstable(case: CheckCase) -> list[Finding]:
             f"a small motion about {_about(VELOCITIES[worst])} is amplified by {radius - 1.0:.1%} in every "
             f"{1e3 * phase.loops[0].frame:g} ms (spectral radius {radius:.4f})"
         )
-        suggestion = f"stay below the largest {_margins(phase)}"
-        findings.append(phase.finding("unstable", Severity.ERROR, reason, suggestion))
-    return findings
+        yield phase.finding(Severity.ERROR, reason, f"stay below the largest {_margins(phase)}")
 
 
-def effective_damping(case: CheckCase) -> list[Finding]:
+@rule
+def effective_damping(case: CheckCase) -> Iterator[Finding]:
     """A phase oscillates: damping ratio below 0.5 with delays and friction compensation counted in."""
-    findings = []
     for phase in _phases(case):
         worst = int(np.argmin(phase.ratios))
         if phase.is_unstable or phase.ratios[worst] >= LEAST_DAMPING_RATIO:
@@ -112,13 +105,12 @@ def effective_damping(case: CheckCase) -> list[Finding]:
             f"about {_about(VELOCITIES[worst])}, below {LEAST_DAMPING_RATIO:g}"
         )
         suggestion = "raise the damping, or lower the friction compensation gain"
-        findings.append(phase.finding("effective_damping", Severity.WARNING, reason, suggestion))
-    return findings
+        yield phase.finding(Severity.WARNING, reason, suggestion)
 
 
-def stability_margin(case: CheckCase) -> list[Finding]:
+@rule
+def stability_margin(case: CheckCase) -> Iterator[Finding]:
     """Distance of a stable phase from instability: spectral radius, largest b and G of each joint."""
-    findings = []
     for phase in _phases(case):
         if not phase.is_unstable:
             reason = (
@@ -126,8 +118,7 @@ def stability_margin(case: CheckCase) -> list[Finding]:
                 f"the loop is unstable beyond {_margins(phase)}"
             )
             suggestion = "keep these distances when you change k, b or G"
-            findings.append(phase.finding("stability_margin", Severity.NOTE, reason, suggestion))
-    return findings
+            yield phase.finding(Severity.NOTE, reason, suggestion)
 
 
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:

@@ -1,11 +1,12 @@
 """What a phase asks of the motors: a jump at the switch, and stiffness that the limits cannot serve."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, label
+from twin_gait.checking.finding import CheckCase, Finding, Severity, about, rule
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
 from twin_gait.checking.postures import Postures, command_at_rest, first_rests, postures
 from twin_gait.checking.signals import signal_space
@@ -80,7 +81,8 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) ->
     return jumps
 
 
-def torque_jump(case: CheckCase) -> list[Finding]:
+@rule
+def torque_jump(case: CheckCase) -> Iterator[Finding]:
     """A switch changes the commanded torque by more than the limit, or too much of it in one tick.
 
     Over the postures of the guard that lie on the way through the phase that is left. A warning if the whole
@@ -88,7 +90,6 @@ def torque_jump(case: CheckCase) -> list[Finding]:
     quarter of the limit; an error if a single step exceeds the limit.
     """
     space = signal_space(case)
-    findings = []
     for leg in hanging_legs(case):
         for index, item in enumerate(space.table.transitions):
             jumps = [
@@ -97,45 +98,29 @@ def torque_jump(case: CheckCase) -> list[Finding]:
                 if (samples := postures(space, index, leg, rest)) is not None
                 for jump in largest_jumps(leg, item, samples)
             ]
-            findings += _too_large(leg, item, jumps)
-    return findings
+            yield from _too_large(leg, item, jumps)
 
 
-def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
+def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> Iterator[Finding]:
     limits = leg.torque_limits()
     worst = max(jumps, key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint], default=None)
     if worst is None:
-        return []
+        return
     limit = float(limits[worst.joint])
     if worst.whole <= limit and worst.tick <= KNOCK * limit:
-        return []
+        return
     length = _length(leg, leg.problem.table.phase_index(item.target))
-    return [
-        Finding(
-            rule="torque_jump",
-            severity=Severity.ERROR if worst.tick > limit else Severity.WARNING,
-            phase=item.source,
-            transition=label(item),
-            side=leg.shown_side,
-            reason=(
-                f"the commanded {leg.joints[worst.joint]} torque changes by up to {worst.whole:.0f} Nm, with "
-                f"a blend of {1e3 * TICK * length:g} ms by up to {worst.tick:.1f} Nm in a "
-                f"tick; the limit is {limit:.0f} Nm"
-            ),
-            suggestion="bring stiffness and equilibrium of the two phases closer, or blend for longer",
-            counterexample=_posture_of(leg, worst),
-        )
-    ]
-
-
-def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
-    found: dict[str, float | str] = {}
-    for joint, angle, velocity in zip(
-        leg.joints, jump.angles.tolist(), jump.velocities.tolist(), strict=True
-    ):
+    reason = (
+        f"the commanded {leg.joints[worst.joint]} torque changes by up to {worst.whole:.0f} Nm, with a blend "
+        f"of {1e3 * TICK * length:g} ms by up to {worst.tick:.1f} Nm in a tick; the limit is {limit:.0f} Nm"
+    )
+    suggestion = "bring stiffness and equilibrium of the two phases closer, or blend for longer"
+    severity = Severity.ERROR if worst.tick > limit else Severity.WARNING
+    found: dict[str, float] = {}
+    for joint, angle, velocity in zip(leg.joints, worst.angles, worst.velocities, strict=True):
         found[ANGLE.of(joint)] = round(math.degrees(angle), 2)
         found[VELOCITY.of(joint)] = round(math.degrees(velocity), 1)
-    return found
+    yield about(item, severity, reason, suggestion, side=leg.shown_side, counterexample=found)
 
 
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
@@ -164,13 +149,14 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
     return abs(deflection) * math.sqrt(stiffness / inertia) * math.exp(-exponent)
 
 
-def stiffness_not_served(case: CheckCase) -> list[Finding]:
+@rule
+def stiffness_not_served(case: CheckCase) -> Iterator[Finding]:
     """A spring asks for more than the torque or current limit gives, or faster than the voltage allows.
 
     Looked at where the phase is first entered on the way through the one before, with the joints at rest.
     """
     space = signal_space(case)
-    findings = []
+    suggestion = "lower the stiffness, or begin the phase closer to its equilibrium"
     for leg in hanging_legs(case):
         for number, phase in enumerate(leg.phases):
             starts = [rest.start for rest in first_rests(space, leg, phase)]
@@ -181,17 +167,8 @@ def stiffness_not_served(case: CheckCase) -> list[Finding]:
                 if (reason := look(leg, number, joint, starts))
             ]
             if reasons:
-                findings.append(
-                    Finding(
-                        rule="stiffness_not_served",
-                        severity=Severity.WARNING,
-                        phase=phase,
-                        side=leg.shown_side,
-                        reason="; ".join(reasons),
-                        suggestion="lower the stiffness, or begin the phase closer to its equilibrium",
-                    )
-                )
-    return findings
+                text = "; ".join(reasons)
+                yield Finding(Severity.WARNING, text, suggestion, phase=phase, side=leg.shown_side)
 
 
 def _too_much_torque(leg: HangingLeg, phase: int, joint: int, starts: list[np.ndarray]) -> str:

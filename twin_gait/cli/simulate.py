@@ -149,7 +149,7 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     from twin_gait.measures.strides import stride_count
     from twin_gait.report import walk_words
-    from twin_gait.report.network_words import table_of_network
+    from twin_gait.report.walk_words import table_of_network
 
     for side, values in summary["sides"].items():
         found, counted = values.get("strides"), values.get("strides_counted")

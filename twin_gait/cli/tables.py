@@ -141,8 +141,7 @@ def _write_diagrams(table: StateTable, folder: Path, formats: list[str], *, forc
 
 def _writers() -> dict[str, Callable[[StateTable], str]]:
     from twin_gait.gait.documents import transition_table, truth_table
-    from twin_gait.report.diagram_words import state_diagram_mermaid
-    from twin_gait.report.state_diagram import state_diagram_svg
+    from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
 
     return {
         "svg": state_diagram_svg,

@@ -48,8 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     until Ctrl-C; or write the page or a picture of it.
     """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
-    from twin_gait.runs.run_page import page_of
-    from twin_gait.runs.shown_run import read_shown_run
+    from twin_gait.runs.run_page import page_of, read_shown_run
 
     _check(arguments)
     urdfs = [path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS]

@@ -21,7 +21,6 @@ import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -32,7 +31,7 @@ from twin_gait.core.friction import rotational_torque
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
-from twin_gait.export.osim_model import FORMAT, PELVIS, PELVIS_COORDINATES, body_name, osim_text, to_opensim
+from twin_gait.export.osim_model import PELVIS, PELVIS_COORDINATES, body_name, osim_text, render, to_opensim
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.pinocchio import GroundContacts
@@ -44,7 +43,7 @@ from twin_gait.worlds import World
 
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
-SETUP_FILE, FOUND_FILE = "inverse_dynamics.xml", "inverse_dynamics.sto"
+SETUP_FILE = "inverse_dynamics.xml"
 
 
 class ExternalLoad(NamedTuple):
@@ -88,8 +87,8 @@ def export_inverse_dynamics(
     loads = external_loads(run, world, device=device)
     if loads:
         write_storage(folder / FORCES_FILE, {**time, **_load_columns(loads)}, in_degrees=False)
-        write_atomically(folder / LOADS_FILE, _document(_loads_element(loads)))
-    write_atomically(folder / SETUP_FILE, _document(_setup_element(time["time"], bool(loads))))
+        write_atomically(folder / LOADS_FILE, render(LOADS_FILE, loads=loads))
+    write_atomically(folder / SETUP_FILE, render(SETUP_FILE, time=time["time"], loads=loads))
     return [MODEL_FILE, MOTION_FILE, MOMENTS_FILE, *([FORCES_FILE, LOADS_FILE] if loads else []), SETUP_FILE]
 
 
@@ -262,46 +261,3 @@ def _load_columns(loads: list[ExternalLoad]) -> Mapping[str, np.ndarray]:
         for kind, values in (("v", load.force), ("p", load.point), ("torque_", load.torque))
         for column, axis in enumerate("xyz")
     }
-
-
-def _loads_element(loads: list[ExternalLoad]) -> ElementTree.Element:
-    element = ElementTree.Element("ExternalLoads", name="externalloads")
-    objects = ElementTree.SubElement(element, "objects")
-    for load in loads:
-        entry = ElementTree.SubElement(objects, "ExternalForce", name=load.name)
-        for key, text in (
-            ("applied_to_body", load.body),
-            ("force_expressed_in_body", "ground"),
-            ("point_expressed_in_body", "ground"),
-            ("force_identifier", f"{load.name}_v"),
-            ("point_identifier", f"{load.name}_p"),
-            ("torque_identifier", f"{load.name}_torque_"),
-        ):
-            ElementTree.SubElement(entry, key).text = text
-    ElementTree.SubElement(element, "datafile").text = FORCES_FILE
-    return element
-
-
-def _setup_element(time: np.ndarray, loaded: bool) -> ElementTree.Element:
-    element = ElementTree.Element("InverseDynamicsTool", name="twin_gait")
-    for key, text in (
-        ("results_directory", "."),
-        ("model_file", MODEL_FILE),
-        ("time_range", f"{float(time[0])!r} {float(time[-1])!r}"),
-        ("forces_to_exclude", "Muscles"),
-        ("external_loads_file", LOADS_FILE if loaded else ""),
-        ("coordinates_file", MOTION_FILE),
-        ("lowpass_cutoff_frequency_for_coordinates", "-1"),
-        ("output_gen_force_file", FOUND_FILE),
-    ):
-        ElementTree.SubElement(element, key).text = text
-    return element
-
-
-def _document(element: ElementTree.Element) -> str:
-    document = ElementTree.Element("OpenSimDocument", Version=FORMAT)
-    document.append(element)
-    ElementTree.indent(document)
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(document, encoding="unicode") + "\n"
-    )

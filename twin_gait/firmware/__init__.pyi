@@ -5,10 +5,8 @@ from .cross import build_image as build_image
 from .cross import build_objects as build_objects
 from .cross import find_tool as find_tool
 from .cross import sizes as sizes
-from .cross import symbols as symbols
 from .emulator import Emulator as Emulator
 from .emulator import HostUnit as HostUnit
-from .library import Library as Library
 from .printer import Program as Program
 from .printer import TranslationUnit as TranslationUnit
 from .printer import print_units as print_units

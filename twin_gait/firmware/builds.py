@@ -1,19 +1,101 @@
-"""What the builds of an experiment's firmware give for the vectors of its runs."""
+"""What builds of an experiment's firmware give for the vectors of its runs, and in a loop with the plant."""
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
+from twin_gait.core.safety import NO_TRIP
+from twin_gait.experiment import Experiment
 from twin_gait.firmware.cross import build_host, build_image, build_objects, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
 from twin_gait.firmware.linked import converted
-from twin_gait.firmware.processor import walk_with
 from twin_gait.firmware.project import Project
-from twin_gait.firmware.vectors import Vectors
+from twin_gait.firmware.vectors import Vectors, drive_pairs, keep, sensor_pairs, without_bus
+from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
+from twin_gait.simulation.engine import run_in_chunks
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import run_of
+
+
+class Exchanging(Protocol):
+    """A unit of :class:`~twin_gait.firmware.emulator.UnitProcess`, or one like it."""
+
+    def exchange(self, inputs: np.ndarray) -> np.ndarray:
+        """Run one tick."""
+        ...
+
+
+def walk_with(
+    unit: Exchanging,
+    project: Project,
+    experiment: Experiment,
+    progress: Callable[[int, int], None] | None = None,
+    on_compile: Callable[[], None] | None = None,
+    *,
+    double: bool = False,
+) -> Run:
+    """Run an experiment with a unit as its controller.
+
+    The log has the plant and the unit's commands; velocities are as the boards of the simulation estimate
+    them from the same encoders.
+
+    ``unit``: at tick 0. ``project``: that it was built from. ``experiment``: run without its bus.
+    ``progress``: called now and then with ticks done and ticks in all. ``on_compile``: called if the plant
+    has to be compiled first. ``double``: whether the unit was built with double numbers, as no Cortex-M4F is.
+    Raises FirmwareError: the unit does not answer, or a fault is one of the controller itself.
+    """
+    problem = build_problem(without_bus(experiment))
+    engine = CompiledEngine(problem, on_compile=on_compile)
+    plant = loop_of(engine.pattern, on_compile, run_part)
+    rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
+    engine.episode["recording"]["log"] = rows.ctypes.data
+    record, address = engine.parts[0], engine.parts[0].ctypes.data
+    inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
+    drives, sensors = drive_pairs(record, inputs), sensor_pairs(record, inputs)
+
+    def run_tick(tick: int, end: int) -> tuple[int, int]:
+        plant(address, 0, tick)
+        keep([*drives, *sensors], 0)
+        obey(engine, unit.exchange(converted(inputs, given)[0]).view(taken)[0], tick)
+        return end, plant(address, 1, tick)
+
+    began = time.perf_counter()
+    done = run_in_chunks(problem, 1, run_tick, progress, None)[0]
+    return run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
+
+
+def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
+    """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
+    e, decision = engine.episode, answer["decision"]
+    commands, trip, legs = e["joints"]["board"]["command"], e["controller"]["trip"], e["controller"]["legs"]
+    for name in answer["commands"].dtype.names:
+        commands[name] = answer["commands"][name]
+    if "mode" in decision.dtype.names:
+        supervisor = e["controller"]["supervisor"]
+        supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
+    if trip["tick"] < 0:
+        for number in np.flatnonzero(decision["phases"] != legs["phase"]).tolist():
+            _switch(engine, number, decision, tick)
+        if decision["trip_cause"] != NO_TRIP:
+            trip["tick"], trip["cause"], trip["part"] = tick, decision["trip_cause"], decision["trip_part"]
+
+
+def _switch(engine: CompiledEngine, number: int, decision: np.void, tick: int) -> None:
+    """Note that a leg has gone into another phase."""
+    leg, recording = engine.episode["controller"]["legs"][number], engine.episode["recording"]
+    phase = decision["phases"][number]
+    if recording["n_switches"] < recording["most_switches"]:
+        row = (tick, number, leg["phase"], phase, decision["transitions"][number])
+        engine.switches[recording["n_switches"]] = row
+        recording["n_switches"] += 1
+    leg["phase"], leg["entry_tick"] = phase, tick
 
 
 class Bench:

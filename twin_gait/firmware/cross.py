@@ -3,7 +3,7 @@
 import re
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -13,8 +13,6 @@ from twin_gait.exceptions import FirmwareError, MissingToolError
 TARGET = Path(__file__).with_name("target")
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion")
 CORTEX_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
-# A conversion out of range is undefined as well, and not among those of "undefined".
-SANITIZE = ("-g", "-fsanitize=undefined,float-cast-overflow,address", "-fno-sanitize-recover=all")
 INSTALL = "apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
 _PACKAGES = {"gcc": "gcc libc6-dev", "clang": "clang", "cppcheck": "cppcheck"}
 _CAUSE = re.compile("error|undefined reference|overflowed")
@@ -75,15 +73,9 @@ def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
     return path
 
 
-def build_host(
-    unit: Unit, path: Path, *, compiler: str = "gcc", sanitize: bool = False, flags: Sequence[str] = ()
-) -> Path:
-    """Link a unit with the same main loop into a program of this machine, by ``gcc`` or ``clang``.
-
-    ``sanitize``: stop at undefined behaviour and at wrong addresses. ``flags``: more words for the compiler.
-    """
-    checks = SANITIZE if sanitize else ()
-    words = [*FLAGS, *checks, *unit.flags, *flags, *unit.sources, TARGET / "main.c", TARGET / "host.c"]
+def build_host(unit: Unit, path: Path, *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
+    """Link a unit with the same main loop into a program of this machine, by ``gcc`` or ``clang``."""
+    words = [*FLAGS, *unit.flags, *flags, *unit.sources, TARGET / "main.c", TARGET / "host.c"]
     _run(compiler, [*words, "-o", path])
     return path
 
@@ -100,13 +92,6 @@ def sizes(objects: Sequence[Path]) -> Sizes:
     lines = _run("arm-none-eabi-size", objects).splitlines()[1:]
     text, data, bss = (sum(int(line.split()[column]) for line in lines) for column in range(3))
     return Sizes(text + data, data + bss)
-
-
-def symbols(objects: Sequence[Path]) -> Mapping[str, str]:
-    """Names in object files or an image, and ``nm``'s letter for each: ``U`` is wanted from elsewhere."""
-    lines = _run("arm-none-eabi-nm", ["--format=posix", *objects]).splitlines()
-    fields = (line.split() for line in lines)
-    return {words[0]: words[1] for words in fields if len(words) > 1}
 
 
 def _run(tool: str, words: Sequence[object]) -> str:

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 from twin_gait.firmware.kinds import (
     BOOL,
     INT,
-    INT_LIMIT,
-    LARGEST_SINGLE,
     REAL,
     Kind,
     ListKind,
@@ -38,7 +36,6 @@ class ExpressionKinds:
     def __init__(self, functions: Functions, function: Function) -> None:
         """Begin with the arguments."""
         self.functions, self.function, self.source = functions, function, function.source
-        self.assigned = set(function.params)
 
     def fits(self, node: ast.AST, kind: Kind, wanted: Kind) -> None:
         """Refuse a value of a kind that cannot take the place of the one that is wanted."""
@@ -46,7 +43,7 @@ class ExpressionKinds:
         if isinstance(kind, ListKind) and isinstance(wanted, ListKind):
             widened = kind.item == wanted.item
         if kind != wanted and not widened:
-            raise self.source.refused(node, f"is {_named(kind)} where {_named(wanted)} is expected")
+            raise self.source.refused(node, f"is {kind} where {wanted} is expected")
 
     def wrote(self, place: ast.expr) -> None:
         """Note that a record or list is written to, and so all that it is reached through."""
@@ -144,17 +141,12 @@ class ExpressionKinds:
         kind = scalar_of(value)
         if kind is None:
             raise self.source.refused(node, "is no number")
-        if kind is INT and not -INT_LIMIT <= value < INT_LIMIT:
-            raise self.source.refused(node, f"{value} does not fit into 32 bits")
-        if kind is REAL and LARGEST_SINGLE < abs(value) < math.inf:
-            raise self.source.refused(node, f"{value} does not fit into a float")
         return kind
 
     def _name(self, node: ast.Name) -> Kind:
-        if node.id in self.function.params or node.id in self.function.locals:
-            if node.id not in self.assigned:
-                raise self.source.refused(node, "may be read before it is assigned")
-            return self.function.params.get(node.id) or self.function.locals[node.id]
+        known = self.function.params.get(node.id) or self.function.locals.get(node.id)
+        if known is not None:
+            return known
         value = self.functions.sources.found(node.id, self.source.scope)
         if scalar_of(value) is None:
             raise self.source.refused(node, "is no constant number")
@@ -162,10 +154,8 @@ class ExpressionKinds:
         return self._literal(node, value)
 
     def _attribute(self, node: ast.Attribute) -> Kind:
-        if isinstance(node.value, ast.Name) and node.value.id not in {
-            *self.function.params,
-            *self.function.locals,
-        }:
+        own = {*self.function.params, *self.function.locals}
+        if isinstance(node.value, ast.Name) and node.value.id not in own:
             module = self.functions.sources.found(node.value.id, self.source.scope)
             value = constant_in(module, node.attr)
             if value is None:
@@ -265,16 +255,3 @@ def _roots(node: ast.expr, function: Function) -> Iterator[str]:
 def is_floor(node: ast.expr) -> bool:
     """Whether an expression is a call of ``math.floor``."""
     return isinstance(node, ast.Call) and ast.unparse(node.func) == "math.floor"
-
-
-def _named(kind: Kind) -> str:
-    match kind:
-        case Scalar(name=name):
-            return name
-        case RecordKind(record=record):
-            return record.__name__
-        case ListKind(item=item):
-            return f"a list of {_named(item)}"
-        case TupleKind(items=items):
-            return f"{len(items)} numbers"
-    return "nothing"

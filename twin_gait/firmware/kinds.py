@@ -20,6 +20,9 @@ class Scalar:
 
     name: str  # its type in C
 
+    def __str__(self) -> str:
+        return self.name
+
 
 REAL, INT, BOOL = Scalar("real"), Scalar("int32_t"), Scalar("bool")
 SCALARS = {float: REAL, int: INT, bool: BOOL}

@@ -9,6 +9,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
@@ -81,7 +82,7 @@ class Project:
         texts["experiment.yaml"] = dump_yaml(dict(document))
         texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
         supervised = self.problem.experiment.modes is not None
-        texts[VECTORS] = "\n".join(_table(self.joints, vectors, supervised)) + "\n"
+        texts[VECTORS] = _table(self.joints, vectors, supervised)
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
 
@@ -218,27 +219,22 @@ def _messages(experiment: Experiment) -> dict[str, Message]:
         return {}
 
 
-def _table(joints: Sequence[str], vectors: Vectors, supervised: bool) -> Iterator[str]:
+def _table(joints: Sequence[str], vectors: Vectors, supervised: bool) -> str:
     """Vectors as runner.c reads them: a tick in a line, its inputs, then what is expected."""
-    inputs, outputs = vectors.inputs, vectors.outputs
+    boards, around = vectors.inputs["boards"], vectors.inputs["surroundings"]
+    commands, decision = vectors.outputs["commands"], vectors.outputs["decision"]
     read = ("angle", "voltage", "current", "current_deviation")
-    sides = [f"foot_{number}" for number in range(inputs["surroundings"]["loads"].shape[1])]
-    given = [f"{joint}_{name}" for joint in joints for name in read]
-    common = [item.name for item in fields(Device)]
-    yield ",".join(
-        [*given, *(f"{side}_load" for side in sides), "bus_voltage", *common]
-        + ["request"] * supervised
-        + [f"{joint}_{name}" for joint in joints for name in ("torque", "target_current")]
-        + [*(f"{side}_phase" for side in sides), "trip_cause"]
-    )
-    for row, expected in zip(inputs, outputs, strict=True):
-        around, commands = row["surroundings"], expected["commands"]
-        numbers = [item for board in row["boards"] for item in (board[name] for name in read)]
-        numbers += [*around["loads"], around["bus_voltage"], *around["common"].tolist()]
-        numbers += [around["request"]] * supervised
-        numbers += [item for command in commands for item in (command["torque"], command["target_current"])]
-        phases = [*expected["decision"]["phases"], expected["decision"]["trip_cause"]]
-        yield ",".join([*(repr(float(item)) for item in numbers), *(str(int(item)) for item in phases)])
+    columns = {f"{joint}_{name}": boards[name][:, k] for k, joint in enumerate(joints) for name in read}
+    columns |= {f"foot_{side}_load": load for side, load in enumerate(around["loads"].T)}
+    columns["bus_voltage"] = around["bus_voltage"]
+    columns |= {item.name: around["common"][item.name].astype(float) for item in fields(Device)}
+    if supervised:
+        columns["request"] = around["request"].astype(float)
+    for k, joint in enumerate(joints):
+        columns |= {f"{joint}_{name}": commands[name][:, k] for name in ("torque", "target_current")}
+    columns |= {f"foot_{side}_phase": phase for side, phase in enumerate(decision["phases"].T)}
+    table = pd.DataFrame(columns | {"trip_cause": decision["trip_cause"]})
+    return table.to_csv(index=False, lineterminator="\n", na_rep="nan")
 
 
 def _numbered(names: Iterable[str]) -> str:

@@ -4,7 +4,7 @@ import ast
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from twin_gait.firmware.expressions import BINARY, Expressions, Naming
+from twin_gait.firmware.expressions import Expressions, Naming
 from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, TupleKind, type_name
 from twin_gait.firmware.layout import INDENT, comment, identifier, wrapped
@@ -108,8 +108,7 @@ class Printed:
 
     def _assign(self, target: ast.expr, value: ast.expr, fresh: set[str]) -> None:
         if not isinstance(target, ast.Tuple):
-            wanted = self._kind_of(target)
-            self._store(target, self.expressions.value(value, wanted), fresh, value)
+            self._store(target, self.expressions.value(value, self.function.kinds[target]), fresh)
             return
         assert isinstance(value, ast.Call)
         result, called = self._free("result"), self.function.calls[value]
@@ -123,27 +122,14 @@ class Printed:
             if item in kept:
                 self._store(item, f"{result}.{result_name(number)}", fresh)
 
-    def _kind_of(self, target: ast.expr) -> Kind:
-        return self.function.kinds[target]
-
-    def _store(self, target: ast.expr, text: str, fresh: set[str], value: ast.expr | None = None) -> None:
+    def _store(self, target: ast.expr, text: str, fresh: set[str]) -> None:
         if isinstance(target, ast.Name) and target.id in fresh:
             self._emit(f"{self._declaration(target.id, once=True)} = {text};")
             return
         if isinstance(target, ast.Name):
             place = self.expressions.local(target.id)
         else:
-            place = self.expressions.plain(target, self._kind_of(target)).text  # type: ignore[arg-type]
-        left, kind = f"{place} ", self._kind_of(target)
-        if isinstance(value, ast.BinOp) and type(value.op) in BINARY and text.startswith(left):
-            inner = self.expressions.text(value.right, kind)
-            sign, binds = BINARY[type(value.op)]
-            if (
-                text in (f"{left}{sign} {inner.inside(b)}" for b in (binds, binds + 1, 12))
-                and kind is not BOOL
-            ):
-                self._emit(f"{place} {sign}= {inner.text};")
-                return
+            place = self.expressions.plain(target, self.function.kinds[target]).text  # type: ignore[arg-type]
         self._emit(f"{place} = {text};")
 
     def _condition(self, node: ast.If, word: str) -> None:
@@ -215,14 +201,9 @@ class Printed:
 
     def _is_steady(self, node: ast.expr, body: Sequence[ast.stmt]) -> bool:
         inside = [item for statement in body for item in ast.walk(statement)]
-        stored = {
-            item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)
-        }
-        fields = {
-            item.attr
-            for item in inside
-            if isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store)
-        }
+        stores = [item for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)]
+        stored = {item.id for item in stores if isinstance(item, ast.Name)}
+        fields = {item.attr for item in stores if isinstance(item, ast.Attribute)}
         calls = any(item in self.function.calls and self.function.calls[item].writes for item in inside)
         for item in ast.walk(node):
             if isinstance(item, ast.Name) and item.id in stored:

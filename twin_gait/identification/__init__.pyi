@@ -2,8 +2,6 @@ from .bench import BenchSetup as BenchSetup
 from .bench import CurrentSource as CurrentSource
 from .bench import Processing as Processing
 from .bench import ProcessingOptions as ProcessingOptions
-from .bootstrap import Uncertainty as Uncertainty
-from .bootstrap import uncertainty as uncertainty
 from .columns import LogColumns as LogColumns
 from .columns import Quantity as Quantity
 from .fitting import Fit as Fit
@@ -16,7 +14,7 @@ from .identify import IdentificationOptions as IdentificationOptions
 from .identify import IdentifiedModel as IdentifiedModel
 from .identify import identify_logs as identify_logs
 from .identify import identify_tests as identify_tests
-from .models import MODELS as MODELS
+from .laws import MODELS as MODELS
 from .models import find_models as find_models
 from .processing import RATE as RATE
 from .processing import process_log as process_log
@@ -30,4 +28,6 @@ from .signals import moving_average as moving_average
 from .signals import zero_phase as zero_phase
 from .statistics import CrossValidation as CrossValidation
 from .statistics import Goodness as Goodness
+from .statistics import Uncertainty as Uncertainty
 from .statistics import goodness as goodness
+from .statistics import uncertainty as uncertainty

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
 
@@ -24,36 +25,34 @@ class Quantity(StrEnum):
     MASS = "mass"
 
 
-_ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": 2.0 * math.pi}
-_TORQUE_UNITS = {"Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
-_CURRENT_UNITS = {"A": 1.0, "mA": 1e-3}
-# Factor to SI by the way a unit is written.
-UNITS: Mapping[Quantity, Mapping[str, float]] = {
-    Quantity.TIME: {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
-    Quantity.ANGLE: _ANGLE_UNITS,
-    Quantity.VELOCITY: {
-        **{f"{name}/s": factor for name, factor in _ANGLE_UNITS.items()},
-        "rpm": 2.0 * math.pi / 60.0,
-        "rev/s": 2.0 * math.pi,
-    },
-    Quantity.FRICTION_TORQUE: _TORQUE_UNITS,
-    Quantity.LOAD_TORQUE: _TORQUE_UNITS,
-    Quantity.TARGET_CURRENT: _CURRENT_UNITS,
-    Quantity.MEASURED_CURRENT: _CURRENT_UNITS,
-    Quantity.TEMPERATURE: {"degC": 1.0, "°C": 1.0, "C": 1.0},
-    Quantity.MASS: {"kg": 1.0, "g": 1e-3},
-}
-# Names without their unit, lower case, best first.
-KNOWN_NAMES: Mapping[Quantity, tuple[str, ...]] = {
-    Quantity.TIME: ("time", "t", "timestamp"),
-    Quantity.ANGLE: ("position", "angle", "theta", "q"),
-    Quantity.VELOCITY: ("velocity", "omega", "speed", "dq", "qd"),
-    Quantity.FRICTION_TORQUE: ("friction_torque", "torque_friction", "t_fr", "tau_f"),
-    Quantity.LOAD_TORQUE: ("load_torque", "torque_load"),
-    Quantity.TARGET_CURRENT: ("target_current", "current_target"),
-    Quantity.MEASURED_CURRENT: ("measured_current", "current_measured", "current"),
-    Quantity.TEMPERATURE: ("temperature", "temp"),
-    Quantity.MASS: ("mass", "weight"),
+class Kind(NamedTuple):
+    """How a quantity is written."""
+
+    names: tuple[str, ...]  # of its columns without their unit, lower case, best first
+    units: Mapping[str, float]  # factor to SI by the way a unit is written, that of SI first
+    largest: float = math.inf  # beyond this no joint of a robot goes; such a column is in another unit
+
+
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": 2.0 * math.pi}
+_SPEEDS = {**{f"{name}/s": factor for name, factor in _ANGLES.items()}, "rpm": 2.0 * math.pi / 60.0}
+_TORQUES = {"Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+_CURRENTS = {"A": 1.0, "mA": 1e-3}
+KINDS: Mapping[Quantity, Kind] = {
+    Quantity.TIME: Kind(
+        ("time", "t", "timestamp"), {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}
+    ),
+    Quantity.ANGLE: Kind(("position", "angle", "theta", "q"), _ANGLES, 60.0),
+    Quantity.VELOCITY: Kind(
+        ("velocity", "omega", "speed", "dq", "qd"), {**_SPEEDS, "rev/s": 2.0 * math.pi}, 60.0
+    ),
+    Quantity.FRICTION_TORQUE: Kind(
+        ("friction_torque", "torque_friction", "t_fr", "tau_f"), _TORQUES, 2_000.0
+    ),
+    Quantity.LOAD_TORQUE: Kind(("load_torque", "torque_load"), _TORQUES, 5_000.0),
+    Quantity.TARGET_CURRENT: Kind(("target_current", "current_target"), _CURRENTS, 200.0),
+    Quantity.MEASURED_CURRENT: Kind(("measured_current", "current_measured", "current"), _CURRENTS, 200.0),
+    Quantity.TEMPERATURE: Kind(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
+    Quantity.MASS: Kind(("mass", "weight"), {"kg": 1.0, "g": 1e-3}, 200.0),
 }
 
 LISTED = 12  # columns that a message names
@@ -67,7 +66,7 @@ def _split_unit(column: str, quantity: Quantity) -> tuple[str, str | None]:
     bracketed = _BRACKETED.match(text)
     if bracketed:
         return bracketed["name"], known_unit(bracketed["unit"], quantity)
-    for unit in sorted(UNITS[quantity], key=len, reverse=True):
+    for unit in sorted(KINDS[quantity].units, key=len, reverse=True):
         ending = "_" + unit.replace("/", "_per_")
         if text.endswith(ending):
             return text[: -len(ending)], unit
@@ -89,15 +88,15 @@ def known_unit(text: str, quantity: Quantity) -> str | None:
     """A unit in the way it is written here, or None if it is none of the quantity."""
     wanted = text.strip().replace(" ", "").replace("·", "").replace("_per_", "/")
     wanted = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}.get(wanted, wanted)
-    return wanted if wanted in UNITS[quantity] else None
+    return wanted if wanted in KINDS[quantity].units else None
 
 
 def _factor_of(unit: str, quantity: Quantity) -> float:
     """Factor from a unit to SI."""
-    known = known_unit(unit, quantity)
+    known, units = known_unit(unit, quantity), KINDS[quantity].units
     if known is None:
-        raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {', '.join(UNITS[quantity])}")
-    return UNITS[quantity][known]
+        raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {', '.join(units)}")
+    return units[known]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,11 +113,9 @@ class LogColumns:
             _factor_of(unit, quantity)
 
 
-def places_of(
-    path: Path, names: tuple[str, ...], columns: LogColumns
-) -> dict[Quantity, tuple[int, float, str | None]]:
-    """Position, sign and unit of the column of each quantity."""
-    places: dict[Quantity, tuple[int, float, str | None]] = {}
+def places_of(path: Path, names: tuple[str, ...], columns: LogColumns) -> dict[Quantity, tuple[int, float]]:
+    """Position of the column of each quantity, and the factor to SI with the sign."""
+    places: dict[Quantity, tuple[int, float]] = {}
     for quantity in Quantity:
         asked = columns.names.get(quantity)
         if asked is not None:
@@ -130,10 +127,10 @@ def places_of(
             if found is None:
                 continue
             place = found
-        twice = next((other for other, (held, _, _) in places.items() if held == place), None)
+        twice = next((other for other, (held, _) in places.items() if held == place), None)
         if twice is not None:
             raise ParameterFileError(path, names[place], f"is given for {twice} and {quantity}")
-        places[quantity] = (place, sign, _unit(path, names[place], quantity, columns))
+        places[quantity] = (place, sign * _factor(path, names[place], quantity, columns))
     return places
 
 
@@ -150,7 +147,7 @@ def _position(path: Path, names: tuple[str, ...], name: str) -> int:
 
 def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
     plain = [_split_unit(name, quantity)[0].strip().lower().replace(" ", "_") for name in names]
-    for known in KNOWN_NAMES[quantity]:
+    for known in KINDS[quantity].names:
         if plain.count(known) == 1:
             place = plain.index(known)
             optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
@@ -158,21 +155,17 @@ def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
     return None
 
 
-def _unit(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> str | None:
-    """Unit of a column: what its name says, else what the user says, else SI."""
-    stated, given = _split_unit(column, quantity)[1], columns.units.get(quantity)
-    strange = _unknown_unit(column, quantity)
+def _factor(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> float:
+    """Factor of a column to SI: by the unit in its name, else by what the user says, else 1."""
+    units, given = KINDS[quantity].units, columns.units.get(quantity)
+    stated, strange = _split_unit(column, quantity)[1], _unknown_unit(column, quantity)
     if strange is not None and given is None:
-        raise ParameterFileError(
-            path,
-            column,
-            f"no unit {strange!r} of {quantity} is known; give one of {', '.join(UNITS[quantity])} with "
-            f"--units {quantity}=…",
-        )
-    if stated is not None and given is not None and _factor_of(given, quantity) != UNITS[quantity][stated]:
-        raise ParameterFileError(
-            path, column, f"is in {stated} by its name; leave --units {quantity}={given} out"
-        )
-    if stated is None and given is not None:
-        return next(name for name, factor in UNITS[quantity].items() if factor == _factor_of(given, quantity))
-    return stated
+        text = f"no unit {strange!r} of {quantity} is known; give one of {', '.join(units)} with --units"
+        raise ParameterFileError(path, column, f"{text} {quantity}=…")
+    factor = 1.0 if given is None else _factor_of(given, quantity)
+    if stated is None:
+        return factor
+    if given is not None and factor != units[stated]:
+        text = f"is in {stated} by its name; leave --units {quantity}={given} out"
+        raise ParameterFileError(path, column, text)
+    return units[stated]

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
-from twin_gait.identification.bootstrap import Uncertainty
 from twin_gait.identification.fitting import Fit
 from twin_gait.identification.models import rarer_direction
 from twin_gait.identification.processing import RATE
 from twin_gait.identification.samples import FrictionTest, Samples
+from twin_gait.identification.statistics import Uncertainty
 
 WIDE = 0.25  # half-width of an interval over the parameter
 CORRELATED = 0.98

@@ -10,7 +10,6 @@ import numpy as np
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.bench import BenchSetup, ProcessingOptions
-from twin_gait.identification.bootstrap import Uncertainty, uncertainty
 from twin_gait.identification.columns import LogColumns
 from twin_gait.identification.diagnostics import (
     drift_warnings,
@@ -25,7 +24,15 @@ from twin_gait.identification.models import find_models, inherited_starts, missi
 from twin_gait.identification.processing import process_log
 from twin_gait.identification.reading import read_log
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests, thinned
-from twin_gait.identification.statistics import CrossValidation, Goodness, cross_validate, folds_of, goodness
+from twin_gait.identification.statistics import (
+    CrossValidation,
+    Goodness,
+    Uncertainty,
+    cross_validate,
+    folds_of,
+    goodness,
+    uncertainty,
+)
 
 Progress = Callable[[int, int], None]
 MOST_SAMPLES = 1_000_000  # of which fits and errors are made; noise of so many moves no digit that is shown

@@ -1,22 +1,49 @@
-"""The laws of the friction models over samples, from linear coefficients ``beta`` and shape ``eta``.
+"""The friction models: their laws over samples, from linear coefficients ``beta`` and shape ``eta``.
 
 Break-away friction is fitted as its excess over Coulomb friction, stiffness and break-away friction of
-bristles as ratios to it, so that each law is linear in its coefficients. The last functions turn them into
-what is reported.
+bristles as ratios to it, so that each law is linear in its coefficients; ``public`` of a model turns them
+into what is reported.
 """
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numba
 import numpy as np
 
 from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
+from twin_gait.identification.friction_model import FrictionModel, Scale, Shape
 from twin_gait.identification.samples import Samples
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiling import ON_BITS
+
+_COULOMB, _VISCOUS = "coulomb_friction_Nm", "viscous_friction_Nms_per_rad"
+_BREAKAWAY, _STRIBECK = "breakaway_torque_Nm", "stribeck_velocity_rad_per_s"
+_TRANSITION, _OFFSET = "transition_velocity_rad_per_s", "offset_Nm"
+_BRISTLE_STIFFNESS, _BRISTLE_DAMPING = "bristle_stiffness_Nm_per_rad", "bristle_damping_Nms_per_rad"
+_BREAKAWAY_VELOCITY = "breakaway_velocity_rad_per_s"
+_STEEPNESS, _RIPPLE = "steepness_s_per_rad", "ripple_per_turn"
+_BOTH_WAYS = "viscous_friction_forward_Nm", "viscous_friction_backward_Nm"
+_EXPONENTS = "stribeck_exponent", "viscous_exponent"
+_PER_LOAD = "coulomb_per_load"
+_PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
+_ROTATIONAL = _BREAKAWAY, _COULOMB, _VISCOUS, _BREAKAWAY_VELOCITY
+_TRANSITION_SHAPE = Shape(low=1e-4, high=1.0, scale=Scale.SPEED)
+_STRIBECK_SHAPE = Shape(low=1e-3, high=10.0, scale=Scale.SPEED)
+_STRIBECK_EXPONENT, _VISCOUS_EXPONENT = Shape(low=0.4, high=10.0), Shape(low=0.1, high=3.0)
+_STEEPNESS_SHAPE = Shape(low=1.0, high=1e4, scale=Scale.SLOWNESS)
+_RIPPLE_SHAPE = Shape(low=1.0, high=60.0, scale=Scale.TURN)
+# σ0/F_c: the inverse of the deflection at which the bristles slide; F_s/F_c.
+_BRISTLE_SHAPE = Shape(low=1e-5, high=1e5, scale=Scale.STIFFNESS)
+_BREAKAWAY_RATIO = Shape(low=0.1, high=10.0, physical_low=1.0)
+# Parameters that are positive and uncertain by a factor: their intervals are those of the logarithm.
+LOGARITHMIC = frozenset(
+    {_STRIBECK, _TRANSITION, *_EXPONENTS, _BREAKAWAY_VELOCITY, _STEEPNESS, _BRISTLE_STIFFNESS, _RIPPLE}
+)
 
 # The laws of the plant, run over arrays: the same functions with NumPy's in place of core's.
 _NUMPY = {
@@ -47,27 +74,87 @@ stribeck_torque = over_arrays(friction_models.stribeck_torque)
 two_velocity_torque = over_arrays(friction_models.two_velocity_torque)
 
 
+def as_fitted(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Reported as they are fitted."""
+    return (*beta, *eta)
+
+
+def breakaway_first(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Coefficients are break-away less Coulomb friction, and Coulomb friction."""
+    return (beta[0] + beta[1], *beta[1:], *eta)
+
+
+def dahl_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Shape is stiffness over Coulomb friction."""
+    return (*beta, eta[0] * beta[0])
+
+
+def lugre_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Shape begins with stiffness and break-away friction over Coulomb friction."""
+    coulomb = beta[0]
+    return (eta[1] * coulomb, *beta, eta[0] * coulomb, *eta[2:])
+
+
+_Law = Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
+MODELS: dict[str, FrictionModel] = {}  # by name, which is that of the law
+
+
+def _model(
+    formula: str,
+    names: tuple[str, ...],
+    coefficients: str,
+    *shape: Shape,
+    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = as_fitted,
+    needs: str = "",
+    **more: Any,
+) -> Callable[[_Law], _Law]:
+    """Make a model of a law; see :class:`FrictionModel`."""
+
+    def add(law: _Law) -> _Law:
+        known = FrictionModel(law.__name__, formula, names, coefficients, shape, law, public, **more)
+        MODELS[law.__name__] = replace(known, needs=frozenset(needs.split()))
+        return law
+
+    return add
+
+
+@_model("F_c sgn ω + F_v ω", (_COULOMB, _VISCOUS), "++")
 def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous."""
     return coulomb_viscous_torque(samples.velocity, *beta)
 
 
+@_model("F_s tanh(k ω) + F_v ω", (_COULOMB, _VISCOUS, _STEEPNESS), "++", _STEEPNESS_SHAPE)
 def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous; shape: steepness."""
     return coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
 
 
+@_model(
+    "[F_c + (F_s − F_c) exp(−|ω/ω_s|^δ)] sgn ω + F_v ω",
+    (_BREAKAWAY, _COULOMB, _VISCOUS, _STRIBECK, _EXPONENTS[0]),
+    "+++", _STRIBECK_SHAPE, _STRIBECK_EXPONENT, public=breakaway_first,
+)  # fmt: skip
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent."""
     return stribeck_torque(samples.velocity, beta[1], beta[0] + beta[1], beta[2], *eta)
 
 
+@_model(
+    "√(2e) (a − b) exp(−(ω/c)²) ω/c + b tanh(10 ω/c) + d ω",
+    _ROTATIONAL, "+++", _STRIBECK_SHAPE, public=breakaway_first,
+)  # fmt: skip
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
     return rotational_friction_torque(samples.velocity, beta[0] + beta[1], beta[1], eta[0], beta[2])
 
 
-def simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model(
+    "√(2e) (T_brk − T_C) exp(−(ω/ω_St)²) ω/ω_St + T_C tanh(ω/ω_Coul) + f ω, "
+    "ω_St = √2 ω_brk, ω_Coul = ω_brk/10",
+    _ROTATIONAL, "+++", _STRIBECK_SHAPE, public=breakaway_first,
+)  # fmt: skip
+def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """As :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity."""
     breakaway, velocities = beta[0] + beta[1], (math.sqrt(2.0) * eta[0], 0.1 * eta[0])
     return two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
@@ -75,68 +162,112 @@ def simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
 
 def _conditioned(
     samples: Samples,
-    coulomb: float,
-    viscous: float,
-    transition: float,
-    per_load: float | None = None,
-    per_temperature: tuple[float, float] | None = None,
+    beta: np.ndarray,
+    eta: np.ndarray,
+    per_load: float = 0.0,
+    per_temperature: tuple[float, float] = (0.0, 0.0),
 ) -> np.ndarray:
     """Coulomb and viscous friction; Coulomb per load, and both per temperature, where that is fitted."""
-    number, (coulomb_warm, viscous_warm) = len(samples), per_temperature or (0.0, 0.0)
-    warm = np.full(number, REFERENCE_TEMPERATURE) if per_temperature is None else _column(samples.temperature)
-    loaded = np.zeros(number) if per_load is None else _column(samples.load)
-    load_share = 0.0 if per_load is None else per_load
+    load, warm = samples.load, samples.temperature
+    load = np.zeros(len(samples)) if load is None else load
+    warm = np.full(len(samples), REFERENCE_TEMPERATURE) if warm is None else warm
+    (coulomb, viscous), (coulomb_warm, viscous_warm) = beta[:2], per_temperature
     return conditioned_torque(
-        samples.velocity, loaded, warm, coulomb, load_share, coulomb_warm, viscous, viscous_warm, transition
+        samples.velocity, load, warm, coulomb, per_load, coulomb_warm, viscous, viscous_warm, eta[0]
     )
 
 
-def load(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model(
+    "(F_c + F_l |T_L|) tanh(ω/ω_t) + F_v ω",
+    (_COULOMB, _VISCOUS, _PER_LOAD, _TRANSITION), "+++", _TRANSITION_SHAPE, needs="load",
+)  # fmt: skip
+def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity."""
-    return _conditioned(samples, beta[0], beta[1], eta[0], beta[2])
+    return _conditioned(samples, beta, eta, beta[2])
 
 
-def temperature(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model(
+    "(F_c + F_T Δϑ) tanh(ω/ω_t) + (F_v + F_vT Δϑ) ω, Δϑ = ϑ − 25 °C",
+    (_COULOMB, _VISCOUS, *_PER_KELVIN, _TRANSITION), "++±±", _TRANSITION_SHAPE, needs="temperature",
+)  # fmt: skip
+def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity."""
-    return _conditioned(samples, beta[0], beta[1], eta[0], per_temperature=(beta[2], beta[3]))
+    return _conditioned(samples, beta, eta, 0.0, (beta[2], beta[3]))
 
 
-def load_temperature(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model(
+    "(F_c + F_l |T_L| + F_T Δϑ) tanh(ω/ω_t) + (F_v + F_vT Δϑ) ω, Δϑ = ϑ − 25 °C",
+    (_COULOMB, _VISCOUS, _PER_LOAD, *_PER_KELVIN, _TRANSITION), "+++±±", _TRANSITION_SHAPE,
+    needs="load temperature",
+)  # fmt: skip
+def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity."""
-    return _conditioned(samples, beta[0], beta[1], eta[0], beta[2], (beta[3], beta[4]))
+    return _conditioned(samples, beta, eta, beta[2], (beta[3], beta[4]))
 
 
+@_model(
+    "T_0 + F_c tanh(ω/ω_t) + F_v± ω",
+    (_COULOMB, *_BOTH_WAYS, _OFFSET, _TRANSITION), "+++±", _TRANSITION_SHAPE, two_way=True,
+)  # fmt: skip
 def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity."""
     coulomb, *viscous, offset = beta
     return asymmetric_torque(samples.velocity, offset, coulomb, coulomb, *viscous, eta[0], 1.0, 1.0, 1.0)
 
 
+@_model(
+    "T_0 + [F_c + (F_s − F_c) exp(−|ω/ω_s|^δ)] tanh(ω/ω_t) + F_v± |ω|^α sgn ω",
+    (_BREAKAWAY, _COULOMB, *_BOTH_WAYS, _OFFSET, _TRANSITION, _STRIBECK, *_EXPONENTS), "++++±",
+    _TRANSITION_SHAPE, _STRIBECK_SHAPE, _STRIBECK_EXPONENT, _VISCOUS_EXPONENT,
+    public=breakaway_first, two_way=True,
+)  # fmt: skip
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind."""
     excess, coulomb, *viscous, offset = beta
     return asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, *viscous, *eta)
 
 
-def ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model(
+    "F_c tanh(ω/ω_t) + F_v ω + T_0 + C cos nθ + S sin nθ",
+    (_COULOMB, _VISCOUS, _OFFSET, "ripple_cosine_Nm", "ripple_sine_Nm", _TRANSITION, _RIPPLE), "++±±±",
+    _TRANSITION_SHAPE, _RIPPLE_SHAPE, needs="angle", two_way=True,
+)  # fmt: skip
+def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, offset, cosine, sine; shape: transition velocity, ripples a turn."""
     coulomb, viscous, offset, cosine, sine = beta
     smooth = coulomb_viscous_tanh_torque(samples.velocity, coulomb, viscous, 1.0 / eta[0])
     return np.asarray(smooth + offset + ripple_torque(_column(samples.angle), cosine, sine, eta[1]))
 
 
+@_model(
+    "σ0 z + F_v ω, ż = ω − σ0 |ω| z / F_c",
+    (_COULOMB, _VISCOUS, _BRISTLE_STIFFNESS), "++", _BRISTLE_SHAPE,
+    public=dahl_reported, needs="period", dynamic=True,
+)  # fmt: skip
 def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous; shape: stiffness over Coulomb."""
     rest = coulomb_viscous_torque(samples.velocity, 0.0, beta[1])
     return _bristles(samples, np.array([eta[0], 1.0, 1.0]), 1.0, (beta[0], 0.0), rest)
 
 
+@_model(
+    "σ0 z + σ1 ż + F_v ω, ż = ω − σ0 |ω| z / g, g = F_c + (F_s − F_c) exp(−(ω/ω_s)²)",
+    (_BREAKAWAY, _COULOMB, _BRISTLE_DAMPING, _VISCOUS, _BRISTLE_STIFFNESS, _STRIBECK), "+++",
+    _BRISTLE_SHAPE, _BREAKAWAY_RATIO, _STRIBECK_SHAPE, public=lugre_reported, needs="period", dynamic=True,
+)  # fmt: skip
 def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity."""
     rest = coulomb_viscous_torque(samples.velocity, 0.0, beta[2])
     return _bristles(samples, eta, 2.0, (beta[0], beta[1]), rest)
 
 
+@_model(
+    "T_0 + σ0 z + σ1 ż + F_v± |ω|^α sgn ω, ż = ω − σ0 |ω| z / g, g = F_c + (F_s − F_c) exp(−|ω/ω_s|^δ)",
+    (_BREAKAWAY, _COULOMB, _BRISTLE_DAMPING, *_BOTH_WAYS, _OFFSET,
+     _BRISTLE_STIFFNESS, _STRIBECK, *_EXPONENTS),
+    "++++±", _BRISTLE_SHAPE, _BREAKAWAY_RATIO, _STRIBECK_SHAPE, _STRIBECK_EXPONENT, _VISCOUS_EXPONENT,
+    public=lugre_reported, needs="period", dynamic=True, two_way=True,
+)  # fmt: skip
 def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """As :func:`lugre`, viscous forward and backward, with an offset; shape: both exponents behind."""
     coulomb, damping, forward, backward, offset = beta
@@ -166,27 +297,6 @@ def _bristles(
 def _column(values: np.ndarray | None) -> np.ndarray:
     assert values is not None  # models that need a column are offered only where it is
     return values
-
-
-def as_fitted(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Reported as they are fitted."""
-    return (*beta, *eta)
-
-
-def breakaway_first(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Coefficients are break-away less Coulomb friction, and Coulomb friction."""
-    return (beta[0] + beta[1], *beta[1:], *eta)
-
-
-def dahl_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Shape is stiffness over Coulomb friction."""
-    return (*beta, eta[0] * beta[0])
-
-
-def lugre_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Shape begins with stiffness and break-away friction over Coulomb friction."""
-    coulomb = beta[0]
-    return (eta[1] * coulomb, *beta, eta[0] * coulomb, *eta[2:])
 
 
 def bristle_deflection(

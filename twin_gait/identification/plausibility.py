@@ -7,7 +7,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.identification.columns import Quantity
+from twin_gait.identification.columns import KINDS, Quantity
 from twin_gait.identification.reading import Log
 from twin_gait.identification.samples import LONGEST_GAP
 
@@ -22,17 +22,6 @@ _USED = {
 }
 _UNUSED = {True: _CURRENTS, False: frozenset({Quantity.LOAD_TORQUE})}
 _MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
-# Beyond these no joint of a robot goes; such a column is in another unit.
-_LARGEST = {
-    Quantity.ANGLE: (60.0, "rad", "deg"),
-    Quantity.VELOCITY: (60.0, "rad/s", "deg/s"),
-    Quantity.FRICTION_TORQUE: (2_000.0, "N m", "mNm"),
-    Quantity.LOAD_TORQUE: (5_000.0, "N m", "mNm"),
-    Quantity.TARGET_CURRENT: (200.0, "A", "mA"),
-    Quantity.MEASURED_CURRENT: (200.0, "A", "mA"),
-    Quantity.TEMPERATURE: (200.0, "°C", "degC"),
-    Quantity.MASS: (200.0, "kg", "g"),
-}
 _SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
 _USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
 
@@ -163,9 +152,8 @@ def _check_marks(log: Log) -> None:
 
 def _beyond(quantity: Quantity, values: np.ndarray) -> str:
     """What is said of values beyond what a joint can do; nothing of others."""
-    largest, unit, other = _LARGEST.get(quantity, (np.inf, "", ""))
-    found = float(np.abs(values).max())
-    if found <= largest:
+    found, (unit, other, *_) = float(np.abs(values).max()), KINDS[quantity].units
+    if found <= KINDS[quantity].largest:
         return ""
     return f"reaches {found:.4g} {unit}: of a joint? Declare its unit, such as --units {quantity}={other}"
 

@@ -13,9 +13,8 @@ import pandas as pd
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import MOST_ROWS, require_table_size
 from twin_gait.identification.columns import (
-    KNOWN_NAMES,
+    KINDS,
     LISTED,
-    UNITS,
     LogColumns,
     Quantity,
     known_unit,
@@ -60,10 +59,8 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     columns = columns or LogColumns()
     layout = _layout(path, set(columns.names.values()))
     places = places_of(path, layout.names, columns)
-    values = _numbers(path, layout, sorted({place for place, _, _ in places.values()}))
-    found: dict[Quantity, np.ndarray] = {}
-    for quantity, (place, sign, unit) in places.items():
-        found[quantity] = values[place] * (sign * UNITS[quantity][unit] if unit else sign)
+    values = _numbers(path, layout, sorted({place for place, _ in places.values()}))
+    found = {quantity: values[place] * factor for quantity, (place, factor) in places.items()}
     if not found or len(values[next(iter(values))]) == 0:
         raise ParameterFileError(path, "", _EMPTY)
     mass = layout.mass if layout.mass is not None else _mass_in(path.name)
@@ -163,7 +160,7 @@ def _is_number(text: str, decimal: str) -> bool:
 def _mass_in_comments(lines: list[str]) -> float | None:
     for line in lines:
         match = _COMMENT.match(line.strip())
-        if match and match[1].lower().split("_")[0].strip() in KNOWN_NAMES[Quantity.MASS]:
+        if match and match[1].lower().split("_")[0].strip() in KINDS[Quantity.MASS].names:
             return float(match[2]) if _is_number(match[2], ".") else None
     return None
 

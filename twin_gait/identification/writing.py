@@ -17,11 +17,11 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.identification import Identification, IdentifiedModel
-from twin_gait.identification.bootstrap import DRAWS, LEVEL
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
-from twin_gait.report.canvas import readable
-from twin_gait.report.pages import figures_page, picture_of
+from twin_gait.identification.statistics import DRAWS, LEVEL
+from twin_gait.report.canvas import picture_bytes, readable
+from twin_gait.report.pages import figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
@@ -77,10 +77,11 @@ def write_identification(
 
 
 def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
-    pictures = {"fits": picture_of(draw_fits(result)), "residuals": picture_of(draw_residuals(result))}
+    figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
+    pictures = {name: picture_bytes(figure) for name, figure in figures.items()}
     (folder / FIGURES_FOLDER).mkdir()
     for name, picture in pictures.items():
-        write_atomically(folder / FIGURES_FOLDER / f"{name}.png", picture.light)
+        write_atomically(folder / FIGURES_FOLDER / f"{name}.png", picture)
     left_out = (f"left out: {run.by} [N m]" for run in result.models[0].validations)
     heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
     rows = [

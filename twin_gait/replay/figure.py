@@ -13,8 +13,15 @@ from matplotlib.transforms import blended_transform_factory
 
 from twin_gait.palette import BLACK, JOINT_COLOURS
 from twin_gait.replay.machine import Replay
-from twin_gait.report.canvas import phase_handles, put_legend, readable, shade_phases, style_panel
-from twin_gait.report.panels import draw_phase_bars, flexion
+from twin_gait.report.canvas import (
+    draw_phase_bars,
+    flexion,
+    phase_handles,
+    put_legend,
+    readable,
+    shade_phases,
+    style_panel,
+)
 from twin_gait.vocabulary import JointName, Side
 
 SHOWN_TICKS = 6000

@@ -1,25 +1,121 @@
-"""What a replay leaves behind: summary, phases, switches and figure in a folder."""
+"""What a replay tells, strides and agreement with recorded phases, and what it leaves behind in a folder."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from twin_gait.files import finite_or_none, write_atomically
-from twin_gait.gait.table import TICK
-from twin_gait.replay.agreement import Agreement, agreement, meant_cycles, stride_phases
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
 from twin_gait.replay.figure import joints_of, replay_figure
 from twin_gait.replay.machine import Replay
 from twin_gait.report.canvas import save
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE
+from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
 from twin_gait.vocabulary import Side
+
+
+class Agreement(NamedTuple):
+    """Replayed against recorded phases of one leg."""
+
+    recorded: tuple[str, ...]  # names of the rows: the phases of the table, then further names of the log
+    replayed: tuple[str, ...]  # names of the columns: the phases of the table
+    confusion: np.ndarray  # ticks in each pair of phases, shape ``(n_recorded, n_replayed)``, integers
+    # for each phase of the table, the time in [s] by which the replay enters it later than the record, for
+    # every recorded entry; NaN for one that the replay has no partner for
+    lags: dict[str, np.ndarray]
+
+    @property
+    def equal_share(self) -> float:
+        """Share of the ticks with equal phases."""
+        return float(np.trace(self.confusion) / self.confusion.sum())
+
+    def phase_share(self, phase: str) -> float:
+        """Share of the ticks recorded in a phase that the replay spends in it too.
+
+        Returned in [0, 1]; NaN if it was not recorded.
+        """
+        index = self.recorded.index(phase)
+        total = self.confusion[index].sum()
+        return float(self.confusion[index, index] / total) if total else float("nan")
+
+
+def agreement(result: Replay) -> dict[Side, Agreement]:
+    """Compare replayed with recorded phases.
+
+    Returns one comparison for each leg whose phases were recorded.
+    """
+    names = result.table.phase_names
+    return {
+        side: _compare(result.phases[side], recorded, names)
+        for side, recorded in result.recording.phases.items()
+    }
+
+
+def _compare(replayed: np.ndarray, recorded: np.ndarray, names: tuple[str, ...]) -> Agreement:
+    further = sorted(set(recorded.tolist()) - set(names))
+    rows = (*names, *further)
+    place = {name: index for index, name in enumerate(rows)}
+    codes = np.array([place[name] for name in recorded.tolist()], dtype=int)
+    confusion = np.zeros((len(rows), len(names)), dtype=int)
+    np.add.at(confusion, (codes, replayed), 1)
+    lags = {
+        # entry_lags counts a phase that begins before the event as positive; a late replay is positive here.
+        name: -entry_lags(_entries(replayed, index), _entries(codes, index), TICK)
+        for index, name in enumerate(names)
+    }
+    return Agreement(rows, names, confusion, lags)
+
+
+def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
+    """Entries into a phase, without the stay that the record begins with."""
+    entries = phase_entries(phases, phase)
+    return entries[entries > 0]
+
+
+class StridePhases(NamedTuple):
+    """Phases of one stride, from an entry into the first phase of the table to the next."""
+
+    start: int  # first tick
+    end: int  # first tick of the next stride
+    phases: tuple[int, ...]  # indices of the phases in order
+
+    @property
+    def duration(self) -> float:
+        """In [s]."""
+        return (self.end - self.start) * TICK
+
+
+def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
+    """Orders of phases that a stride may have."""
+    if not table.cycles:
+        return {tuple(range(len(table.phases)))}
+    first = table.phase_names[0]
+    rotated = [
+        (*cycle[cycle.index(first) :], *cycle[: cycle.index(first)])
+        for cycle in table.cycles
+        if first in cycle
+    ]
+    return {tuple(table.phase_index(phase) for phase in cycle) for cycle in rotated}
+
+
+def stride_phases(phases: np.ndarray) -> list[StridePhases]:
+    """Split a leg's phases into strides. ``phases``: index of the phase at each tick, shape ``(n,)``."""
+    entries = phase_entries(phases, 0)
+    entries = entries[entries > 0]
+    spells = phase_spells(phases)
+    return [
+        StridePhases(int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
+        for start, end in pairwise(entries)
+    ]
+
 
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
@@ -92,7 +188,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     """
     with staged_directory(target, REPLAY, force=force) as staging:
         write_atomically(staging / PHASES_FILE, _phases_csv(result))
-        write_atomically(staging / SWITCHES_FILE, switches_csv(result))
+        write_atomically(staging / SWITCHES_FILE, replayed_switches_csv(result))
         summary = json.dumps(summarise_replay(result), indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(staging / SUMMARY_FILE, f"{summary}\n")
         if pictures:
@@ -103,31 +199,18 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
 def _phases_csv(result: Replay) -> str:
     """Phase of each leg at each tick, as CSV text."""
     names = np.array(result.table.phase_names)
-    time = result.recording.time
-    columns = [names[phases] for phases in result.phases.values()]
-    header = ["tick", "time_s", *(f"{side}_phase" for side in result.phases)]
-    lines = [",".join(header)]
-    lines += [
-        f"{tick},{instant:.3f},{','.join(row)}"
-        for tick, (instant, row) in enumerate(zip(time, zip(*columns, strict=True), strict=True))
-    ]
-    return "\n".join(lines) + "\n"
+    phases = {f"{side}_phase": names[phases] for side, phases in result.phases.items()}
+    time = [f"{instant:.3f}" for instant in result.recording.time]
+    table = pd.DataFrame({"time_s": time, **phases}).rename_axis("tick")
+    return table.to_csv(lineterminator="\n")
 
 
-def switches_csv(result: Replay) -> str:
+def replayed_switches_csv(result: Replay) -> str:
     """Switches with their causes and what was measured then, in the columns of a run's file."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    joints = joints_of(result)
-    measured = [f"{joint}_{name}" for joint in joints for name in ("angle_rad", "velocity_rad_per_s")]
-    writer.writerow(["tick", "time_s", "side", "from", "to", "cause", *measured])
-    for switch in result.switches:
-        values = []
-        for joint in joints:
-            values.append(result.recording.angles[switch.side][joint][switch.tick])
-            values.append(result.velocities[switch.side][joint][switch.tick])
-        instant = result.recording.start + switch.time
-        writer.writerow(
-            [switch.tick, f"{instant:.3f}", *switch[1:5], *(repr(float(value)) for value in values)]
-        )
-    return buffer.getvalue()
+    measured = {"angle_rad": result.recording.angles, "velocity_rad_per_s": result.velocities}
+    return switches_csv(
+        result.switches,
+        joints_of(result),
+        lambda side, joint, name: measured[name][side][joint],
+        result.recording.start,
+    )

@@ -16,9 +16,9 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
-from twin_gait.report.crutch_figure import draw_crutches
 from twin_gait.report.run_figures import (
     draw_angles,
+    draw_crutches,
     draw_currents,
     draw_cycle,
     draw_energy,

@@ -1,4 +1,4 @@
-"""The pictures of a run: angles over cycle and time, torques, currents, feet, portraits, energy.
+"""The pictures of a run: angles over cycle and time, torques, currents, feet, portraits, energy, crutches.
 
 Each takes a run and the width of the figure in inches (one narrower than a screen is for print), and gives
 the figure, or None where it does not apply.
@@ -16,6 +16,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from twin_gait.core.actuator import torque_to_current
+from twin_gait.gait.table import TICK
+from twin_gait.measures.crutches import TRUNK_PITCH
 from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord, wearer_column
@@ -34,17 +36,8 @@ from twin_gait.palette import (
 )
 from twin_gait.report.canvas import (
     SCREEN_WIDTH,
-    colour_of,
-    new_figure,
-    phase_handles,
-    put_legend,
-    put_title,
-    readable,
-    shade_phases,
-    style_panel,
-)
-from twin_gait.report.panels import (
     Window,
+    colour_of,
     draw_cycle_curve,
     draw_over_time,
     draw_phase_bars,
@@ -55,8 +48,14 @@ from twin_gait.report.panels import (
     leg_panels,
     limit_lines,
     mark_events,
+    new_figure,
+    phase_handles,
+    put_legend,
+    readable,
+    shade_phases,
     shown_phases,
     shown_strides,
+    style_panel,
     whole_run,
     window_of,
 )
@@ -103,7 +102,7 @@ def _draw_mean_cycle(axes: Axes, run: Run, record: LegRecord, joint: JointName) 
             axes, np.degrees(reference), **REFERENCE_STYLE, label="healthy, Koopman (2014)"
         )
         title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
-    put_title(axes, title)
+    axes.set_title(title, fontsize="medium")
     return lines
 
 
@@ -302,7 +301,7 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
-    put_legend(figure, [], phase_handles(names, np.concatenate(occurring)), gaps=(2.4, 5.4))
+    put_legend(figure, [], phase_handles(names, np.concatenate(occurring)))
     return figure
 
 
@@ -333,5 +332,34 @@ def draw_energy(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     )
     lower.set_xlabel("time [s]")
     lower.set_xlim(window.time[0], window.time[-1])
+    put_legend(figure, lines)
+    return figure
+
+
+def draw_crutches(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
+    """Draw lean of the trunk, forces on the crutches and work of the arms; None without crutches."""
+    if any(f"{side}_arm_power_W" not in run.log for side in run.sides):
+        return None
+    window = whole_run(run)
+    figure = new_figure(run, "Trunk, crutches and arms", height=8.0, width=width)
+    lean, force, work = figure.subplots(3, 1, sharex=True)
+    degrees = np.degrees(run.log[TRUNK_PITCH].to_numpy()[window.rows])
+    lines: list[Artist] = [*lean.plot(window.time, degrees, color=BLACK, linewidth=1.5, label="trunk")]
+    for side in run.sides:
+        load = run.log[f"{side}_crutch_normal_force_N"].to_numpy()
+        done = TICK * np.cumsum(run.log[f"{side}_arm_power_W"].to_numpy())
+        for axes, values in ((force, load), (work, done)):
+            label = f"{side} arm and crutch"
+            lines += axes.plot(
+                window.time, values[window.rows], color=SIDE_COLOURS[side], linewidth=1.5, label=label
+            )
+    style_panel(lean, "lean of the trunk, forwards positive", "angle [°]")
+    style_panel(force, "force of the ground on the crutch, upwards", "force [N]")
+    style_panel(work, "work of the arm since the start", "work [J]")
+    for axes in (lean, force, work):
+        lines += mark_events(axes, run, window)
+        axes.axhline(0.0, color="0.6", linewidth=0.8)
+    work.set_xlim(window.time[0], window.time[-1])
+    work.set_xlabel("time [s]")
     put_legend(figure, lines)
     return figure

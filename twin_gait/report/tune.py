@@ -13,9 +13,17 @@ from matplotlib.ticker import MaxNLocator
 
 from twin_gait.gait.signals import ANGLE
 from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR, VERMILLION
-from twin_gait.report.canvas import SCREEN_WIDTH, amount, put_legend, readable, style_panel
-from twin_gait.report.pages import paragraphs, picture_of, render
-from twin_gait.report.panels import draw_cycle_curve, flexion
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    amount,
+    draw_cycle_curve,
+    flexion,
+    picture_bytes,
+    put_legend,
+    readable,
+    style_panel,
+)
+from twin_gait.report.pages import paragraphs, render
 from twin_gait.vocabulary import JointName, Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
@@ -38,13 +46,13 @@ Outcome = Mapping[str, Any]
 def page(outcome: Outcome, figures: Mapping[str, Figure]) -> str:
     """The report as one page that needs no other file.
 
-    ``outcome``: content of ``tune.json``; ``figures`` from :func:`draw_figures`; they are dark afterwards.
+    ``outcome``: content of ``tune.json``; ``figures`` from :func:`draw_figures`.
     """
     content = {
         **_content(outcome),
         "title": f"A gait table tuned to {outcome['wearer']}",
         "summary": paragraphs("tune.txt", _content(outcome)),
-        "pictures": {name: picture_of(figure) for name, figure in figures.items()},
+        "pictures": {name: picture_bytes(figure) for name, figure in figures.items()},
     }
     return render("tune.html", content)
 

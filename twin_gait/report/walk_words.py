@@ -1,4 +1,4 @@
-"""The measures of a walk in a summary, and what people read of them: a table, and who drives the walk."""
+"""What people read of a run: its wearer, a table of the walk, who drives it, what the CAN bus has carried."""
 
 from __future__ import annotations
 
@@ -9,7 +9,15 @@ from typing import Any, NamedTuple, TypeGuard
 
 from twin_gait.measures.strides import ErrorParts
 from twin_gait.measures.walk import WalkMeasures
+from twin_gait.parameters import Patient
+from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import JointName
+
+
+def wearer_words(patient: Patient | None) -> str:
+    """Mass and height of a wearer, if there is one."""
+    return "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
+
 
 DASH = "–"
 HEAD = "peaks over carried weight"  # of the table
@@ -149,3 +157,41 @@ def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
     for row in table:
         cells = [text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True)]
         yield "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()
+
+
+NETWORK_HEAD = ("mean age [ms]", "oldest [ms]", "lost [%]", "slowest [ms]")
+
+
+def summary_of_traffic(traffic: BusTraffic) -> dict[str, Any]:
+    """What a bus has carried, for a summary; times in [s]."""
+    frames = {
+        frame.name: {
+            "mean_age_s": frame.mean_age,
+            "oldest_s": frame.oldest,
+            "sent": frame.sent,
+            "lost": frame.lost,
+            "replaced": frame.replaced,
+            "destroyed": frame.destroyed,
+            "worst_response_s": frame.worst_response,
+        }
+        for frame in traffic.frames
+    }
+    totals = {key: sum(frame[key] for frame in frames.values()) for key in ("sent", "lost", "destroyed")}
+    return {"bus_load": traffic.load, **totals, "bus_offs": dict(traffic.bus_offs), "frames": frames}
+
+
+def table_of_network(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """How old what the gait controller and the boards went by was, and what the bus took for it.
+
+    Returns a head and a row for each frame; nothing without a bus.
+    """
+    network = summary.get("network")
+    if not network:
+        return []
+    rows: list[tuple[str, ...]] = [(f"bus in use for {network['bus_load']:.0%}", *NETWORK_HEAD)]
+    for name, frame in network["frames"].items():
+        mean, oldest, slowest = (1e3 * frame[key] for key in ("mean_age_s", "oldest_s", "worst_response_s"))
+        lost = 100.0 * frame["lost"] / max(frame["sent"], 1)
+        label = name.replace("_", " ")
+        rows.append((label, f"{mean:.2f}", f"{oldest:.0f}", f"{lost:.1f}", f"{slowest:.3f}"))
+    return rows

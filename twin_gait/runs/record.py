@@ -3,12 +3,13 @@
 import csv
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -116,7 +117,8 @@ def write_run(
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     tell(LOG_FILE)
     write_log(run.log, directory / LOG_FILE, run.status)
-    write_atomically(directory / SWITCHES_FILE, switches_csv(run.switches, run.log))
+    switches = switches_csv(run.switches, ("hip", "knee"), run_signal(run.log))
+    write_atomically(directory / SWITCHES_FILE, switches)
     summary = summarise(run)
     if accuracy is not None:
         summary["accuracy"] = accuracy
@@ -129,6 +131,11 @@ def write_run(
         tell(FIGURES_FOLDER)
         drawing.finish()
     return summary
+
+
+def run_signal(log: pd.DataFrame) -> Callable[[Side, str, str], np.ndarray]:
+    """Quantities of a log by side, joint and name."""
+    return lambda side, joint, name: log[f"{side}_{joint}_{name}"].to_numpy()
 
 
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
@@ -147,17 +154,25 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def switches_csv(switches: tuple[PhaseSwitch, ...], log: pd.DataFrame) -> str:
-    """Phase switches with their causes, angles and velocities, as CSV text."""
-    measured = ("hip_angle_rad", "hip_velocity_rad_per_s", "knee_angle_rad", "knee_velocity_rad_per_s")
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["tick", "time_s", "side", "from", "to", "cause", *measured])
-    for switch in switches:
-        row = log.iloc[switch.tick]
-        values = [repr(float(row[f"{switch.side}_{name}"])) for name in measured]
-        writer.writerow([switch.tick, f"{switch.time:.3f}", *switch[1:5], *values])
-    return buffer.getvalue()
+def switches_csv(
+    switches: Sequence[PhaseSwitch],
+    joints: Sequence[str],
+    measured: Callable[[Side, str, str], np.ndarray],
+    start: float = 0.0,
+) -> str:
+    """Phase switches with their causes, angles and velocities, as CSV text.
+
+    ``measured``: a quantity of a joint over all ticks, by side, joint and name. ``start``: time of tick 0 in
+    [s].
+    """
+    names = [(joint, name) for joint in joints for name in ("angle_rad", "velocity_rad_per_s")]
+    heads = ("tick", "time_s", "side", "from", "to", "cause", *(f"{joint}_{name}" for joint, name in names))
+    rows = [
+        (item.tick, f"{start + item.time:.3f}", *item[1:5],
+         *(repr(float(measured(item.side, *name)[item.tick])) for name in names))
+        for item in switches
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=heads).to_csv(index=False, lineterminator="\n")
 
 
 def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:

@@ -1,21 +1,23 @@
-"""Runs as a page shows them: one alone, or two beside each other."""
+"""Runs of any age as a page shows them: one alone, or two beside each other."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from twin_gait.exceptions import ParameterError, ViewerError
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.validation import read_yaml
+from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.parameters import Patient
-from twin_gait.report.network_words import table_of_network
-from twin_gait.report.walk_words import carried_by_belt, table_of_walk
-from twin_gait.report.words import wearer_words
+from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
+from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, held_rows, phase_changes
@@ -144,3 +146,33 @@ def describe(patient: Patient | None, belt_speed: float) -> str:
     """One line on wearer, or None, and belt speed in [m] / [s], 0 on the bench."""
     who = wearer_words(patient)
     return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"
+
+
+_URDF_KEY = "provenance.urdf_sha256"
+_URDF_NOTE = "The URDF has changed since this run."
+
+
+def read_shown_run(directory: Path) -> ShownRun:
+    """Read a run to look at it.
+
+    A URDF that has changed since the run forbids to run it again, but not to look at it: the page says so.
+    """
+    directory = Path(directory).expanduser()
+    name = f"twin_gait · {directory.absolute().name}"
+    try:
+        notes: tuple[str, ...] = ()
+        stored = load_run(directory)
+    except ParameterFileError as error:
+        if error.key != _URDF_KEY:
+            raise
+        stored, notes = read_run(directory, _as_it_is_now(directory)), (_URDF_NOTE,)
+    shown = ShownRun(name, stored.experiment, stored.log, notes, stored.events, stored.outcome)
+    if "time_s" not in shown.log.columns or shown.log.empty:
+        raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
+    return with_walk(shown, stored.summary)
+
+
+def _as_it_is_now(directory: Path) -> Experiment:
+    path = directory / EXPERIMENT_FILE
+    data = {key: value for key, value in read_yaml(path).items() if key != "provenance"}
+    return experiment_from_mapping(data, str(path), directory)

@@ -3,6 +3,7 @@
 import math
 import platform
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from importlib import metadata
 from typing import Any
@@ -14,13 +15,12 @@ import twin_gait
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
+from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.parameters import STATED_AUTONOMY
-from twin_gait.report.network_words import summary_of_traffic
 from twin_gait.report.reference import reference_measures, reference_stride_time
-from twin_gait.report.walk_words import with_units
-from twin_gait.runs.crutch_summary import crutch_summary
+from twin_gait.report.walk_words import summary_of_traffic, with_units
 from twin_gait.runs.leg_summary import (
     blend_lengths,
     reference_error,
@@ -30,6 +30,7 @@ from twin_gait.runs.leg_summary import (
 )
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.simulator import simulate
 from twin_gait.vocabulary import JointName, Side
 
 # Distributions whose version can change a number of a log, by the name that people know.
@@ -291,3 +292,43 @@ def _pelvis_brace(log: pd.DataFrame) -> dict[str, dict[str, float]]:
         "motion_peak_mm": 1e3 * float(np.abs(apart).max()),
     }
     return {"pelvis": numbers}
+
+
+def crutch_summary(run: Run) -> dict[str, Any]:
+    """Way, lean and arms of a run with a free trunk; nothing for one whose pelvis is guided.
+
+    The run is repeated without crutches: what the arms are needed for is not left to belief.
+    """
+    if TRUNK_PITCH not in run.log or len(run.log) == 0:
+        return {}
+    log = run.log
+    way = float(log["pelvis_forward_m"].iloc[-1] - log["pelvis_forward_m"].iloc[0])
+    lean = log[TRUNK_PITCH]
+    energy = float(log["battery_power_W"].sum()) * TICK
+    uses = {side: crutch_use(log, side, TICK, run.body_weight) for side in run.sides}
+    arms = {str(side): _in_words(use.__dict__) for side, use in uses.items() if use is not None}
+    return {
+        "free_trunk": {
+            "distance_m": way,
+            "speed_m_per_s": way / run.duration,
+            "lean_lowest_deg": math.degrees(float(lean.min())),
+            "lean_highest_deg": math.degrees(float(lean.max())),
+            "battery_energy_per_metre_J": energy / way if way > 0.0 else None,
+            "arms": arms,
+            "without_arms": _without_arms(run),
+        }
+    }
+
+
+def _in_words(use: dict[str, float]) -> dict[str, float]:
+    units = {"impulse": "Ns", "push_peak": "N", "moment_peak": "Nm", "work_done": "J", "work_taken": "J"}
+    return {f"{name}_{units[name]}" if name in units else name: value for name, value in use.items()}
+
+
+def _without_arms(run: Run) -> dict[str, Any] | None:
+    """How the same run ends without crutches, and when."""
+    world = run.experiment.scenario.without_aids()
+    if world is None:
+        return None
+    bare = simulate(replace(run.experiment, scenario=world))
+    return {"status": str(bare.status), "reason": bare.reason, "duration_s": bare.duration}

@@ -7,10 +7,13 @@ the C compiler of this machine, and called where :class:`~twin_gait.gait.GaitSta
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from twin_gait.core.guards import GuardProgram, next_transition
-from twin_gait.firmware import Library, TranslationUnit, print_units
+from twin_gait.firmware import TranslationUnit, print_units
+from twin_gait.firmware.cross import compile_library
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.gait.table import StateTable
@@ -49,12 +52,16 @@ def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
         require_bits(table, program)
     names = [f"table_{number}" for number in range(len(tables))]
     unit = TranslationUnit("guards", [next_transition], dict(zip(names, programs, strict=True)))
-    library = Library(print_units([unit]))
-    choose = library.handle.next_transition
+    with TemporaryDirectory() as folder:
+        for name, text in print_units([unit]).files.items():
+            Path(folder, name).write_text(text)
+        sources = sorted(Path(folder).glob("*.c"))
+        library = ctypes.CDLL(str(compile_library(sources, flags=["-DREAL_DOUBLE"])))
+    choose = library.next_transition
     choose.argtypes = _ARGUMENTS
 
     def factory(table: StateTable, program: GuardProgram, name: str) -> MachineFactory:
-        there: Any = ctypes.byref(ctypes.c_char.in_dll(library.handle, name))
+        there: Any = ctypes.byref(ctypes.c_char.in_dll(library, name))
         return partial(CompiledMachine, table, program, partial(choose, there))
 
     return list(map(factory, tables, programs, names))

@@ -35,7 +35,7 @@ from twin_gait.measures.strides import (
 )
 from twin_gait.measures.walk import ground_speed
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.replay.normative import WINTER, normative_walk
+from twin_gait.replay.request import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.simulation.run import Run

@@ -24,9 +24,8 @@ from twin_gait.palette import (
     SKY_BLUE,
     VERMILLION,
 )
-from twin_gait.report.canvas import put_legend, style_panel
-from twin_gait.report.pages import Picture, paragraphs, picture_of, render
-from twin_gait.report.panels import draw_cycle_curve
+from twin_gait.report.canvas import draw_cycle_curve, picture_bytes, put_legend, style_panel
+from twin_gait.report.pages import paragraphs, render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.run_page import belt_speed_of, describe
@@ -79,8 +78,8 @@ def text_of(found: Interval, shown: Shown) -> str:
 def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
     """Write the folder of a comparison; it appears when all is written."""
     with staged_directory(target, COMPARISON, force=force) as staging:
-        picture = picture_of(figure_of(comparison))
-        write_atomically(staging / PICTURE_FILE, picture.light)
+        picture = picture_bytes(figure_of(comparison))
+        write_atomically(staging / PICTURE_FILE, picture)
         write_atomically(staging / PAGE_FILE, page_of(comparison, who, picture))
         table = comparison.table.to_csv(index=False, lineterminator="\n")
         write_atomically(staging / RUNS_FILE, table)
@@ -127,7 +126,7 @@ def conclusions(comparison: Comparison) -> list[str]:
     return paragraphs("compare.txt", content)
 
 
-def page_of(comparison: Comparison, who: str, picture: Picture) -> str:
+def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
     """The report as HTML."""
     measures = {
         group: [

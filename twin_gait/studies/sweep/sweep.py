@@ -14,7 +14,8 @@ import pandas as pd
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import write_atomically
-from twin_gait.report.pages import Picture, figures_page, picture_of
+from twin_gait.report.canvas import picture_bytes
+from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
@@ -178,7 +179,7 @@ def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path, workers: 
     folder = directory / FIGURES_FOLDER
     folder.mkdir(exist_ok=True)
     for name, picture in pictures.items():
-        write_atomically(folder / f"{name}.png", picture.light)
+        write_atomically(folder / f"{name}.png", picture)
     counts = table["outcome"].value_counts().items()
     rows = [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     named = {name.replace("_", " "): picture for name, picture in pictures.items()}
@@ -187,6 +188,6 @@ def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path, workers: 
     write_atomically(directory / REPORT_FILE, page)
 
 
-def _drawn(table: pd.DataFrame, parameters: Sequence[str], title: str, measure: str) -> dict[str, Picture]:
+def _drawn(table: pd.DataFrame, parameters: Sequence[str], title: str, measure: str) -> dict[str, bytes]:
     figures = sweep_figures(table, parameters, (measure,), title)
-    return {name: picture_of(figure) for name, figure in figures.items()}
+    return {name: picture_bytes(figure) for name, figure in figures.items()}
