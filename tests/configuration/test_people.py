@@ -16,8 +16,13 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml, experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.experiments import presets, resolved_document
-from twin_gait.configuration.people import people, person_document, person_text
+from twin_gait.configuration.experiments import (
+    people,
+    person_document,
+    person_text,
+    presets,
+    resolved_document,
+)
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.studies.batch import overridden

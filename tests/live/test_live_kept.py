@@ -19,9 +19,8 @@ from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.live import finishing
 from twin_gait.live.finishing import complete, complete_all
-from twin_gait.live.journal import Journal, locked, read_journal
+from twin_gait.live.journal import AppliedChange, Journal, Piece, locked, read_journal, take_of
 from twin_gait.live.loop import PIECE_TICKS
-from twin_gait.live.pieces import AppliedChange, Piece, take_of
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.stepping import SteppedRun

@@ -21,12 +21,10 @@ from twin_gait.configuration import load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
-from twin_gait.live.actions import Actions
-from twin_gait.live.controls import Panel
-from twin_gait.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
+from twin_gait.live.controls import Actions, Panel
 from twin_gait.live.finishing import run_of
+from twin_gait.live.journal import take_of
 from twin_gait.live.loop import LiveLoop
-from twin_gait.live.pieces import take_of
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
     Action,
@@ -41,11 +39,12 @@ from twin_gait.live.protocol import (
     id_of,
     read_message,
 )
-from twin_gait.live.rules import check_settings, refusal, warnings
+from twin_gait.live.realtime import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.settings import Mode, effect_of, loop_numbers
 from twin_gait.live.stepping import SteppedRun
+from twin_gait.live.tuning import check_settings, refusal, warnings
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
 from twin_gait.simulation.problem import build_problem

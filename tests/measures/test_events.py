@@ -6,7 +6,7 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.live.finishing import run_of
-from twin_gait.live.pieces import AppliedChange, Take
+from twin_gait.live.journal import AppliedChange, Take
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from, run_events
 from twin_gait.runs.record import load_run, write_run

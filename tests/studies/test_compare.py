@@ -17,7 +17,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
-from twin_gait.cli import compare as command
+from twin_gait.cli import studies as command
 from twin_gait.cli.terminal import DONE
 from twin_gait.control import AssistanceParameters, TripCause
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque

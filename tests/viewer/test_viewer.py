@@ -26,9 +26,9 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, recorded_run
+from twin_gait.viewer.arrows import FORCE_ROOT, arrow_state
 from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.forces import FORCE_ROOT, arrow_state
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
@@ -616,7 +616,7 @@ import os, sys
 from pathlib import Path
 for name in ("zmq", "IPython", "pyngrok"):
     sys.modules[name] = None  # importing it is an error
-from twin_gait.viewer.page_server import PageServer
+from twin_gait.viewer.server import PageServer
 from twin_gait.viewer.urdf_page import urdf_page
 
 with PageServer(urdf_page("twin.urdf"), port=0) as server:

@@ -24,7 +24,7 @@ from twin_gait.runs.run_page import ShownRun, page_of
 from twin_gait.runs.shown_run import read_shown_run
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.page_server import PageServer
+from twin_gait.viewer.server import PageServer
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, Side

@@ -17,18 +17,16 @@ from twin_gait.report.figures import draw_figure
 from twin_gait.runs.run_page import setting_of
 from twin_gait.simulation.run import Run
 from twin_gait.viewer import surroundings
+from twin_gait.viewer.aids import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.animation import recorded_run
-from twin_gait.viewer.chair import CHAIR, SEAT
+from twin_gait.viewer.arrows import FORCE_ROOT
 from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
-from twin_gait.viewer.crutches import ROOT, bent_elbow
-from twin_gait.viewer.forces import FORCE_ROOT
-from twin_gait.viewer.harness import ROPES
-from twin_gait.viewer.live.figure import LiveFigure
+from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import MODE, Motion, read_motion
+from twin_gait.viewer.props import CHAIR, METRES, SEAT, TROLLEY
 from twin_gait.viewer.scene import Scene, State
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.viewer.visuals import load_visuals
-from twin_gait.viewer.walkway import METRES, TROLLEY
 from twin_gait.vocabulary import Side
 
 Drawn = tuple[Scene, Recorder, Motion]

@@ -3,6 +3,7 @@
 import http.client
 import json
 import re
+import shutil
 import socket
 import stat
 import webbrowser
@@ -42,16 +43,22 @@ from twin_gait.palette import (
 from twin_gait.runs.record import load_run, write_run
 from twin_gait.runs.run_page import ShownRun, page_of, with_walk
 from twin_gait.runs.shown_run import read_shown_run
+from twin_gait.viewer.aids import ROPE, VEST
 from twin_gait.viewer.body import CLOTH
 from twin_gait.viewer.commands import Recorder
-from twin_gait.viewer.curves import extremes, faithful_curve
 from twin_gait.viewer.figure import ROOT
-from twin_gait.viewer.harness import ROPE, VEST
-from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
+from twin_gait.viewer.motion import (
+    extremes,
+    faithful_curve,
+    frame_rate,
+    leg_values,
+    phase_changes,
+    read_motion,
+)
 from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, live_page, packed, page_data
-from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
 from twin_gait.viewer.scene import View
+from twin_gait.viewer.server import PageServer
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import urdf_page
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
@@ -360,11 +367,16 @@ def test_harness_and_trunk_stand_out_by_night() -> None:
 
 def test_every_script_of_the_page_is_in_it_and_nothing_else_lies_beside_them() -> None:
     folder = Path(__file__).parents[2] / "twin_gait" / "viewer" / "page"
-    assert {path.name for path in folder.glob("*.js")} == set(SCRIPTS)
+    assert {path.name for path in folder.glob("*.js")} == {*SCRIPTS, "panel.js"}
 
 
-def test_a_live_page_takes_a_panel_after_its_own_script() -> None:
-    page = live_page(style="#knobs { top: 0 }", panel='<div id="knobs"></div>', script="'</script>'")
+def test_a_live_page_takes_a_panel_after_its_own_script(monkeypatch, tmp_path) -> None:
+    folder = shutil.copytree(PAGE_FOLDER, tmp_path / "page")
+    parts = {"css": "#knobs { top: 0 }", "html": '<div id="knobs"></div>', "js": "'</script>'"}
+    for kind, text in parts.items():
+        (folder / f"panel.{kind}").write_text(text)
+    monkeypatch.setattr("twin_gait.viewer.page.PAGE_FOLDER", folder)
+    page = live_page()
     assert page.index("#knobs {") < page.index("</style>")
     assert '<div id="knobs"></div>' in page
     assert "\\x3c/script>" in page.rsplit("<script>", 1)[1]  # it cannot end its own element

@@ -60,10 +60,10 @@ def add_no_pictures(parser: argparse.ArgumentParser) -> None:
 
 def add_seed(parser: argparse.ArgumentParser, *, of_experiment: bool = False) -> None:
     """Add ``--seed``, of the command's own draws or of the experiment, where it is a shorter ``--set``."""
-    kind: dict[str, Any] = {"type": int, "default": 0}
     if of_experiment:
-        kind = {"type": lambda text: f"seed={int(text)}", "action": "append", "dest": "settings"}
-    parser.add_argument("--seed", metavar="N", help="of every random draw (0)", **kind)
+        add_shorthand(parser, "--seed", "N", "seed", "of every random draw (0)", int)
+    else:
+        parser.add_argument("--seed", type=int, default=0, metavar="N", help="of every random draw (0)")
 
 
 def add_page(parser: argparse.ArgumentParser) -> None:
@@ -88,38 +88,47 @@ def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> N
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
     if seconds is not None:
-        _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
+        add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
     add_unchecked(parser)
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add ``--set`` and shorter names for some of its keys; ``settings`` holds them in their order."""
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated",
-    )
-    parser.add_argument(
-        "--patient",
-        action="append",
-        dest="settings",
-        type=lambda name: f"patient={json.dumps(name)}",
-        metavar="NAME",
-        help="wearer: a person that ships (twin-gait presets), or a YAML file",
-    )
+    text = "change any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help=text)
+    text = "wearer: a person that ships (twin-gait presets), or a YAML file"
+    add_shorthand(parser, "--patient", "NAME", "patient", text, json.dumps)
     for flag, (unit, key, text) in _SHORTHANDS.items():
-        _add_shorthand(parser, flag, unit, key, text)
+        add_shorthand(parser, flag, unit, key, text)
 
 
-def _add_shorthand(parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str) -> None:
-    def number(given: str) -> str:
-        value = float(given.removesuffix("%"))
-        return f"{key}={value / 100.0 if given.endswith('%') else value!r}"
+def _number_or_share(given: str) -> str:
+    value = float(given.removesuffix("%"))
+    return repr(value / 100.0 if given.endswith("%") else value)
 
-    parser.add_argument(flag, action="append", dest="settings", type=number, metavar=unit, help=text)
+
+def add_shorthand(
+    parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str,
+    read: Callable[[str], Any] = _number_or_share,
+) -> None:  # fmt: skip
+    """Add a shorter ``--set`` of a key, whose value is read as told."""
+
+    def setting(given: str) -> str:
+        return f"{key}={read(given)}"
+
+    parser.add_argument(flag, action="append", dest="settings", type=setting, metavar=unit, help=text)
+
+
+def add_numbers(parser: Any, entries: Sequence[tuple[str, float | None, str, str]]) -> None:
+    """Add options with a number each: option, default, unit, meaning."""
+    for flag, default, unit, text in entries:
+        parser.add_argument(flag, type=float, default=default, metavar=unit, help=text)
+
+
+def add_choices(parser: Any, entries: Sequence[tuple[str, Sequence[str], str | None, str]]) -> None:
+    """Add options of which one word is chosen: option, words, default, meaning."""
+    for flag, words, default, text in entries:
+        parser.add_argument(flag, choices=words, default=default, help=text)
 
 
 def add_unchecked(parser: argparse.ArgumentParser) -> None:
@@ -143,7 +152,7 @@ def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperi
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
     """Stop at errors of the gait table, and say on one line how many warnings there are."""
     from twin_gait.checking.check import check_before_run, counts
-    from twin_gait.cli.check import counted, heading
+    from twin_gait.cli.tables import counted, heading
     from twin_gait.cli.terminal import clear_line, note_step
 
     note_step("the gait table", "checking")
@@ -166,7 +175,7 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
 
 def person_of(settings: Sequence[str]) -> str | None:
     """Name of the person that settings put into the device, or None if they name nobody."""
-    from twin_gait.configuration.overrides import parse_assignments
+    from twin_gait.configuration.validation import parse_assignments
 
     named = [value for path, value in parse_assignments(settings) if path == ["patient"]]
     return Path(named[-1]).stem if named and isinstance(named[-1], str) else None

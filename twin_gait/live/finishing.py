@@ -15,8 +15,7 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
-from twin_gait.live.journal import Content, locked, next_free, read_journal
-from twin_gait.live.pieces import AppliedChange, Take, take_of
+from twin_gait.live.journal import AppliedChange, Content, Take, locked, next_free, read_journal, take_of
 from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
 from twin_gait.runs.folders import journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run

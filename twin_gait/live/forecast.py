@@ -24,8 +24,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import dump
-from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.walk import LiveWalk
+from twin_gait.live.stepping import LiveWalk, SteppedRun
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
@@ -66,9 +65,8 @@ def foresee(
 ) -> Forecast:
     """Run a moment ahead with other settings.
 
-    ``walk`` of the same experiment; what it did before is forgotten; ``moment`` from
-    :meth:`~twin_gait.live.walk.LiveWalk.moment`; ``now``: time in [s], for the budget. Returns the forecast.
-    Of a walk that is over, that of a new start.
+    ``walk`` of the same experiment; what it did before is forgotten; ``moment`` of a ``LiveWalk``; ``now``:
+    time in [s], for the budget. Returns the forecast; of a walk that is over, that of a new start.
     """
     until = now() + BUDGET
     least = min(LEAST, horizon)

@@ -26,9 +26,9 @@ from twin_gait.live.protocol import (
 )
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
-from twin_gait.viewer.live.figure import LiveFigure
-from twin_gait.viewer.live.page import panel_page
-from twin_gait.viewer.live.server import LiveServer, Panel
+from twin_gait.viewer.live_figure import LiveFigure
+from twin_gait.viewer.live_server import LiveServer, Panel
+from twin_gait.viewer.page import live_page
 from twin_gait.worlds.scenario import BELT_SPEED
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
@@ -65,7 +65,7 @@ class LivePage:
             modes=self._modes, **setting_of(experiment),
         )  # fmt: skip
         self.server = LiveServer(
-            panel_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
+            live_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
             refusal=lambda reason: self._refusal(reason).to_dict(), greeting=self._greeting,
             scene=self.figure.window.everything,
         )  # fmt: skip

@@ -22,11 +22,10 @@ from typing import IO, Any
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.live.finishing import complete_all
-from twin_gait.live.journal import Journal, next_free
+from twin_gait.live.journal import Journal, Piece, next_free
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
-from twin_gait.live.pieces import Piece
-from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import dump
+from twin_gait.live.realtime import undisturbed
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.simulation.problem import build_problem

@@ -13,7 +13,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.studies.episodes import run_episodes
+from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.jobs import JobFailed, Progress, Stop, Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind

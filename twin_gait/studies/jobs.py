@@ -19,8 +19,7 @@ from typing import Any, Generic, NamedTuple
 import twin_gait
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.parameters import require
-from twin_gait.studies.cluster import ClusterWorkers, connected
-from twin_gait.studies.processes import Item, Processes, Result, WorkersLost
+from twin_gait.studies.workers import ClusterWorkers, Item, Processes, Result, WorkersLost, connected
 
 # Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
 # script that makes the meshes, in urdf; a checkout keeps it outside of the package.

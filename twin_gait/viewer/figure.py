@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
-from twin_gait.viewer.arcs import LEVELS, TorqueArc, arc_arrow, arc_material
+from twin_gait.viewer.arrows import LEVELS, TorqueArc, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals

@@ -18,8 +18,7 @@ from twin_gait.report.pages import Picture, figures_page, picture_of
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import Flat, flat_summary, setting_columns
-from twin_gait.studies.episodes import block_ahead, measured
+from twin_gait.studies.batch import Flat, block_ahead, flat_summary, measured, setting_columns
 from twin_gait.studies.jobs import Portion, Progress, Stop, Workers, one_by_one, portions, run_jobs
 from twin_gait.studies.sweep.episode import Episode, check_episode, episodes_of
 from twin_gait.studies.sweep.spec import Sweep

@@ -21,11 +21,18 @@ from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import Progress, Stop, Workers
-from twin_gait.studies.tune.cases import check_walker, departures, search_cases
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, errors_of, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import standing, table_of, walk_all, walker
+from twin_gait.studies.tune.walks import (
+    check_walker,
+    departures,
+    search_cases,
+    standing,
+    table_of,
+    walk_all,
+    walker,
+)
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1

@@ -14,7 +14,7 @@ import numpy as np
 
 from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.overrides import assign
+from twin_gait.configuration.validation import assign
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison
 from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable

@@ -12,9 +12,7 @@ from typing import Any
 
 from tornado.web import RequestHandler
 
-from twin_gait.viewer.live.guards import Allowance, Guarded, GuardedSocket
-from twin_gait.viewer.live.scene_server import SceneServer
-from twin_gait.viewer.live.window import Change, Outbox
+from twin_gait.viewer.server import Allowance, Change, Guarded, GuardedSocket, Outbox, SceneServer
 
 Message = Mapping[str, Any]
 
