@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, NamedTuple
+from typing import Any, Generic, NamedTuple, TypedDict, Unpack
 
 import twin_gait
 from twin_gait.exceptions import TwinGaitError
@@ -33,6 +33,20 @@ _ONE_AT_A_TIME = threading.RLock()
 Progress = Callable[[int, int], None]
 Stop = Callable[[], bool]
 BlockFunction = Callable[[Sequence[Item]], Iterable[tuple[int, Result]]]
+
+
+class Watch(TypedDict, total=False):
+    """Who works on many items, and who looks on.
+
+    Attributes:
+        workers: Processes (1), or :class:`Workers` that stay from one call to the next, maybe of a cluster.
+        progress: Called with items done and in all.
+        should_stop: Asked before each item; True lets those that run finish and ends the work.
+    """
+
+    workers: int | Workers
+    progress: Progress | None
+    should_stop: Stop | None
 
 
 class JobFailed(TwinGaitError):
@@ -100,12 +114,7 @@ class Workers:
 
 
 def run_jobs(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    *,
-    workers: int | Workers = 1,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    function: Callable[[Item], Result], items: Sequence[Item], **watch: Unpack[Watch]
 ) -> list[Result]:
     """Call a function with each of many items, on several processes or a cluster.
 
@@ -118,9 +127,7 @@ def run_jobs(
     Args:
         function: The function.
         items: Its arguments.
-        workers: Processes, or :class:`Workers` that stay from one call to the next, maybe those of a cluster.
-        progress: Called with items done and in all.
-        should_stop: Asked before each item; True lets those that run finish and ends the work.
+        **watch: ``workers``, ``progress`` and ``should_stop``, see :class:`Watch`.
 
     Returns:
         Results in the order of the items; of the first items only if it was stopped.
@@ -130,37 +137,29 @@ def run_jobs(
         ParameterError: If the workers are below 1.
         WorkersLost: If workers die again and again with the same item, or the cluster is lost.
     """
-    function_of_many = partial(one_by_one, function)
-    return run_blocks(
-        function_of_many, items, block=1, workers=workers, progress=progress, should_stop=should_stop
-    )
+    return run_blocks(partial(one_by_one, function), items, block=1, **watch)
 
 
 def run_blocks(
-    function: BlockFunction[Item, Result],
-    items: Sequence[Item],
-    *,
-    block: int,
-    workers: int | Workers = 1,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    function: BlockFunction[Item, Result], items: Sequence[Item], *, block: int, **watch: Unpack[Watch]
 ) -> list[Result]:
     """:func:`run_jobs` with a function of up to ``block`` items at once.
 
     It gives position among them and result of each, in any order, and raises :class:`JobFailed` with the
     position of an item that failed.
     """
-    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
-        done: dict[int, Result] = {}
-        with closing(
-            portions(function, items, len(items), own, block=block, should_stop=should_stop)
-        ) as coming:
-            for portion in coming:
-                done |= portion.results
-                if portion.problem:
-                    raise JobFailed(*portion.problem)
-                if progress is not None:
-                    progress(len(done), len(items))
+    workers, total, stop = watch.get("workers", 1), len(items), watch.get("should_stop")
+    tell = watch.get("progress") or (lambda done, total: None)
+    done: dict[int, Result] = {}
+    with (
+        nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own,
+        closing(portions(function, items, total, own, block=block, should_stop=stop)) as coming,
+    ):
+        for portion in coming:
+            done |= portion.results
+            if portion.problem:
+                raise JobFailed(*portion.problem)
+            tell(len(done), total)
     return [done[index] for index in range(len(done))]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial, reduce
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
@@ -18,7 +18,7 @@ from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Progress, Stop, Workers
+from twin_gait.studies.jobs import JobFailed, Watch
 from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
 from twin_gait.worlds import Walking
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
@@ -63,26 +63,12 @@ def quick_errors(experiment: Experiment) -> tuple[str, ...]:
 
 
 def walk_all(
-    walks: Sequence[Experiment],
-    workers: Workers,
-    *,
-    reference_speed: float | None = None,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    walks: Sequence[Experiment], *, reference_speed: float | None = None, **watch: Unpack[Watch]
 ) -> list[Rating] | None:
     """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
     rate = partial(rate_walk, reference_speed=reference_speed)
     try:
-        results = run_episodes(
-            itself,
-            rate,
-            walks,
-            columns=READ,
-            block=WIDTH,
-            workers=workers,
-            progress=progress,
-            should_stop=should_stop,
-        )
+        results = run_episodes(itself, rate, walks, columns=READ, block=WIDTH, **watch)
     except JobFailed as error:
         raise ParameterFileError("the tuning", f"walk {error.index}", error.problem) from error
     return results if len(results) == len(walks) else None
