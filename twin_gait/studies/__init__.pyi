@@ -18,6 +18,4 @@ from .sweep.spec import load_sweep as load_sweep
 from .sweep.sweep import run_sweep as run_sweep
 from .tune.parts import rate_walk as rate_walk
 from .tune.tune import tuned_table as tuned_table
-from .virtual_people import BodySizes as BodySizes
-from .virtual_people import cohort as cohort
 from .workers import WorkersLost as WorkersLost

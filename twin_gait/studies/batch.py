@@ -37,12 +37,13 @@ def run_episodes(
     *,
     columns: tuple[str, ...] | None = None,
     block: int | None = None,
+    workers: int | Workers = 1,
     on_compile: Callable[[], None] | None = None,
     **watch: Unpack[Watch],
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; a log lives no longer than that.
 
-    Results, errors and ``watch`` are those of :func:`twin_gait.studies.run_jobs`.
+    Results, errors, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`.
 
     Args:
         experiment_of: Makes the experiment; like ``measure`` and the items it goes to the workers.
@@ -55,7 +56,8 @@ def run_episodes(
     """
     if block is None:
         block = block_ahead(lambda: experiment_of(items[0]), len(items), on_compile) if items else 1
-    return run_blocks(partial(measured, experiment_of, measure, columns), items, block=block, **watch)
+    walk = partial(measured, experiment_of, measure, columns)
+    return run_blocks(walk, items, block=block, workers=workers, **watch)
 
 
 def measured(
@@ -129,7 +131,11 @@ class BatchResult:
 
 
 def simulate_batch(
-    experiment: Experiment, overrides: Sequence[Override], **watch: Unpack[Watch]
+    experiment: Experiment,
+    overrides: Sequence[Override],
+    *,
+    workers: int | Workers = 1,
+    **watch: Unpack[Watch],
 ) -> BatchResult:
     """Simulate one experiment once for each set of changes.
 
@@ -145,8 +151,9 @@ def simulate_batch(
     for episode in episodes:
         _experiment_of(base, episode)
     try:
+        experiment_of = partial(_experiment_of, base)
         rows = run_episodes(
-            partial(_experiment_of, base), flat_summary, episodes, columns=READ_IN_BRIEF, **watch
+            experiment_of, flat_summary, episodes, columns=READ_IN_BRIEF, workers=workers, **watch
         )
     except JobFailed as error:
         raise ParameterFileError(f"episode {error.index}", "", error.problem) from error

@@ -39,6 +39,9 @@ AMPLITUDE_STEP = 5.0  # [counts]; "by 5 or 10", thesis appendix B
 REST_AT_STOP = 0.3  # [s] that a log goes on after the stop was hit
 SETTINGS_FILE = "campaign.json"
 CAMPAIGN = FolderKind("a campaign", SETTINGS_FILE)
+# Standard deviations between tests though nothing was changed, all assumptions: of the friction, relative,
+# and of the offset of the current measurement in [A].
+SPREAD = {"friction": 0.02, "current_offset": 0.005}
 _DIGITS = "%.9g"
 
 
@@ -79,19 +82,6 @@ class TwoWayProtocol(quantities.Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread(quantities.Parameters):
-    """What differs between tests though nothing was changed; all assumptions.
-
-    Attributes:
-        friction: Standard deviation of the friction, relative.
-        current_offset: Standard deviation of the offset of the current measurement in [A].
-    """
-
-    friction: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.02
-    current_offset: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.005
-
-
-@dataclass(frozen=True, kw_only=True)
 class Campaign(quantities.Parameters):
     """A campaign on one joint.
 
@@ -100,7 +90,6 @@ class Campaign(quantities.Parameters):
         protocol: How the joint is moved.
         seed: Of everything that chance decides.
         bench: The bench without weight and controller; None for that of the joint.
-        spread: Between tests.
         two_way: Motor-driven tests.
         longest: Of a drop in [s]; a joint that sticks is switched off then.
     """
@@ -109,7 +98,6 @@ class Campaign(quantities.Parameters):
     protocol: Protocol = Protocol.DROP
     seed: Annotated[int, quantities.WHOLE] = 0
     bench: BenchJoint | None = None
-    spread: Spread = field(default_factory=Spread)
     two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
     longest: Annotated[quantities.Time, quantities.Range(1.0, 600.0, words="1 to 600 s")] = 20.0
 
@@ -153,8 +141,8 @@ def planned_tests(campaign: Campaign) -> list[PlannedTest]:
 
 def _variation(campaign: Campaign, rng: np.random.Generator) -> BenchVariation:
     return BenchVariation(
-        current_offset=campaign.spread.current_offset * float(rng.standard_normal()),
-        friction_ratio=max(0.0, 1.0 + campaign.spread.friction * float(rng.standard_normal())),
+        current_offset=SPREAD["current_offset"] * float(rng.standard_normal()),
+        friction_ratio=max(0.0, 1.0 + SPREAD["friction"] * float(rng.standard_normal())),
         ripple_phase=float(rng.uniform(0.0, 2.0 * math.pi)),
         duty_start=int(rng.integers(0, 1000)),
     )
@@ -308,7 +296,7 @@ def _settings(campaign: Campaign, status: RunStatus, lines: list[dict[str, Any]]
         "status": str(status),
         "columns": list(LOG_COLUMNS),
         "bench": asdict(campaign.plain_bench()),
-        "spread": asdict(campaign.spread),
+        "spread": SPREAD,
         "tests": lines,
     }
     return json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

@@ -14,7 +14,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Watch
+from twin_gait.studies.jobs import JobFailed, Watch, Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -100,6 +100,7 @@ def simulate_faults(
     faults: Sequence[Fault],
     *,
     row: Callable[[Run], dict[str, Any]] | None = None,
+    workers: int | Workers = 1,
     on_compile: Callable[[], None] | None = None,
     **watch: Unpack[Watch],
 ) -> FaultCampaign:
@@ -110,7 +111,7 @@ def simulate_faults(
     """
     experiment_of, told = partial(_with_fault, experiment), row or fault_row
     try:
-        rows = run_episodes(experiment_of, told, faults, on_compile=on_compile, **watch)
+        rows = run_episodes(experiment_of, told, faults, workers=workers, on_compile=on_compile, **watch)
     except JobFailed as error:
         raise ParameterError(f"fault {faults[error.index]}: {error.problem}") from error
     status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED

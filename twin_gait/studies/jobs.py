@@ -36,15 +36,13 @@ BlockFunction = Callable[[Sequence[Item]], Iterable[tuple[int, Result]]]
 
 
 class Watch(TypedDict, total=False):
-    """Who works on many items, and who looks on.
+    """Who looks on while many items are worked on.
 
     Attributes:
-        workers: Processes (1), or :class:`Workers` that stay from one call to the next, maybe of a cluster.
         progress: Called with items done and in all.
         should_stop: Asked before each item; True lets those that run finish and ends the work.
     """
 
-    workers: int | Workers
     progress: Progress | None
     should_stop: Stop | None
 
@@ -114,7 +112,11 @@ class Workers:
 
 
 def run_jobs(
-    function: Callable[[Item], Result], items: Sequence[Item], **watch: Unpack[Watch]
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    *,
+    workers: int | Workers = 1,
+    **watch: Unpack[Watch],
 ) -> list[Result]:
     """Call a function with each of many items, on several processes or a cluster.
 
@@ -127,7 +129,8 @@ def run_jobs(
     Args:
         function: The function.
         items: Its arguments.
-        **watch: ``workers``, ``progress`` and ``should_stop``, see :class:`Watch`.
+        workers: Processes, or :class:`Workers` that stay from one call to the next, maybe those of a cluster.
+        **watch: ``progress`` and ``should_stop``, see :class:`Watch`.
 
     Returns:
         Results in the order of the items; of the first items only if it was stopped.
@@ -137,18 +140,23 @@ def run_jobs(
         ParameterError: If the workers are below 1.
         WorkersLost: If workers die again and again with the same item, or the cluster is lost.
     """
-    return run_blocks(partial(one_by_one, function), items, block=1, **watch)
+    return run_blocks(partial(one_by_one, function), items, block=1, workers=workers, **watch)
 
 
 def run_blocks(
-    function: BlockFunction[Item, Result], items: Sequence[Item], *, block: int, **watch: Unpack[Watch]
+    function: BlockFunction[Item, Result],
+    items: Sequence[Item],
+    *,
+    block: int,
+    workers: int | Workers = 1,
+    **watch: Unpack[Watch],
 ) -> list[Result]:
     """:func:`run_jobs` with a function of up to ``block`` items at once.
 
     It gives position among them and result of each, in any order, and raises :class:`JobFailed` with the
     position of an item that failed.
     """
-    workers, total, stop = watch.get("workers", 1), len(items), watch.get("should_stop")
+    total, stop = len(items), watch.get("should_stop")
     tell = watch.get("progress") or (lambda done, total: None)
     done: dict[int, Result] = {}
     with (
@@ -242,7 +250,9 @@ def sources_hash() -> str:
     """
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()
-    for path in sorted([*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml")]):
+    for path in sorted(
+        [*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml"), *root.glob("studies/tune/*.yaml")]
+    ):
         place = path.relative_to(root)
         if place.parts[0] not in SHOWN_ONLY:
             digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes())

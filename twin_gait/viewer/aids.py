@@ -14,7 +14,7 @@ from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_BREADTH, TRUNK_L
 from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
-from twin_gait.viewer.body import CLOTH, SKIN, STRAP, band, girth, trunk_axes, trunk_rings
+from twin_gait.viewer.body import CLOTH, RINGS, SKIN, STRAP, band, girth, trunk_axes, trunk_rings
 from twin_gait.viewer.commands import Material, Window, draw_lightly
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
@@ -96,16 +96,6 @@ _BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # from the tip to its arrow, which t
 _HANDLE = 0.045  # of its middle in front of the shaft [m]
 _TIP = ((0.0, 0.0), (0.027, 0.0), (0.024, 0.012), (0.017, 0.05), (0.0, 0.05))  # (radius, height) [m]
 
-# Rings as in the body: share of the segment from its upper joint, half axes forward and sideways [m].
-_SLEEVE = ((-0.14, 0.050, 0.046), (0.05, 0.064, 0.060), (0.25, 0.062, 0.056), (0.55, 0.058, 0.053))
-_UPPER_ARM = (
-    (-0.10, 0.042, 0.040), (0.08, 0.055, 0.051), (0.30, 0.052, 0.046), (0.60, 0.046, 0.041),
-    (0.88, 0.041, 0.038), (1.04, 0.039, 0.037),
-)  # fmt: skip
-_FOREARM = (
-    (-0.06, 0.037, 0.036), (0.08, 0.043, 0.044), (0.25, 0.045, 0.046), (0.55, 0.037, 0.037),
-    (0.85, 0.028, 0.026), (1.00, 0.027, 0.024),
-)  # fmt: skip
 _CUFF = (0.16, 0.34)  # around the forearm
 
 
@@ -203,7 +193,7 @@ class DrawnCrutches:
 
 def _draw_upper_arm(window: Window, path: str, scale: float) -> None:
     """Draw an upper arm of 1 m along z, thick as it is."""
-    for name, table, material in (("sleeve", _SLEEVE, CLOTH), ("skin", _UPPER_ARM, SKIN)):
+    for name, table, material in (("sleeve", RINGS["sleeve"], CLOTH), ("skin", RINGS["upper_arm"], SKIN)):
         rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in table]
         draw_lightly(window, f"{path}/{name}", shapes.limb(rings), material)
 
@@ -212,7 +202,8 @@ def _draw_forearm(window: Window, path: str, length: float, forearm: float, scal
     """Draw a forearm and a crutch from the tip at the origin to the elbow on z, handle forwards."""
     grip = length - forearm
     rings = [
-        (length - share * forearm, share * _HANDLE, 0.0, scale * x, scale * y) for share, x, y in _FOREARM
+        (length - share * forearm, share * _HANDLE, 0.0, scale * x, scale * y)
+        for share, x, y in RINGS["forearm"]
     ]
     fist = np.eye(4)
     fist[:3, 3] = (_HANDLE, 0.0, grip + 0.005)

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
-from twin_gait.studies.jobs import Progress, Stop, Workers
+from twin_gait.studies.jobs import Watch, Workers
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, errors_of, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
@@ -49,27 +49,22 @@ def write_tuning(
     *,
     wearer: str,
     workers: Workers | None = None,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    **watch: Unpack[Watch],
 ) -> dict[str, Any] | None:
     """Choose the table, see how it degrades, and write everything beside the state, for a wearer in words.
 
     Returns content of ``tune.json``; None if it was stopped before. Raises ParameterError if no table passes
     the check.
     """
-    directory = directory.expanduser().absolute()
     assert tuning.before is not None  # a completed tuning has it
     chosen = choose(tuning, experiment)
-    table = final_table(chosen, experiment, wearer)
-    start = tuning.before.table
-    work = workers or Workers()
-    departed = walk_departures(
-        start, table, experiment, settings, work, progress=progress, should_stop=should_stop
-    )
+    table, start = final_table(chosen, experiment, wearer), tuning.before.table
+    departed = walk_departures(start, table, experiment, settings, workers or Workers(), **watch)
     if departed is None:
         return None
     result = outcome(tuning, chosen, experiment, settings, wearer, departed)
-    _write(directory, table, result, gait_curves(start, table, experiment, settings))
+    curves = gait_curves(start, table, experiment, settings)
+    _write(directory.expanduser().absolute(), table, result, curves)
     return result
 
 
@@ -149,9 +144,7 @@ def walk_departures(
     experiment: Experiment,
     settings: Settings,
     workers: Workers,
-    *,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    **watch: Unpack[Watch],
 ) -> dict[str, Any] | None:
     """How two tables degrade as the world departs from what one of them was tuned for.
 
@@ -164,8 +157,7 @@ def walk_departures(
     walks = [
         case.change(replace(walked, table=table)) for item in found for table in tables for case in item.cases
     ]
-    speed = settings.reference_speed
-    results = walk_all(walks, workers, reference_speed=speed, progress=progress, should_stop=should_stop)
+    results = walk_all(walks, workers, reference_speed=settings.reference_speed, **watch)
     if results is None:
         return None
     rest = iter(results)

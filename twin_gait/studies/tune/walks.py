@@ -18,7 +18,7 @@ from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Watch
+from twin_gait.studies.jobs import JobFailed, Watch, Workers
 from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
 from twin_gait.worlds import Walking
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
@@ -63,12 +63,16 @@ def quick_errors(experiment: Experiment) -> tuple[str, ...]:
 
 
 def walk_all(
-    walks: Sequence[Experiment], *, reference_speed: float | None = None, **watch: Unpack[Watch]
+    walks: Sequence[Experiment],
+    workers: Workers,
+    *,
+    reference_speed: float | None = None,
+    **watch: Unpack[Watch],
 ) -> list[Rating] | None:
     """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
     rate = partial(rate_walk, reference_speed=reference_speed)
     try:
-        results = run_episodes(itself, rate, walks, columns=READ, block=WIDTH, **watch)
+        results = run_episodes(itself, rate, walks, columns=READ, block=WIDTH, workers=workers, **watch)
     except JobFailed as error:
         raise ParameterFileError("the tuning", f"walk {error.index}", error.problem) from error
     return results if len(results) == len(walks) else None
