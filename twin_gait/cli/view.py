@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
 import re
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
-from twin_gait.cli.terminal import DONE, stop_on_interrupt
+from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
@@ -118,12 +118,20 @@ def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
 
 def serve(page: str, port: int = options.FIRST_PORT, *, fragment: str = "", browser: bool = True) -> int:
     """Serve a page until Ctrl-C; gives the exit status."""
-    from twin_gait.viewer.server import PageServer
+    import asyncio
 
-    with stop_on_interrupt() as should_stop, PageServer(page, port=port) as server:
-        announce(f"{server.url}{fragment}", browser=browser)
-        while not should_stop():
-            time.sleep(0.1)
+    from twin_gait.viewer.server import SceneServer
+
+    async def serving() -> None:
+        server = SceneServer(page, first_port=port)
+        try:
+            announce(f"{server.url}{fragment}", browser=browser)
+            await asyncio.Event().wait()
+        finally:
+            await server.close()
+
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(serving())
     return DONE
 
 
