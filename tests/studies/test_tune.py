@@ -28,7 +28,6 @@ from twin_gait.exceptions import (
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import Patient
-from twin_gait.simulation import RunStatus
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.outcome import verdict
@@ -473,9 +472,8 @@ def test_a_resumed_tuning_equals_an_undisturbed_one(bowl: Bowl, tmp_path: Path, 
     whole = tune(experiment, tmp_path / "whole", SHORT)
     bowl.walks = 0
     stopped = tune(experiment, tmp_path / "cut", SHORT, should_stop=lambda: bowl.walks >= walks_before)
-    assert stopped.status is RunStatus.INTERRUPTED
+    assert stopped is None
     resumed = tune(experiment, tmp_path / "cut", SHORT, resume=True)
-    assert resumed.status is RunStatus.COMPLETED
     assert [item.table for item in resumed.ranked] == [item.table for item in whole.ranked]
     kept = [json.loads((tmp_path / name / STATE_FILE).read_text()) for name in ("whole", "cut")]
     for document in kept:

@@ -220,7 +220,7 @@ def check_file(flag: str, path: Path, *, force: bool) -> None:
         raise RunDirectoryError(f"{flag} {path}: there is no directory {path.absolute().parent}")
 
 
-def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, str]:
+def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[str, str]:
     """Read ``a=b,c=d``."""
     found: dict[str, str] = {}
     for part in filter(None, (item.strip() for item in text.split(","))):

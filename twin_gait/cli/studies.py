@@ -159,7 +159,6 @@ def tune(arguments: argparse.Namespace) -> int:
     report. It can be stopped at any time and goes on with --resume.
     """
     from twin_gait.report.tune import summary
-    from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.state import Progress, Settings
@@ -183,7 +182,7 @@ def tune(arguments: argparse.Namespace) -> int:
                 progress=note, should_stop=should_stop, on_compile=terminal.note_compilation,
             )  # fmt: skip
             terminal.clear_line()
-            if tuning.status is RunStatus.COMPLETED:
+            if tuning is not None:
                 wearer = _wearer(options.person_of(arguments.settings), experiment)
                 with terminal.progress_bar("departures", "walk") as progress:
                     found = outcome.write_tuning(

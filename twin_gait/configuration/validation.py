@@ -5,12 +5,14 @@ import difflib
 import re
 import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters.quantities import EXCHANGEABLE
@@ -149,6 +151,17 @@ class Strict(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, data: Any) -> Any:
+        """Say which key may have been meant; whatever is missing then does not matter."""
+        known = _keys(cls)
+        for name in data if isinstance(data, Mapping) else ():
+            if name not in known and name not in cls.model_fields:
+                problem = unknown_key(str(name), known, _nearest(str(name), cls))
+                raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
+        return data
+
 
 def _no_boolean(value: Any) -> Any:
     if isinstance(value, bool):
@@ -238,9 +251,17 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Mode
     except ValidationError as error:
         mistakes = error.errors(include_url=False)
         # A misspelt key is also a missing one: its own message helps more.
-        first = next((item for item in mistakes if item["type"] == "extra_forbidden"), mistakes[0])
-        key = _dotted(_as_written(first["loc"], data))
-        raise ParameterFileError(source, key, _explain(first, model)) from error
+        first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
+        place, problem = first["loc"], first["msg"]
+        if first["type"] == "unknown_key":
+            place, problem = (*place, first["ctx"]["key"]), first["ctx"]["problem"]
+        elif first["type"] == "missing":
+            problem = "is missing"
+        elif first["type"] == "value_error":
+            problem = problem.removeprefix("Value error, ")
+        else:
+            problem = f"{problem[:1].lower()}{problem[1:]}, got {short(first.get('input'))}"
+        raise ParameterFileError(source, _dotted(_as_written(place, data)), problem) from error
 
 
 def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
@@ -255,19 +276,6 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
             place, _, text = text.partition(": ")
             key += place
         raise ParameterFileError(source, key, text) from error
-
-
-def _explain(first: Any, model: type[BaseModel]) -> str:
-    kind, value = first["type"], first.get("input")
-    if kind == "extra_forbidden":
-        place = _model_at(model, first["loc"][:-1])
-        name = str(first["loc"][-1])
-        return "unknown key" if place is None else unknown_key(name, _keys(place), _nearest(name, place))
-    if kind == "missing":
-        return "is missing"
-    if kind == "value_error":
-        return str(first["msg"]).removeprefix("Value error, ")
-    return f"{_lower_first(first['msg'])}, got {short(value)}"
 
 
 def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
@@ -294,6 +302,7 @@ def _nearest(name: str, model: type[BaseModel]) -> list[str]:
     return best[:2] or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
 
 
+@cache
 def _keys(model: type[BaseModel]) -> list[str]:
     own = [name for name in model.__annotations__ if name in model.model_fields]  # before what is inherited
     return [model.model_fields[name].alias or name for name in dict.fromkeys((*own, *model.model_fields))]
@@ -304,44 +313,16 @@ def _paths(model: type[BaseModel]) -> Iterator[str]:
     for name, info in model.model_fields.items():
         key = info.alias or name
         yield key
-        for inner in models_in(info.annotation):
+        for inner in _models_in(info.annotation):
             yield from (f"{key}.{path}" for path in _paths(inner))
 
 
-def _model_at(model: type[BaseModel], location: tuple[Any, ...]) -> type[BaseModel] | None:
-    """Schema at a place of another, as far as it can be followed."""
-    current: type[BaseModel] | None = model
-    variants: list[type[BaseModel]] = []
-    for part in location:
-        if current is None:
-            return None
-        field = _field(current, part)
-        if field is not None:
-            variants = list(models_in(field.annotation))
-            current = next(iter(variants), None)
-        else:  # the name of a variant
-            current = next((item for item in variants if _is_variant(item, part)), current)
-    return current
-
-
-def _is_variant(model: type[BaseModel], name: Any) -> bool:
-    """Whether a field of a schema has a name as its only value, such as ``kind: Literal["treadmill"]``."""
-    return any(getattr(info.annotation, "__args__", ()) == (name,) for info in model.model_fields.values())
-
-
-def _field(model: type[BaseModel], part: Any) -> Any:
-    for name, info in model.model_fields.items():
-        if part in (name, info.alias):
-            return info
-    return None
-
-
-def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Schema classes inside an annotation such as ``dict[str, Phase] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):
-        yield from models_in(inner)
+        yield from _models_in(inner)
 
 
 def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
@@ -359,10 +340,8 @@ def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
 
 
 def _dotted(location: tuple[Any, ...]) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))
-    return text
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return "".join(parts).removeprefix(".")
 
 
 def short(value: Any) -> str:
@@ -373,7 +352,3 @@ def short(value: Any) -> str:
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())
-
-
-def _lower_first(text: str) -> str:
-    return text[:1].lower() + text[1:]

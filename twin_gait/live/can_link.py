@@ -48,11 +48,6 @@ class Wish(NamedTuple):
 Wishes = dict[str, Wish]
 
 
-def commands_of(messages: Mapping[str, BusMessage]) -> dict[int, BusMessage]:
-    """The messages that a monitor sends, by identifier."""
-    return {item.identifier: item for item in messages.values() if item.name.endswith(ON_DEMAND)}
-
-
 def wishes_of(message: BusMessage, data: bytes) -> Wishes:
     """Read a command.
 
@@ -150,7 +145,8 @@ class CanLink:
         values.
         """
         self._messages = messages_of(problem.experiment)
-        self._commands = commands_of(self._messages)
+        asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
+        self._commands = {item.identifier: item for item in asked}  # what a monitor sends
         self._columns, self._problem = log_layout(problem).names, problem
         self._book, self._submit, self._controls = book, submit, controls
         self._blocks: deque[Mapping[str, Any]] = deque()

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.experiment import Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import dump
@@ -80,8 +79,10 @@ def foresee(
     if ends:
         told = " and ".join(ends)
         # The look without the change comes last: the walk forgets the change over it.
-        if begun == "" and _ends_anyway(walk, moment, run.tick - first):
-            told += ", as it does without the change"
+        if begun == "":
+            looked = range(run.tick - first, run.tick - first + 1)
+            if _endings(walk, _run_ahead(walk, moment, None, looked, lambda: True)):
+                told += ", as it does without the change"
     elif not numbers["watching"]:
         told = f"stays up {ahead}"
     elif run.waiting():
@@ -137,16 +138,14 @@ def _endings(walk: LiveWalk, first: int) -> list[str]:
     return found
 
 
-def _ends_anyway(walk: LiveWalk, moment: Mapping[str, Any], ticks: int) -> bool:
-    first = _run_ahead(walk, moment, None, range(ticks, ticks + 1), lambda: True)
-    return bool(_endings(walk, first))
-
-
 def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
     """What was looked ahead, as a run that begins with its first tick."""
     run, problem = walk.run, walk.run.problem
+    experiment, speed = problem.experiment, numbers["belt_speed"]
+    if speed and experiment.scenario.adjusts(BELT_SPEED):
+        experiment = replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
     return Run(
-        experiment=_at_speed(problem.experiment, numbers["belt_speed"]),
+        experiment=experiment,
         table=problem.table,
         log=log_table(run.rows(first), run.layout, problem.table),
         switches=tuple(item._replace(tick=item.tick - first) for item in run.switches()),
@@ -162,12 +161,6 @@ def _records(shown: Run, first: int) -> list[LegRecord]:
     begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.steady)
     names = shown.table.phase_names
     return [leg_record(shown.log, side, names, TICK, steady=(begin, end)) for side in shown.sides]
-
-
-def _at_speed(experiment: Experiment, speed: float | None) -> Experiment:
-    if not speed or not experiment.scenario.adjusts(BELT_SPEED):
-        return experiment
-    return replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
 
 
 def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:

@@ -68,14 +68,12 @@ class Piece:
             "switches": tuple(PhaseSwitch(item[0], Side(item[1]), *item[2:]) for item in data["switches"]),
             "changes": tuple(AppliedChange(tick, note) for tick, note in data["changes"]),
             "status": RunStatus(data["status"]),
-            "trip": None if data["trip"] is None else _trip(*data["trip"]),
         }
+        if data["trip"] is not None:
+            tick, cause, side, joint = data["trip"]
+            place = side and Side(side), joint and JointName(joint)
+            made["trip"] = Trip(tick, TripCause(cause), *place)
         return cls(rows=rows, **{**data, **made})
-
-
-def _trip(tick: int, cause: str, side: str | None, joint: str | None) -> Trip:
-    place = None if side is None else Side(side), None if joint is None else JointName(joint)
-    return Trip(tick, TripCause(cause), *place)
 
 
 @dataclass

@@ -77,7 +77,9 @@ class LivePage:
 
     def update(self) -> None:
         """Bring what is new in the session to all pages; call it every ``PERIOD``."""
-        self._tell_events()
+        for event in self._session.events(self._serial):
+            self._serial = event.serial
+            self.server.tell(event.to_dict())
         self._tell_state()
         number, text = self._session.news.frame
         if number != self._number:
@@ -120,11 +122,6 @@ class LivePage:
         code = frame.log.get("mode")
         mode = self._modes[int(code)] if self._modes and code is not None else None
         return short | {"phases": phases, "mode": mode}
-
-    def _tell_events(self) -> None:
-        for event in self._session.events(self._serial):
-            self._serial = event.serial
-            self.server.tell(event.to_dict())
 
     def _tell_state(self) -> None:
         state = self._session.state()

@@ -181,13 +181,12 @@ def _array(values: np.ndarray, item_size: int, code: int, decimals: int | None =
 
 
 def _surface(material: Material, shape: Shape) -> Command:
-    surface: Command = {
-        "type": _shading(material),
-        "color": _integer(material.colour),
-        "side": 2 if material.two_sided else 0,
-    }
-    if surface["type"] == "MeshStandardMaterial":
-        surface |= {"roughness": material.roughness, "metalness": 0.0}
+    surface: Command = {"color": _integer(material.colour), "side": 2 if material.two_sided else 0}
+    # Without a graphics card the gloss of a pixel costs more than everything else: chalk does without.
+    if material.roughness >= _CHALK:
+        surface["type"] = "MeshLambertMaterial"
+    else:
+        surface |= {"type": "MeshStandardMaterial", "roughness": material.roughness, "metalness": 0.0}
     if material.glow > 0.0:
         surface["emissive"] = _integer(tuple(material.glow * value for value in material.colour))
     if material.opacity < 1.0 or shape.opacity is not None:
@@ -196,11 +195,6 @@ def _surface(material: Material, shape: Shape) -> Command:
     if shape.opacity is not None or shape.colours is not None:
         surface["vertexColors"] = True
     return surface
-
-
-def _shading(material: Material) -> str:
-    # Without a graphics card the gloss of a pixel costs more than everything else: chalk does without.
-    return "MeshLambertMaterial" if material.roughness >= _CHALK else "MeshStandardMaterial"
 
 
 def _integer(colour: Sequence[float]) -> int:

@@ -153,8 +153,8 @@ def _ink_on(colour: str) -> str:
 
 
 def _luminance(colour: str) -> float:
-    shares = (s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour))
-    return float(np.dot([0.2126, 0.7152, 0.0722], list(shares)))
+    shares = [s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour)]
+    return float(np.dot([0.2126, 0.7152, 0.0722], shares))
 
 
 def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:

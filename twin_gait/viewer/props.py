@@ -47,11 +47,16 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
     mirror[:3, 3] = hip
     height = float(hip[2]) - _DROP - floor
     top = (-_BEHIND, _BESIDE + 0.5 * _DEPTH, -_DROP - 0.5 * _THICKNESS)
+    vice = [box((0.17, 0.12, 0.045), (-0.06, _BESIDE + 0.05, -_DROP + 0.022), 0.008)]
+    vice += [box((0.045, 0.085, 0.115), (x, _BESIDE + 0.02, -_DROP + 0.095), 0.008) for x in (-0.005, -0.135)]
+    y, z = _BESIDE + 0.02, -_DROP + 0.075
+    screw = shapes.tube(np.array([[x, y, z] for x in (-0.15, -0.22, -0.29)]), 0.011, columns=12)
+    handle = shapes.tube(np.array([[-0.275, y, z + up] for up in (-0.08, 0.0, 0.08)]), 0.006)
     parts = [
         ("table_top", box((_LENGTH, _DEPTH, _THICKNESS), top, 0.008), _TOP),
         ("table_frame", _table_frame(height), DECK),
-        ("vice", _vice(), _VICE),
-        ("vice_screw", _screw(), STEEL),
+        ("vice", shapes.merged(vice), _VICE),
+        ("vice_screw", shapes.merged([screw, handle]), STEEL),
         ("weight", _weight(), _IRON),
         ("mat", box((1.10, 0.84, 0.012), (-0.06, 0.24, -_DROP - height + 0.006), 0.004), _MAT),
     ]
@@ -75,18 +80,6 @@ def _table_frame(height: float) -> Shape:
         (xs[1] - xs[0], ys[1] - ys[0], 0.02), (-_BEHIND, 0.5 * sum(ys), -_DROP - height + 0.16), 0.004
     )
     return shapes.merged([*legs, *rails, shelf])
-
-
-def _vice() -> Shape:
-    jaws = [box((0.045, 0.085, 0.115), (x, _BESIDE + 0.02, -_DROP + 0.095), 0.008) for x in (-0.005, -0.135)]
-    return shapes.merged([box((0.17, 0.12, 0.045), (-0.06, _BESIDE + 0.05, -_DROP + 0.022), 0.008), *jaws])
-
-
-def _screw() -> Shape:
-    y, z = _BESIDE + 0.02, -_DROP + 0.075
-    screw = shapes.tube(np.array([[-0.15, y, z], [-0.22, y, z], [-0.29, y, z]]), 0.011, columns=12)
-    handle = shapes.tube(np.array([[-0.275, y, z - 0.08], [-0.275, y, z], [-0.275, y, z + 0.08]]), 0.006)
-    return shapes.merged([screw, handle])
 
 
 def _weight() -> Shape:

@@ -80,7 +80,13 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
         for colour, piece in _coloured(item, shape):
             shapes_by_colour.setdefault((joint, tuple(round(value, 4) for value in colour)), []).append(piece)
         if type(item.geometry).__name__ == "Cylinder":
-            discs.append(_disc(joint, item, growths[nominal_joint], shift))
+            size, placement = growths[nominal_joint], item.placement
+            centre, axis = (
+                size * np.asarray(placement.translation) + shift,
+                np.asarray(placement.rotation)[:, 2],
+            )
+            radius, half = size * float(item.geometry.radius), size * float(item.geometry.halfLength)
+            discs.append(Disc(joint, centre, axis.copy(), radius, 2.0 * half))
     parts = [
         LinkPart(joint, _four(colour), shapes.merged(items))
         for (joint, colour), items in shapes_by_colour.items()
@@ -105,13 +111,6 @@ def _drop_colourless(root: ElementTree.Element) -> None:
         for material in visual.findall("material"):
             if material.get("name") not in coloured:
                 visual.remove(material)
-
-
-def _disc(joint: str, item: Any, growth: float, shift: np.ndarray) -> Disc:
-    centre = growth * np.asarray(item.placement.translation) + shift
-    axis = np.asarray(item.placement.rotation)[:, 2].copy()
-    radius, half = growth * float(item.geometry.radius), growth * float(item.geometry.halfLength)
-    return Disc(joint, centre, axis, radius, 2.0 * half)
 
 
 def _resolve_meshes(root: ElementTree.Element, urdf: Path) -> list[str]:

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import yaml
 from scipy.stats import sem
 from scipy.stats import t as student
 
@@ -56,36 +58,8 @@ class Controller:
         return replace(experiment, control=control)
 
 
-_AS_NEEDED = "the table; from stride to stride as much of it as the tracking error asks for"
-_CARRIED = "no spring; the gear's friction and the leg's weight in swing are carried"
-_CONTROLLERS = (
-    Controller("table", "five-phase table", "spring and damper of the gait table", "impedance"),
-    Controller(
-        "position", "position tracking", "a stiff spring that follows a predetermined path", "position"
-    ),
-    Controller("assist_as_needed", "assist as needed", _AS_NEEDED, "impedance", adaptive=True),
-    Controller(
-        "twincare",
-        "partial assistance",
-        "the table, a fixed share of it per joint",
-        "impedance",
-        partial=True,
-    ),
-    Controller("transparent", "friction compensation only", _CARRIED, "transparent"),
-    Controller(
-        "gravity",
-        "gravity compensation",
-        "no spring; friction and the leg's whole weight are carried",
-        "gravity",
-    ),
-    Controller(
-        "constant",
-        "constant impedance",
-        "one spring for the whole stride, the mean of the table's",
-        "constant",
-    ),
-)
-CONTROLLERS = {item.name: item for item in _CONTROLLERS}
+_ROWS = yaml.safe_load(Path(__file__).with_name("controllers.yaml").read_text(encoding="utf-8"))
+CONTROLLERS = {name: Controller(name=name, **row) for name, row in _ROWS.items()}
 
 
 def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
@@ -177,12 +151,9 @@ def compare(
             name, seed = asked[place][0].name, asked[place][1]
             if seed == 0:
                 nominal[name] = run
-            trip = (
-                ""
-                if run.trip is None
-                else f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
-            )
-            ending = {"status": str(run.status), "trip": trip}
+            ending = {"status": str(run.status), "trip": ""}
+            if run.trip is not None:
+                ending["trip"] = f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
             rows[place] = {"controller": name, "seed": seed, **ending, **run_measures(run)}
             if progress is not None:
                 progress(len(rows), len(asked))

@@ -157,14 +157,12 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
                 "rows would not be comparable; go back to them, or choose another --out"
             )
         raise RunDirectoryError(f"{directory}: holds another sweep; choose another --out")
-    if directory.exists() and (not directory.is_dir() or _holds_something(directory)):
-        raise RunDirectoryError(f"{directory}: exists and is not a sweep; choose another --out")
-
-
-def _holds_something(directory: Path) -> bool:
-    """Whether there is more than a sweep leaves that was killed while it made its folder."""
-    names = {path.name for path in directory.iterdir()} - {PARTS_FOLDER, _LOCK_FILE}
-    return any(not name.startswith(f".{SPEC_FILE}.") for name in names)
+    if directory.exists():
+        # More than a sweep leaves that was killed while it made its folder.
+        names = {path.name for path in directory.iterdir()} if directory.is_dir() else {""}
+        names -= {PARTS_FOLDER, _LOCK_FILE}
+        if any(not name.startswith(f".{SPEC_FILE}.") for name in names):
+            raise RunDirectoryError(f"{directory}: exists and is not a sweep; choose another --out")
 
 
 def read_table(directory: Path) -> pd.DataFrame:

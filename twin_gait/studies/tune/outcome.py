@@ -56,7 +56,6 @@ def write_tuning(
     Returns content of ``tune.json``; None if it was stopped before. Raises ParameterError if no table passes
     the check.
     """
-    assert tuning.before is not None  # a completed tuning has it
     chosen = choose(tuning, experiment)
     table, start = final_table(chosen, experiment, wearer), tuning.before.table
     departed = walk_departures(start, table, experiment, settings, workers or Workers(), **watch)
@@ -94,7 +93,7 @@ def outcome(
 ) -> dict[str, Any]:
     """Content of ``tune.json``; ``departed`` is from :func:`walk_departures`."""
     before = tuning.before
-    assert before is not None and tuning.state.start_cost is not None  # a completed tuning has both
+    assert tuning.state.start_cost is not None  # a completed tuning has it
     speed = settings.reference_speed or check_walker(experiment)[0].speed
     after, generations = chosen.finalist, tuning.state.generations
     return {
@@ -230,7 +229,6 @@ def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict
     def of(finalist: Finalist) -> list[float | None]:
         return standing([walk for name, walk in finalist.walks if name in names])
 
-    assert tuning.before is not None  # a completed tuning has it
     return {
         "cases": names[1:],
         "candidates": [item for generation in tuning.state.generations for item in generation.tried],

@@ -95,6 +95,7 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     sides = [_leg(run, leg) for leg in legs]
     joints = [joint for side in sides for joint in side["joints"].values()]
     walks = list(run.walk_measures().values())
+    least = [side["toe_clearance_least_m"] for side in sides]
     # Contacts of a foot that has just landed; further contacts in swing are scuffs.
     bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
     return {
@@ -113,7 +114,9 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
         "saturated_pct": _percent(_largest(joint["saturated_share"] for joint in joints)),
         "torque_change_Nm": _largest(joint["switch_torque_change_Nm"] for joint in joints),
         "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
-        "clearance_lack_mm": _clearance_lack(sides),
+        "clearance_lack_mm": None
+        if None in least
+        else max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least))),
         "asymmetry_pct": _percent(_asymmetry(sides)),
         **_of_free_trunk(run),
     }
@@ -351,8 +354,3 @@ def _asymmetry(sides: Sequence[Mapping[str, Any]]) -> float | None:
     for joint in sides[0]["joints"]:
         pairs.append([side["joints"][joint]["range_of_motion_deg"] for side in sides])
     return _largest(None if None in pair else abs(symmetry_index(*pair)) for pair in pairs)
-
-
-def _clearance_lack(sides: Sequence[Mapping[str, Any]]) -> float | None:
-    least = [side["toe_clearance_least_m"] for side in sides]
-    return None if None in least else max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least)))

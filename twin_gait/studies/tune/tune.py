@@ -14,7 +14,6 @@ from twin_gait.checking.finding import Finding, Severity
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
-from twin_gait.simulation import RunStatus
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.together import compile_ahead
 from twin_gait.studies.jobs import Stop, Workers
@@ -92,11 +91,7 @@ class Stages:
         finalists = self._finalists()
         ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
         self.keep()
-        return Tuning(RunStatus.COMPLETED, self._parameters, self._state, finalists[0], tuple(ranked))
-
-    def unfinished(self) -> Tuning:
-        """A tuning that was stopped, of which only the state counts."""
-        return Tuning(RunStatus.INTERRUPTED, self._parameters, self._state, None, ())
+        return Tuning(self._parameters, self._state, finalists[0], tuple(ranked))
 
     def keep(self) -> None:
         """Write the state."""
@@ -257,7 +252,7 @@ def tune(
     progress: Callable[[Progress], None] | None = None,
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
-) -> Tuning:
+) -> Tuning | None:
     """Search and rank, keeping the state in a folder after every step.
 
     The result depends on the experiment, the settings and the number of generations, neither on the workers
@@ -268,6 +263,9 @@ def tune(
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
+
+    Returns:
+        The tuning; None if it was stopped.
 
     Raises:
         ParameterError: If there is nothing to tune, or the settings make no sense.
@@ -291,7 +289,7 @@ def tune(
         return work.everything(on_compile)
     except Stopped:
         work.keep()
-        return work.unfinished()
+        return None
 
 
 def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **settings: Any) -> GaitTable:
@@ -309,6 +307,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     """
     with tempfile.TemporaryDirectory() as folder:
         tuning = tune(experiment, Path(folder) / "tuning", Settings(**settings), workers=workers)
+        assert tuning is not None  # nobody stops it
         chosen = choose(tuning, experiment)
     return table_of(chosen.finalist.table)
 
