@@ -5,8 +5,6 @@ published ranges of the check or what the table itself has, torque at the limit 
 at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live.tuning` to say.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace

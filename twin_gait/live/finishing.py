@@ -1,7 +1,5 @@
 """From the journal of a live walk to its run folder, at the end of the walk or whenever somebody looks."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

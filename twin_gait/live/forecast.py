@@ -5,8 +5,6 @@ handed a moment of the walk and the numbers of the change, lets them fade in as 
 for ``LEAST`` ticks and as much longer as ``BUDGET`` allows; the walk itself knows nothing of it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

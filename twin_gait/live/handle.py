@@ -1,7 +1,5 @@
 """A process of a live session as its parent holds it: commands with answers, frames, and its end."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import subprocess

@@ -4,8 +4,6 @@ Nothing here waits for anybody: commands are taken if there are some, and what i
 that must return at once. The clock and the sleep are passed in.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

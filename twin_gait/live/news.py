@@ -1,7 +1,5 @@
 """Events of a live session, and what its process says: frames, traces, run folders, and how it ended."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections import deque

@@ -4,8 +4,6 @@ Frames move the scene and the numbers; events and the state of the controls go t
 says becomes a message of the session, or is refused if it is none.
 """
 
-from __future__ import annotations
-
 import json
 import secrets
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ and answers likewise. The end of the input is the end of the process: however th
 writes its run folder and is gone. Nothing that it is sent is ever executed or unpickled.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """How a loop in blocks of 10 ms keeps to the clock, how well it does, and who goes before others."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os

@@ -6,8 +6,6 @@ belt or the support, push the leg or inject a fault, and go on. Without a change
 ``simulate``, bit for bit.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

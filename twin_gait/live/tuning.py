@@ -1,7 +1,5 @@
 """Changes of live settings: held to the rules of ``twin-gait check``, handed to the walk, or tried ahead."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from twin_gait.checking.check import build_case

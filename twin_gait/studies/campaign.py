@@ -132,20 +132,16 @@ def planned_tests(campaign: Campaign) -> list[PlannedTest]:
     for place, seed in enumerate(seeds):
         mass, number = WEIGHTS[place // TESTS_PER_WEIGHT], place % TESTS_PER_WEIGHT + 1
         settings, test = (_drop if campaign.protocol is Protocol.DROP else _two_way)(campaign, mass, number)
-        name = f"{campaign.joint}_{mass:g}kg_{number}.log"
-        variation = _variation(campaign, np.random.default_rng(seed))
-        noise = int(seed.generate_state(1)[0])
+        rng = np.random.default_rng(seed)
+        variation = BenchVariation(
+            current_offset=SPREAD["current_offset"] * float(rng.standard_normal()),
+            friction_ratio=max(0.0, 1.0 + SPREAD["friction"] * float(rng.standard_normal())),
+            ripple_phase=float(rng.uniform(0.0, 2.0 * math.pi)),
+            duty_start=int(rng.integers(0, 1000)),
+        )
+        name, noise = f"{campaign.joint}_{mass:g}kg_{number}.log", int(seed.generate_state(1)[0])
         plans.append(PlannedTest(name, mass, number, settings, test, variation, noise))
     return plans
-
-
-def _variation(campaign: Campaign, rng: np.random.Generator) -> BenchVariation:
-    return BenchVariation(
-        current_offset=SPREAD["current_offset"] * float(rng.standard_normal()),
-        friction_ratio=max(0.0, 1.0 + SPREAD["friction"] * float(rng.standard_normal())),
-        ripple_phase=float(rng.uniform(0.0, 2.0 * math.pi)),
-        duty_start=int(rng.integers(0, 1000)),
-    )
 
 
 def drop_amplitude(mass: float, step: int) -> float:
@@ -215,20 +211,31 @@ def run_campaign(
     """
     if directory.exists():
         raise RunDirectoryError(f"{directory}: exists; choose another --out")
-    plans, lines, status = planned_tests(campaign), [], RunStatus.COMPLETED
+    plans, lines, status = planned_tests(campaign), list[dict[str, Any]](), RunStatus.COMPLETED
     with staged_directory(directory, CAMPAIGN) as staging:
-        for done, plan in enumerate(plans):
+        for done, plan in enumerate(plans, start=1):
             if should_stop is not None and should_stop():
                 status = RunStatus.INTERRUPTED
                 break
-            run = simulate_bench(
-                plan.test, seed=plan.noise_seed, variation=plan.variation, on_compile=on_compile
-            )
-            write_atomically(staging / plan.name, log_text(run, _header(campaign, plan)))
+            noise, variation = plan.noise_seed, plan.variation
+            run = simulate_bench(plan.test, seed=noise, variation=variation, on_compile=on_compile)
+            header = {
+                "joint": str(campaign.joint), "protocol": str(campaign.protocol), "mass_kg": f"{plan.mass:g}",
+                "test": plan.number, **{name: f"{value:g}" for name, value in plan.settings.items()},
+                "campaign_seed": campaign.seed,
+            }  # fmt: skip
+            write_atomically(staging / plan.name, log_text(run, header))
             lines.append(_line(plan, run))
             if progress is not None:
-                progress(done + 1, len(plans))
-        write_atomically(staging / SETTINGS_FILE, _settings(campaign, status, lines))
+                progress(done, len(plans))
+        document = {
+            "synthetic": True, "twin_gait_version": __version__, "joint": str(campaign.joint),
+            "protocol": str(campaign.protocol), "seed": campaign.seed, "status": str(status),
+            "columns": list(LOG_COLUMNS), "bench": asdict(campaign.plain_bench()), "spread": SPREAD,
+            "tests": lines,
+        }  # fmt: skip
+        text = json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False)
+        write_atomically(staging / SETTINGS_FILE, text + "\n")
     return CampaignResult(directory, status, tuple(lines))
 
 
@@ -241,17 +248,6 @@ def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
     return "\n".join(lines) + "\n" + run.log(truth=truth).to_csv(index=False, float_format=_DIGITS)
-
-
-def _header(campaign: Campaign, plan: PlannedTest) -> dict[str, object]:
-    return {
-        "joint": str(campaign.joint),
-        "protocol": str(campaign.protocol),
-        "mass_kg": f"{plan.mass:g}",
-        "test": plan.number,
-        **{name: f"{value:g}" for name, value in plan.settings.items()},
-        "campaign_seed": campaign.seed,
-    }
 
 
 def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
@@ -284,22 +280,6 @@ def summarise(run: BenchRun) -> dict[str, float | None]:
 
 def _first(mask: np.ndarray) -> float | None:
     return round(float(np.argmax(mask)) * 1e-3, 3) if mask.any() else None
-
-
-def _settings(campaign: Campaign, status: RunStatus, lines: list[dict[str, Any]]) -> str:
-    document = {
-        "synthetic": True,
-        "twin_gait_version": __version__,
-        "joint": str(campaign.joint),
-        "protocol": str(campaign.protocol),
-        "seed": campaign.seed,
-        "status": str(status),
-        "columns": list(LOG_COLUMNS),
-        "bench": asdict(campaign.plain_bench()),
-        "spread": SPREAD,
-        "tests": lines,
-    }
-    return json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def _finite(value: Any) -> Any:

@@ -1,7 +1,5 @@
 """What holds the wearer: a harness with the ropes of its support, and arms with forearm crutches."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

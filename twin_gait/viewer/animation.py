@@ -1,7 +1,5 @@
 """A run as a page holds it that plays anywhere, without a server and without a network."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, Unpack

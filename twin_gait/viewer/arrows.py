@@ -1,7 +1,5 @@
 """Arrows: the forces of the ground, and the torque of a motor around its joint, longer for more."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

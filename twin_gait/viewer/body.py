@@ -3,8 +3,6 @@
 The shape of a limb is drawn by eye for a body of 1.75 m and 70 kg and scaled; it carries no data.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ case of property names, and names every object after its place in the scene, so 
 gives the same bytes.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The articulated figure: one group per joint, so that a posture is one rotation per joint."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple

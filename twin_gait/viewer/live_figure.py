@@ -1,7 +1,5 @@
 """The scene of the live page: whole for new pages, its changes for open ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Unpack

@@ -1,7 +1,5 @@
 """A page as a picture, drawn by a Chromium that is on this machine."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

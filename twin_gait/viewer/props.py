@@ -1,7 +1,5 @@
 """What stands around the figure in some worlds: a bench, a chair, a walkway with its rail."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Protocol
 

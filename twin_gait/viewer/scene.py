@@ -1,7 +1,5 @@
 """A scene that has been drawn, and what changes in it: posture, forces, colours of phases, belt."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass

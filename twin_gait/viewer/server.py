@@ -5,8 +5,6 @@ scene to it in the commands of that viewer. The name of the machine and the orig
 token keeps out the other users of this machine, who reach the port and can write any header.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hmac
 import resource

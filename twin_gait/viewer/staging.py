@@ -1,7 +1,5 @@
 """Draw a leg model, or any URDF, with what belongs around it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path

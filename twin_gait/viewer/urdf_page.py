@@ -1,7 +1,5 @@
 """Any URDF as one page: its scene, and a slider for every joint that turns or slides."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

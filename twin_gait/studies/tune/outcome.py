@@ -199,18 +199,14 @@ def gait_curves(
 
 def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
     """Named parts side by side, each with its verdict."""
-    costs = part_costs(before.values, before.joints), part_costs(after.values, after.joints)
-    return [
-        {
-            **asdict(part),
-            "before": (first := before.values[part.name]),
-            "after": (second := after.values[part.name]),
-            "cost_before": costs[0][part.name],
-            "cost_after": costs[1][part.name],
-            "verdict": verdict(first, second, part.goal),
-        }
-        for part in before.parts
-    ]
+    first, second = (part_costs(walk.values, walk.joints) for walk in (before, after))
+    found = []
+    for part in before.parts:
+        was, now = before.values[part.name], after.values[part.name]
+        costs = {"cost_before": first[part.name], "cost_after": second[part.name]}
+        told = verdict(was, now, part.goal)
+        found.append({**asdict(part), "before": was, "after": now, **costs, "verdict": told})
+    return found
 
 
 def verdict(before: float | None, after: float | None, goal: float) -> str:
@@ -225,16 +221,12 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
 def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict[str, Any]:
     """Standings of all candidates of the search, and of the table before and the chosen one in its cases."""
     names = [case.name for case in search_cases(experiment)]
-
-    def of(finalist: Finalist) -> list[float | None]:
-        return standing([walk for name, walk in finalist.walks if name in names])
-
-    return {
-        "cases": names[1:],
-        "candidates": [item for generation in tuning.state.generations for item in generation.tried],
-        "before": of(tuning.before),
-        "after": of(after),
-    }
+    before, after_it = (
+        standing([walk for name, walk in finalist.walks if name in names])
+        for finalist in (tuning.before, after)
+    )
+    candidates = [item for generation in tuning.state.generations for item in generation.tried]
+    return {"cases": names[1:], "candidates": candidates, "before": before, "after": after_it}
 
 
 def _walk(walk: Rating) -> dict[str, Any]:
@@ -242,25 +234,17 @@ def _walk(walk: Rating) -> dict[str, Any]:
 
 
 def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
-    def of(name: str) -> list[float | None]:
-        return [None if walk.fell else walk.values[name] for walk in walks]
-
-    return {
-        **{part.name: of(part.name) for part in errors_of(walks[0].joints)},
-        "fell": [walk.fell for walk in walks],
-    }
+    errors = [part.name for part in errors_of(walks[0].joints)]
+    found = {name: [None if walk.fell else walk.values[name] for walk in walks] for name in errors}
+    return {**found, "fell": [walk.fell for walk in walks]}
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
     points = chosen.points or tuple(item.start_coordinate for item in tuning.parameters)
     return [
         {
-            "name": item.name,
-            "unit": item.unit,
-            "start": item.start,
-            "tuned": item.value(point),
-            "lower": item.lower,
-            "upper": item.upper,
+            "name": item.name, "unit": item.unit, "start": item.start, "tuned": item.value(point),
+            "lower": item.lower, "upper": item.upper,
         }
         for item, point in zip(tuning.parameters, points, strict=True)
-    ]
+    ]  # fmt: skip
