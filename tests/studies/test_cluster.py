@@ -19,7 +19,7 @@ from sweep_process import start_sweep, wait_until, write_spec
 from twin_gait.cli import main
 from twin_gait.studies.batch import Override, simulate_batch
 from twin_gait.studies.sweep.spec import load_sweep
-from twin_gait.studies.sweep.store import read_table
+from twin_gait.studies.sweep.sweep import read_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 

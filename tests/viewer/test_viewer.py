@@ -618,7 +618,7 @@ for name in ("zmq", "IPython", "pyngrok"):
     sys.modules[name] = None  # importing it is an error
 import asyncio
 from twin_gait.viewer.server import SceneServer
-from twin_gait.viewer.urdf_page import urdf_page
+from twin_gait.viewer.animation import urdf_page
 
 async def main():
     server = SceneServer(urdf_page("twin.urdf"), first_port=0)

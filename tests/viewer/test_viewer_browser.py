@@ -23,10 +23,10 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.runs.record import write_run
 from twin_gait.runs.run_page import ShownRun, page_of
 from twin_gait.runs.shown_run import read_shown_run
+from twin_gait.viewer.animation import joint_entries, urdf_page
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.staging import build_scene
-from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, Side
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]

@@ -45,6 +45,7 @@ from twin_gait.runs.record import load_run, write_run
 from twin_gait.runs.run_page import ShownRun, page_of, with_walk
 from twin_gait.runs.shown_run import read_shown_run
 from twin_gait.viewer.aids import ROPE, VEST
+from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.body import CLOTH
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import ROOT
@@ -60,7 +61,6 @@ from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, live_page, packed
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
-from twin_gait.viewer.urdf_page import urdf_page
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of
     from twin_gait.runs.shown_run import read_shown_run
-    from twin_gait.viewer.urdf_page import urdf_page
+    from twin_gait.viewer.animation import urdf_page
 
     _check(arguments)
     urdf = next((path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
