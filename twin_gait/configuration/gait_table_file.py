@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -117,24 +118,18 @@ def gait_table_from_mapping(
     # Some of the five phases are a mistake, unless the table says how it goes round without the others.
     if set(phases) < {str(item) for item in GaitPhase} and not entry.cycles:
         missing = ", ".join(str(item) for item in GaitPhase if item not in phases)
-        raise ParameterFileError(
-            source, "phases", f"missing {missing}; a cycle without them goes under cycles"
-        )
-    names = tuple(phases)
-    transitions = tuple(
-        transition_of(item, joints, names, source, f"transitions[{index}]")
-        for index, item in enumerate(entry.transitions)
-    )
-    side_phases = {
-        side: {
-            phase: _phase(
-                _on_side(entry, phase, values, source, side), joints, source, f"sides.{side}.{phase}"
-            )
-            for phase, values in differences.items()
-        }
-        for side, differences in entry.sides.items()
-        if differences
-    }
+        problem = f"missing {missing}; a cycle without them goes under cycles"
+        raise ParameterFileError(source, "phases", problem)
+    transitions = transitions_of(entry.transitions, joints, tuple(phases), source)
+    side_phases: dict[Side, dict[str, table.PhaseParameters]] = {}
+    for side, differences in entry.sides.items():
+        for phase, values in differences.items():
+            key = f"sides.{side}.{phase}"
+            if phase not in entry.phases:
+                known = ", ".join(entry.phases)
+                raise ParameterFileError(source, key, f"no such phase; there are {known}")
+            merged = merge(entry.phases[phase], values)  # over the common values
+            side_phases.setdefault(side, {})[phase] = _phase(merged, joints, source, key)
     kind = table.DraftTable if draft else table.GaitTable
     return converting(
         source,
@@ -155,16 +150,6 @@ def gait_table_from_mapping(
     )
 
 
-def _on_side(
-    entry: GaitTableFile, phase: str, differences: dict[str, Any], source: str, side: Side
-) -> dict[str, Any]:
-    """Lay the differences of one side over the common values of a phase."""
-    if phase not in entry.phases:
-        known = ", ".join(entry.phases)
-        raise ParameterFileError(source, f"sides.{side}.{phase}", f"no such phase; there are {known}")
-    return merge(entry.phases[phase], differences)
-
-
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
     for joint in joints:
@@ -178,33 +163,33 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     return phase
 
 
-def transition_of(
-    entry: TransitionEntry,
+def transitions_of(
+    entries: Sequence[TransitionEntry],
     joints: tuple[str, ...],
     members: tuple[str, ...],
     source: str,
-    key: str,
     words: GuardWords = LEG_WORDS,
-) -> table.Transition:
-    """A transition in SI; ``source`` and ``key`` are its place for messages."""
+) -> tuple[table.Transition, ...]:
+    """Transitions in SI; ``members`` are what guards may ask for by name."""
 
-    def build() -> table.Transition:
-        guard: Guard = AllOf(guards=())
-        if entry.all is not None:
-            guard = AllOf(guards=tuple(_guard(item, joints, members, words) for item in entry.all))
-        elif entry.any is not None:
-            guard = AnyOf(guards=tuple(_guard(item, joints, members, words) for item in entry.any))
+    def build(entry: TransitionEntry) -> table.Transition:
+        listed = entry.any if entry.all is None else entry.all
+        guards = tuple(_guard(item, joints, members, words) for item in listed or ())
+        some = entry.all is None and entry.any is not None
         return table.Transition(
             source=entry.from_,
             target=entry.to,
             cause=entry.cause,
-            guard=guard,
+            guard=AnyOf(guards=guards) if some else AllOf(guards=guards),
             debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
             time_out_ticks=None if entry.after_s is None else round(entry.after_s / table.TICK),
             driven_by=entry.driven_by,
         )
 
-    return converting(source, key, build)
+    return tuple(
+        converting(source, f"transitions[{index}]", partial(build, entry))
+        for index, entry in enumerate(entries)
+    )
 
 
 def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords) -> Guard:
@@ -244,10 +229,7 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     """
     entry: Any = validate(ModeTableFile, data, source)
     joints, requests = tuple(entry.joints), tuple(entry.requests)
-    transitions = tuple(
-        transition_of(item, joints, requests, source, f"transitions[{index}]", MODE_WORDS)
-        for index, item in enumerate(entry.transitions)
-    )
+    transitions = transitions_of(entry.transitions, joints, requests, source, MODE_WORDS)
     modes = {key: converting(source, f"modes.{key}", mode.convert) for key, mode in entry.modes.items()}
     return converting(
         source,

@@ -179,12 +179,15 @@ def _array(values: np.ndarray, item_size: int, code: int, decimals: int | None =
 
 
 def _surface(material: Material, shape: Shape) -> Command:
-    surface: Command = {"color": _integer(material.colour), "side": 2 if material.two_sided else 0}
     # Without a graphics card the gloss of a pixel costs more than everything else: chalk does without.
-    if material.roughness >= _CHALK:
-        surface["type"] = "MeshLambertMaterial"
-    else:
-        surface |= {"type": "MeshStandardMaterial", "roughness": material.roughness, "metalness": 0.0}
+    chalk = material.roughness >= _CHALK
+    surface: Command = {
+        "type": "MeshLambertMaterial" if chalk else "MeshStandardMaterial",
+        "color": _integer(material.colour),
+        "side": 2 if material.two_sided else 0,
+    }
+    if not chalk:
+        surface |= {"roughness": material.roughness, "metalness": 0.0}
     if material.glow > 0.0:
         surface["emissive"] = _integer(tuple(material.glow * value for value in material.colour))
     if material.opacity < 1.0 or shape.opacity is not None:
