@@ -4,7 +4,6 @@ import json
 import zlib
 from base64 import b64decode
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from synthetic_floor import SPEED, floor_walk
 
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
+from twin_gait.parameters import ChairParameters
 from twin_gait.report.crutch_figure import draw_crutches
 from twin_gait.report.figures import draw_figure
 from twin_gait.runs.run_page import setting_of
@@ -31,7 +31,7 @@ from twin_gait.vocabulary import Side
 
 Drawn = tuple[Scene, Recorder, Motion]
 HEIGHT, MODES = 1.75, ("sitting", "walking")
-SIZES = SimpleNamespace(height=0.46, depth=0.4)
+SIZES = ChairParameters(height=0.46, depth=0.4)
 
 
 @pytest.fixture(scope="module")

@@ -74,7 +74,7 @@ def add_parser(commands: Any) -> None:
     options.add_out(test, "FILE", "log to write", required=True)
     for one, words in ((campaign, _PROTOCOL), (test, _CONTROLLER)):
         one.add_argument("--joint", choices=("knee", "hip"), required=True, help="whose motor and friction")
-        options.add_seed(one)
+        options.add(one, "--seed")
         options.add_choices(one, (*_FORMS, words))
 
 

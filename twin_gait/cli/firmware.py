@@ -30,7 +30,7 @@ def add_parser(commands: Any) -> None:
     options.add_out(parser, "DIR", "folder to write")
     text = "compare the C with the simulation over the walk and faults, on this machine and a Cortex-M4F"
     parser.add_argument("--verify", action="store_true", help=text)
-    options.add_json(parser)
+    options.add(parser, "--json")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -61,9 +61,7 @@ def add_parser(commands: Any) -> None:
     options.add_choices(bench, [("--load-angle", ("corrected", "printed"), "corrected", _LOAD_ANGLE)])
     text = "J_mass = m b instead of m b²"
     bench.add_argument("--mass-inertia-as-printed", action="store_true", help=text)
-    options.add_seed(parser)
-    options.add_no_pictures(parser)
-    options.add_json(parser)
+    options.add(parser, "--seed", "--no-pictures", "--json")
 
 
 def run(arguments: argparse.Namespace) -> int:

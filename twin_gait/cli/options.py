@@ -18,10 +18,24 @@ from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryErr
 if TYPE_CHECKING:
     from twin_gait.configuration import LoadedExperiment
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.jobs import Workers
 
 PROCESSORS = os.cpu_count() or 1
 FIRST_PORT = 7000
+_FLAG: dict[str, Any] = {"action": "store_true"}
+SEED = "of every random draw (0)"
+SHARED: dict[str, dict[str, Any]] = {
+    "--json": {**_FLAG, "help": "print the answer as one JSON document"},  # see terminal.answer
+    "--no-pictures": {**_FLAG, "help": "leave out figures and animations"},
+    "--unchecked": {**_FLAG, "help": "run a gait table in which 'twin-gait check' finds errors"},
+    "--seed": {"type": int, "default": 0, "metavar": "N", "help": SEED},
+    "--port": {
+        **{"type": int, "default": FIRST_PORT, "metavar": "N"},
+        "help": f"first port to try ({FIRST_PORT}; 0: any)",
+    },
+    "--no-browser": {**_FLAG, "help": "only say where the page is"},
+    "--workers": {"type": int, "metavar": "N", "help": f"processes on this machine ({PROCESSORS})"},
+    "--scheduler": {"metavar": "ADDRESS", "help": "Dask scheduler, such as tcp://127.0.0.1:8786"},
+}
 # What is changed most: a number of the experiment by a short name, its unit, key and meaning.
 _SHORTHANDS = {
     "--mass": ("KG", "patient.mass_kg", "mass of the wearer in kg"),
@@ -48,30 +62,10 @@ def add_out(parser: argparse.ArgumentParser, metavar: str, text: str, *, require
     parser.add_argument("--force", action="store_true", help="replace what stands at --out")
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``, which :func:`~twin_gait.cli.terminal.answer` obeys."""
-    parser.add_argument("--json", action="store_true", help="print the answer as one JSON document")
-
-
-def add_no_pictures(parser: argparse.ArgumentParser) -> None:
-    """Add ``--no-pictures``."""
-    parser.add_argument("--no-pictures", action="store_true", help="leave out figures and animations")
-
-
-def add_seed(parser: argparse.ArgumentParser, *, of_experiment: bool = False) -> None:
-    """Add ``--seed``, of the command's own draws or of the experiment, where it is a shorter ``--set``."""
-    if of_experiment:
-        add_shorthand(parser, "--seed", "N", "seed", "of every random draw (0)", int)
-    else:
-        parser.add_argument("--seed", type=int, default=0, metavar="N", help="of every random draw (0)")
-
-
-def add_page(parser: argparse.ArgumentParser) -> None:
-    """Add ``--port`` and ``--no-browser``."""
-    parser.add_argument(
-        "--port", type=int, default=FIRST_PORT, metavar="N", help=f"first port to try ({FIRST_PORT}; 0: any)"
-    )
-    parser.add_argument("--no-browser", action="store_true", help="only say where the page is")
+def add(parser: argparse.ArgumentParser, *flags: str) -> None:
+    """Add options of :data:`SHARED`."""
+    for flag in flags:
+        parser.add_argument(flag, **SHARED[flag])
 
 
 def check_port(port: int) -> None:
@@ -89,7 +83,7 @@ def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> N
     add_settings(parser)
     if seconds is not None:
         add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
-    add_unchecked(parser)
+    add(parser, "--unchecked")
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
@@ -129,13 +123,6 @@ def add_choices(parser: Any, entries: Sequence[tuple[str, Sequence[str], str | N
     """Add options of which one word is chosen: option, words, default, meaning."""
     for flag, words, default, text in entries:
         parser.add_argument(flag, choices=words, default=default, help=text)
-
-
-def add_unchecked(parser: argparse.ArgumentParser) -> None:
-    """Add ``--unchecked``."""
-    parser.add_argument(
-        "--unchecked", action="store_true", help="run a gait table in which 'twin-gait check' finds errors"
-    )
 
 
 def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
@@ -181,17 +168,6 @@ def person_of(settings: Sequence[str]) -> str | None:
     return Path(named[-1]).stem if named and isinstance(named[-1], str) else None
 
 
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Add ``--workers``; :func:`workers_of` reads it."""
-    parser.add_argument("--workers", type=int, metavar="N", help=f"processes on this machine ({PROCESSORS})")
-
-
-def add_runner(parser: argparse.ArgumentParser) -> None:
-    """Add ``--workers`` and ``--scheduler``; :func:`runner_of` reads them."""
-    add_workers(parser)
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://127.0.0.1:8786")
-
-
 def workers_of(arguments: argparse.Namespace) -> int:
     """How many processes the user wants."""
     if arguments.workers is None:
@@ -201,13 +177,6 @@ def workers_of(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
     return int(arguments.workers)
-
-
-def runner_of(arguments: argparse.Namespace) -> Workers:
-    """The processes of this machine, or the cluster, that the user asked for; a context that ends them."""
-    from twin_gait.studies.jobs import Workers
-
-    return Workers(workers_of(arguments), arguments.scheduler)
 
 
 def check_file(flag: str, path: Path, *, force: bool) -> None:

@@ -41,8 +41,7 @@ def add_parser(commands: Any) -> None:
     text = "make the other leg: this one half a stride (of S seconds) earlier"
     add("--mirror", nargs="?", const=FOUND, metavar="S", help=text)
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
-    options.add_no_pictures(parser)
-    options.add_json(parser)
+    options.add(parser, "--no-pictures", "--json")
 
 
 def run(arguments: argparse.Namespace) -> int:

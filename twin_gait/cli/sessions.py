@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> None:
         action.set_defaults(act=act)
         if name == "list":
             action.add_argument("--user", metavar="NAME", help="only the sessions of this user")
-            options.add_json(action)
+            options.add(action, "--json")
         elif name == "complete":
             action.add_argument("folder", type=Path, metavar="DIR", help="the run directory to be")
         elif name == "clean":

@@ -30,29 +30,29 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "simulate", simulate)
     add = parser.add_argument
     options.add_experiment(parser, seconds="that of the experiment")
-    options.add_seed(parser, of_experiment=True)
+    options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>)")
     text = "compiled (the default), or pinocchio, the reference implementation in Python"
     options.add_shorthand(parser, "--engine", "NAME", "engine", text, str)
     text = "what fails, and when, such as encoder_freeze:left_knee@4.2s; may be repeated"
     add("--fault", action="append", default=[], metavar="KIND:SIDE_JOINT@TIMEs", dest="faults", help=text)
     add("--view", action="store_true", help="play the run in the browser afterwards")
-    options.add_no_pictures(parser)
+    options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
     text = "run again at a tenth of the step and report the difference (takes ten times as long)"
     add("--accuracy", action="store_true", help=text)
-    options.add_json(parser)
+    options.add(parser, "--json")
 
     parser = options.add_command(commands, "live", live)
     add = parser.add_argument
     options.add_experiment(parser, seconds="until Ctrl-C")
-    options.add_seed(parser, of_experiment=True)
+    options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>-live)")
     add("--user", default="", metavar="NAME", help="whose session it is in the record")
-    options.add_page(parser)
+    options.add(parser, "--port", "--no-browser")
     text = "put the walk on a CAN bus, and take its monitor's commands: udp_multicast:239.74.163.2, "
     add("--can", default="", metavar="BUS", help=f"{text}socketcan:vcan0, …")
-    options.add_no_pictures(parser)
+    options.add(parser, "--no-pictures")
     add("--no-record", action="store_true", help="keep no record of the session")
 
 

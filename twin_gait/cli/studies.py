@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import fields
@@ -33,10 +32,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("spec", type=Path, metavar="SPEC", help="YAML file, such as examples/sweep.yaml")
     parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder of the sweep")
     options.add_settings(parser)
-    options.add_unchecked(parser)
-    options.add_runner(parser)
-    options.add_no_pictures(parser)
-    options.add_json(parser)
+    options.add(parser, "--unchecked", "--workers", "--scheduler", "--no-pictures", "--json")
 
     parser = options.add_command(commands, "compare", compare)
     options.add_experiment(parser, seconds=f"{COMPARED:g}")
@@ -45,7 +41,7 @@ def add_parser(commands: Any) -> None:
     text = "days that differ in weight, friction, belt and effort; from 2 on, means with intervals (1)"
     parser.add_argument("--seeds", type=int, default=1, metavar="N", help=text)
     options.add_out(parser, "DIR", f"folder to make ({COMPARISONS}/NAME)")
-    options.add_json(parser)
+    options.add(parser, "--json")
 
     parser = options.add_command(commands, "tune", tune)
     add = parser.add_argument
@@ -60,17 +56,14 @@ def add_parser(commands: Any) -> None:
     add("--keep-blending", action="store_false", dest="blending", help="leave the blend as it is")
     add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
     add("--everyone", action="store_true", help="a table for other wearers, supports and belts too")
-    options.add_seed(parser)
-    options.add_runner(parser)
-    options.add_json(parser)
+    options.add(parser, "--seed", "--workers", "--scheduler", "--json")
 
     parser = options.add_command(commands, "faults", faults)
     options.add_experiment(parser, seconds=f"{FAULTY:g}")
     parser.add_argument("--count", type=int, default=100, metavar="N", help="faults (100)")
-    options.add_seed(parser)
-    options.add_workers(parser)
+    options.add(parser, "--seed", "--workers")
     options.add_out(parser, "FILE", "also write one row per fault as CSV")
-    options.add_json(parser)
+    options.add(parser, "--json")
 
 
 def sweep(arguments: argparse.Namespace) -> int:
@@ -80,7 +73,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     command goes on with a sweep that was stopped or killed.
     """
     from twin_gait.simulation import RunStatus
-    from twin_gait.studies import WorkersLost, load_sweep, run_sweep
+    from twin_gait.studies import Workers, WorkersLost, load_sweep, run_sweep
 
     options.workers_of(arguments)
     spec = load_sweep(arguments.spec, arguments.settings)
@@ -90,7 +83,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     pictures = not arguments.no_pictures
     try:
         with (
-            options.runner_of(arguments) as workers,
+            Workers(options.workers_of(arguments), arguments.scheduler) as workers,
             terminal.progress_bar("checking", "episode") as checking,
             terminal.watched("sweeping", "episode") as watch,
         ):
@@ -138,12 +131,10 @@ def compare(arguments: argparse.Namespace) -> int:
     experiment = options.experiment_of(arguments, f"duration_s={COMPARED:g}").experiment
     if arguments.controllers is None:
         controllers = [item for item in controllers if item.suits(experiment)]
-    try:
-        with terminal.watched("compare", "run") as watch:
-            comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
-    except comparing.ComparisonInterrupted as error:
-        print(f"twin-gait: {error}", file=sys.stderr)
-        return INTERRUPTED
+    with terminal.watched("compare", "run") as watch:
+        comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
+    if comparison is None:
+        return terminal.interrupted("nothing was written")
     writing.write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     lines = [text, "", str(out / writing.PAGE_FILE)]
@@ -159,7 +150,7 @@ def tune(arguments: argparse.Namespace) -> int:
     report. It can be stopped at any time and goes on with --resume.
     """
     from twin_gait.report.tune import summary
-    from twin_gait.studies import WorkersLost
+    from twin_gait.studies import Workers, WorkersLost
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.state import Progress, Settings
 
@@ -176,7 +167,10 @@ def tune(arguments: argparse.Namespace) -> int:
 
     found = None
     try:
-        with options.runner_of(arguments) as workers, terminal.stop_on_interrupt() as should_stop:
+        with (
+            Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+            terminal.stop_on_interrupt() as should_stop,
+        ):
             tuning = tune.tune(
                 experiment, out, settings, workers=workers, resume=arguments.resume, force=arguments.force,
                 progress=note, should_stop=should_stop, on_compile=terminal.note_compilation,

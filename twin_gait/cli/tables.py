@@ -34,7 +34,7 @@ def add_parser(commands: Any) -> None:
         choices=["experiment", "table", "modes"],
         help="print the JSON Schema of a kind of file, for editors",
     )
-    options.add_json(parser)
+    options.add(parser, "--json")
 
     parser = options.add_command(commands, "diagram", draw_diagram)
     add = parser.add_argument
@@ -48,7 +48,7 @@ def add_parser(commands: Any) -> None:
     text = "preset, experiment file or run directory that it drives; without TABLE its own is checked"
     add("--experiment", metavar="FILE", help=text)
     options.add_settings(parser)
-    options.add_json(parser)
+    options.add(parser, "--json")
     add("--rules", action="store_true", help="list the rules and end")
 
 

@@ -33,7 +33,7 @@ def add_parser(commands: Any) -> None:
     add("--up", choices=("x", "y", "z"), help="vertical of a URDF (z)")
     add("--size", metavar="WxH", help="size of the picture in pixels (1600x1000)")
     add("--dark", action="store_true", help="draw the dark page")
-    options.add_page(parser)
+    options.add(parser, "--port", "--no-browser")
 
 
 def run(arguments: argparse.Namespace) -> int:

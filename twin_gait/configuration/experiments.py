@@ -1,4 +1,7 @@
-"""Load an experiment from a preset or a file, with changes laid over it."""
+"""Load an experiment from a preset or a file, with changes laid over it, and the people who wear the device.
+
+What holds for both sides of a wearer stands under ``both``; ``left`` and ``right`` are laid over it.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -44,6 +47,8 @@ _PersonFile = create_model(
     description=(str, ""),
 )
 _PersonFile.parameters = Patient
+DEFAULT_PRESET = "treadmill"
+GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
 
 
 def people() -> dict[str, str]:
@@ -83,10 +88,6 @@ def _find_person(name: Any, folder: Path) -> Path:
         if found is not None:
             return found
     raise ParameterError(f"no person {name!r}: neither a file nor one of {', '.join(people())}")
-
-
-DEFAULT_PRESET = "treadmill"
-GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Gait tables as YAML: units in the keys there, SI in :class:`~twin_gait.gait.table.GaitTable`."""
+"""Gait tables, and tables of operating modes, as YAML: units in the keys there, SI in the tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Read YAML safely and turn every mistake into one line with file, key, value and the way out."""
+"""Read YAML safely, lay mappings over each other, read ``--set key=value``; every mistake is one line.
+
+It names file, key, value and the way out.
+"""
 
 import copy
 import difflib

@@ -35,6 +35,15 @@ if TYPE_CHECKING:
 
 
 MODE = "mode"
+USER = "CAN"
+# Frames of udp_multicast stay on this machine.
+OPTIONS: Mapping[str, Mapping[str, Any]] = {"udp_multicast": {"hop_limit": 0}}
+FARTHEST = 3 * PERIOD  # [s] between a frame and its time, before the times are set anew
+REPETITION = 1.0  # [s] in which the same frame once more is nothing new
+SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
+MOST_HEARD = 100  # frames between two looks at what is to be sent
+LISTENING = NetworkParameters.cycle  # [s] for a frame of the monitor, while nothing is due
+MOST_NOTES = 20  # that a session tells of its bus
 
 
 class Wish(NamedTuple):
@@ -81,17 +90,6 @@ def change_of(wish: Wish, control: Control) -> Value | None:
         return None
     ends = [end for end in (control.least, control.largest) if end is not None]
     return next((end for end in ends if abs(wish.value - end) <= near), wish.value)
-
-
-USER = "CAN"
-# Frames of udp_multicast stay on this machine.
-OPTIONS: Mapping[str, Mapping[str, Any]] = {"udp_multicast": {"hop_limit": 0}}
-FARTHEST = 3 * PERIOD  # [s] between a frame and its time, before the times are set anew
-REPETITION = 1.0  # [s] in which the same frame once more is nothing new
-SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
-MOST_HEARD = 100  # frames between two looks at what is to be sent
-LISTENING = NetworkParameters.cycle  # [s] for a frame of the monitor, while nothing is due
-MOST_NOTES = 20  # that a session tells of its bus
 
 
 def open_bus(name: str) -> can.BusABC:

@@ -1,7 +1,11 @@
-"""A live walk in pieces: what the loop hands over every half second, and the walk that the pieces add up to.
+"""A live walk in pieces, and its journal: a stream of Arrow batches beside the run folder to come.
 
-The loop keeps nothing of a walk but its last rows. A piece is complete in itself: rows, switches, changes and
-how the walk stands, so that the pieces up to any moment are the walk up to that moment.
+The loop keeps nothing of a walk but its last rows. Every half second it hands over a piece that is complete
+in itself (rows, switches, changes, how the walk stands), so that the pieces up to any moment are the walk up
+to it. Each is appended as one batch: the rows of the log as columns, the rest as the batch's own metadata.
+The walk's set-up stands in the schema, so that the file is all that is needed to make the run folder, whoever
+is left to do so; a batch that a kill has cut short is left out. Whoever writes or completes a journal holds a
+lock on it, which the system takes back from the dead.
 """
 
 from __future__ import annotations

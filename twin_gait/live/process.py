@@ -88,21 +88,17 @@ class Inbox:
 
     def __init__(self, stream: IO[str]) -> None:
         """Start the thread that reads."""
-        self._commands: deque[Mapping[str, Any]] = deque()
+        self.commands: deque[Mapping[str, Any]] = deque()
         self.orphaned = False
         threading.Thread(target=self._read, args=(stream,), name="inbox", daemon=True).start()
 
-    def next(self) -> Mapping[str, Any] | None:
-        """The next command, or None."""
-        return self._commands.popleft() if self._commands else None
-
     def end(self, *signal: object) -> None:
         """Put a command to end in."""
-        self._commands.append({"command": "end"})
+        self.commands.append({"command": "end"})
 
     def _read(self, stream: IO[str]) -> None:
         for line in stream:
-            self._commands.append(json.loads(line))
+            self.commands.append(json.loads(line))
         self.orphaned = True
         self.end()
 
@@ -181,7 +177,7 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
         run,
         now=time.monotonic,
         sleep=time.sleep,
-        commands=inbox.next,
+        commands=lambda: inbox.commands.popleft() if inbox.commands else None,
         send=sender.send,
         keep=journals.keep,
         longest=experiment.n_ticks,

@@ -18,6 +18,8 @@ LATE = PERIOD  # [s]; a block that is finished later than this after its time co
 CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
 _BINS = 10_000  # of 0.1 ms, so that a session of hours needs no more memory than one of seconds
 _BIN = 1e-4  # [s]
+SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
+REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
 
 
 class BlockClock:
@@ -83,10 +85,6 @@ class BlockClock:
             worst_ms=1e3 * self._worst,
             lost_s=self._lost,
         )
-
-
-SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
-REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
 
 
 @contextlib.contextmanager

@@ -1,4 +1,8 @@
-"""Jobs on processes of this machine: results as they come, lost processes replaced."""
+"""Jobs on processes of this machine, lost ones replaced, or on a Dask cluster: results as they come.
+
+A Dask scheduler and its workers run whatever anybody sends them who can reach their ports: keep them on the
+loopback or on a private network. From this package they get plain numbers and texts, and give such back.
+"""
 
 import contextlib
 import logging
@@ -27,6 +31,10 @@ _UNGUARDED = (
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+CONNECTION_TIMEOUT = 10.0  # [s]
+WORKER_TIMEOUT = 60.0  # [s]
+# Chunks waiting at the scheduler for each that runs, so that no worker waits for this process.
+AHEAD = 2
 
 
 class WorkersLost(TwinGaitError):
@@ -153,12 +161,6 @@ def _leave_with_parent() -> None:
     assert parent is not None  # only workers come here
     wait_for_sentinels([parent.sentinel])
     os._exit(1)
-
-
-CONNECTION_TIMEOUT = 10.0  # [s]
-WORKER_TIMEOUT = 60.0  # [s]
-# Chunks waiting at the scheduler for each that runs, so that no worker waits for this process.
-AHEAD = 2
 
 
 class ClusterWorkers:

@@ -23,6 +23,18 @@ from twin_gait.vocabulary import Side
 VEST = Material(colour=(0.40, 0.48, 0.60), opacity=0.92, roughness=0.9)
 _VEST = (0.50, 0.80)  # around the chest, heights over the hips as shares of the trunk length
 _HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: where a rope meets its straps
+ROPES = "/meshcat/ropes"
+_ROPE_RADIUS = 0.006  # [m]
+ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
+ROOT = "/meshcat/crutches"
+PLASTIC = Material(colour=(0.25, 0.31, 0.40), roughness=0.85)
+_COLUMNS = ("forward_m", "height_m", "friction_force_N", "normal_force_N")
+_LEFT = {Side.LEFT: 1.0, Side.RIGHT: -1.0}
+_BESIDE = 0.13  # way of the tip to the outside of the hips of the device [m]
+_BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # from the tip to its arrow, which the shaft would hide [m]
+_HANDLE = 0.045  # of its middle in front of the shaft [m]
+_TIP = ((0.0, 0.0), (0.027, 0.0), (0.024, 0.012), (0.017, 0.05), (0.0, 0.05))  # (radius, height) [m]
+_CUFF = (0.16, 0.34)  # around the forearm
 
 
 def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
@@ -52,11 +64,6 @@ def _shoulder_strap(hook: np.ndarray, front: float, rings: np.ndarray, height: f
     return shapes.tube(path, 0.007, columns=6)
 
 
-ROPES = "/meshcat/ropes"
-_ROPE_RADIUS = 0.006  # [m]
-ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
-
-
 @dataclass(frozen=True)
 class Rope:
     """A rope."""
@@ -84,47 +91,6 @@ class Rope:
 def rope_shape() -> Shape:
     """Make a rope of 1 m from the origin along z; its length is the scale along z."""
     return shapes.turned([(0.0, 0.0), (_ROPE_RADIUS, 0.0), (_ROPE_RADIUS, 1.0), (0.0, 1.0)], columns=8)
-
-
-ROOT = "/meshcat/crutches"
-PLASTIC = Material(colour=(0.25, 0.31, 0.40), roughness=0.85)
-_COLUMNS = ("forward_m", "height_m", "friction_force_N", "normal_force_N")
-_BESIDE = 0.13  # way of the tip to the outside of the hips of the device [m]
-_BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # from the tip to its arrow, which the shaft would hide [m]
-_HANDLE = 0.045  # of its middle in front of the shaft [m]
-_TIP = ((0.0, 0.0), (0.027, 0.0), (0.024, 0.012), (0.017, 0.05), (0.0, 0.05))  # (radius, height) [m]
-
-_CUFF = (0.16, 0.34)  # around the forearm
-
-
-@dataclass(frozen=True)
-class Crutch:
-    """An arm and its crutch; the forearm points along the shaft."""
-
-    upper_arm: str  # its place in the scene; its length is the scale along z
-    forearm: str  # place of forearm and crutch
-    joint: str  # joint that carries the shoulder
-    shoulder: np.ndarray  # in the frame of that joint in [m], shape ``(3,)``
-    upper: float  # shoulder to elbow in the sagittal plane in [m]
-    lower: float  # elbow to tip in the sagittal plane in [m]
-    across: float  # of the tip in [m], to the left positive
-
-    def state(self, figure: Figure, q: np.ndarray, tip: np.ndarray) -> dict[tuple[str, str], Any]:
-        """Where arm and crutch are.
-
-        ``q``: coordinates, shape ``(nq,)``; ``tip`` of the crutch in [m], shape ``(3,)``.
-        """
-        shoulder = figure.world_point(q, self.joint, self.shoulder)
-        forward, upward = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], self.upper, self.lower)
-        share = self.upper / (self.upper + self.lower)
-        elbow = np.array([forward, shoulder[1] + share * (tip[1] - shoulder[1]), upward])
-        return {
-            (self.upper_arm, "position"): shoulder.tolist(),
-            (self.upper_arm, "quaternion"): _pointing(elbow - shoulder),
-            (self.upper_arm, "scale"): [1.0, 1.0, float(np.linalg.norm(elbow - shoulder))],
-            (self.forearm, "position"): [float(value) for value in tip],
-            (self.forearm, "quaternion"): _pointing(elbow - tip),
-        }
 
 
 def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float) -> np.ndarray:
@@ -160,32 +126,46 @@ class DrawnCrutches:
     def __init__(
         self, window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
     ) -> None:
-        """Draw them."""
-        upper, forearm = UPPER_ARM_LENGTH * patient.height, FOREARM_LENGTH * patient.height
-        lower = crutches.length * patient.height - upper
-        outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
-        self._crutches: dict[Side, Crutch] = {}
+        """Draw them; the forearm points along the shaft. ``joint`` carries the shoulders."""
+        forearm, aside = FOREARM_LENGTH * patient.height, 0.5 * SHOULDER_BREADTH * patient.height
+        # From shoulder to elbow and from there to the tip, in the sagittal plane in [m].
+        self._upper = UPPER_ARM_LENGTH * patient.height
+        self._lower = crutches.length * patient.height - self._upper
+        self._outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
+        self._joint, self._shoulders = joint, dict[Side, np.ndarray]()
         self._arrows = {side: draw_arrow(window, f"{side}_crutch") for side in Side}
-        for side, left in ((Side.LEFT, 1.0), (Side.RIGHT, -1.0)):
-            aside = 0.5 * SHOULDER_BREADTH * patient.height
-            shoulder = trunk_axes(figure)[:3, :3] @ [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
-            arm, rest = f"{ROOT}/{side}_upper_arm", f"{ROOT}/{side}_forearm"
-            self._crutches[side] = Crutch(arm, rest, joint, shoulder, upper, lower, left * outside)
-            longer = math.hypot(1.0, (outside - aside) / (upper + lower))  # than in the sagittal plane
-            _draw_upper_arm(window, arm, girth(patient))
-            _draw_forearm(window, rest, lower * longer, forearm * longer, girth(patient))
+        # Longer than in the sagittal plane.
+        longer = math.hypot(1.0, (self._outside - aside) / (self._upper + self._lower))
+        for side, left in _LEFT.items():
+            shoulder = [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
+            self._shoulders[side] = trunk_axes(figure)[:3, :3] @ shoulder
+            _draw_upper_arm(window, f"{ROOT}/{side}_upper_arm", girth(patient))
+            path, length = f"{ROOT}/{side}_forearm", self._lower * longer
+            _draw_forearm(window, path, length, forearm * longer, girth(patient))
 
     def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
         """Where they are in a frame; nothing of a log without crutches."""
         state: dict[tuple[str, str], Any] = {}
-        for side, crutch in self._crutches.items():
+        for side, left in _LEFT.items():
             names = (f"{side}_crutch_{name}" for name in _COLUMNS)
             values = [float(motion.columns[name][frame]) for name in names if name in motion.columns]
-            if len(values) == len(_COLUMNS):
-                forward, upward, *force = values
-                tip = np.array([forward, crutch.across, upward])
-                state |= crutch.state(figure, motion.q[frame], tip)
-                state |= arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT)
+            if len(values) < len(_COLUMNS):
+                continue
+            forward, upward, *force = values
+            tip = np.array([forward, left * self._outside, upward])
+            shoulder = figure.world_point(motion.q[frame], self._joint, self._shoulders[side])
+            sagittal = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], self._upper, self._lower)
+            share = self._upper / (self._upper + self._lower)
+            elbow = np.insert(sagittal, 1, shoulder[1] + share * (tip[1] - shoulder[1]))
+            arm, rest = f"{ROOT}/{side}_upper_arm", f"{ROOT}/{side}_forearm"
+            state |= {
+                (arm, "position"): shoulder.tolist(),
+                (arm, "quaternion"): _pointing(elbow - shoulder),
+                (arm, "scale"): [1.0, 1.0, float(np.linalg.norm(elbow - shoulder))],
+                (rest, "position"): [float(value) for value in tip],
+                (rest, "quaternion"): _pointing(elbow - tip),
+                **arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT),
+            }
         return state
 
 

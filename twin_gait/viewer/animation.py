@@ -32,6 +32,9 @@ _BELT_LOOK = 0.04  # [s] between two looks at the belt
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
 _CURVE_DECIMALS = 4  # of angles in [deg] and torques in [N m]
 _DECIMALS_OF = {"force": 2, "crutch": 2}  # of forces in [N]
+# A range wider than this is no limit: continuous joints, and files that leave the limits out.
+_WIDEST_TURN, _WIDEST_WAY = 4.0 * math.pi, 10.0  # [rad], [m]
+_FREE_TURN, _FREE_WAY = math.pi, 1.0  # either way of a joint without limits, in [rad], [m]
 
 
 def recorded_run(
@@ -190,11 +193,6 @@ def _belt_track(duration: float, belt: Belt) -> Track:
         offsets.append(-float(way % spacing))
     values = np.outer(np.round(offsets, 5), [1.0, 0.0, 0.0])
     return _thinned(Track(surroundings.BELT, "position", np.array(times), values))
-
-
-# A range wider than this is no limit: continuous joints, and files that leave the limits out.
-_WIDEST_TURN, _WIDEST_WAY = 4.0 * math.pi, 10.0  # [rad], [m]
-_FREE_TURN, _FREE_WAY = math.pi, 1.0  # either way of a joint without limits, in [rad], [m]
 
 
 def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:

@@ -14,6 +14,11 @@ from twin_gait.viewer.shapes import Shape
 
 FORCE_ROOT = "/meshcat/forces"
 _LONGEST_ARROW = 1.2  # [m]
+LEVELS = 6  # lengths of the arrow, each way
+_FULL_SWEEP = math.radians(270.0)
+_HEAD_LENGTH, _HEAD_RADIUS = 0.044, 0.019  # [m]
+_RADIUS = 0.008  # of the arrow's shaft [m]
+_STEP = math.radians(11.0)  # of the mesh along the arc
 
 
 def draw_arrow(window: Window, name: str) -> str:
@@ -41,13 +46,6 @@ def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> dict[tuple[s
         (path, "quaternion"): [0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
         (path, "scale"): [width, width, length],
     }
-
-
-LEVELS = 6  # lengths of the arrow, each way
-_FULL_SWEEP = math.radians(270.0)
-_HEAD_LENGTH, _HEAD_RADIUS = 0.044, 0.019  # [m]
-_RADIUS = 0.008  # of the arrow's shaft [m]
-_STEP = math.radians(11.0)  # of the mesh along the arc
 
 
 @dataclass(frozen=True)

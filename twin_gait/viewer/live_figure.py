@@ -25,6 +25,9 @@ from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.vocabulary import HOLD, JointName, Side
 
+_DEGREES = 180.0 / math.pi
+_UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
+
 
 class LiveWindow:
     """Window that keeps the whole scene and collects the changes of a frame."""
@@ -66,10 +69,6 @@ class LiveWindow:
         page, sample = self._notes.get("page"), self._notes.get("sample")
         commands = [page, *self._recorder.commands(), sample]
         return [(index, pack(command)) for index, command in enumerate(commands) if command is not None]
-
-
-_DEGREES = 180.0 / math.pi
-_UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 
 
 class Trace(NamedTuple):

@@ -1,4 +1,7 @@
-"""What a log shows: postures, phases, forces and curves at the rate of a picture."""
+"""What a log shows: postures, phases and forces at the rate of a picture, and curves.
+
+Curves have as few points as show them truly: corners of a recorded one, extremes of a live one.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,8 @@ _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page s
 _PARTS = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
 _RARE_PARTS = _PARTS[3:]
 MODE = "mode"  # column
+FAITHFUL = 0.002  # of its range that a drawn curve may be off the log, at any tick
+EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest value: 200 spans a second
 
 
 class Footing(NamedTuple):
@@ -254,10 +259,6 @@ def centre_of_pressure(
         weights = np.ones(len(points))
     centre = weights @ points / weights.sum()
     return np.array([centre[0], centre[1], 0.0])
-
-
-FAITHFUL = 0.002  # of its range that a drawn curve may be off the log, at any tick
-EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest value: 200 spans a second
 
 
 class Curve(NamedTuple):

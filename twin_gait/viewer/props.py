@@ -1,10 +1,11 @@
 """What stands around the figure in some worlds: a bench, a chair, a walkway with its rail."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from twin_gait.parameters import ChairParameters
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, Window, set_object, set_property
 from twin_gait.viewer.figure import Figure
@@ -24,7 +25,7 @@ from twin_gait.viewer.surroundings import (
     translation,
 )
 
-_TOP = Material(colour=(0.80, 0.70, 0.57), roughness=0.9)
+_WOOD = Material(colour=(0.80, 0.70, 0.57), roughness=0.9)
 _VICE = Material(colour=(0.16, 0.33, 0.47), roughness=0.75)
 _MAT = Material(colour=(0.50, 0.54, 0.60), roughness=0.95)
 _IRON = Material(colour=(0.27, 0.29, 0.33), roughness=0.8)
@@ -33,6 +34,20 @@ _LENGTH, _DEPTH, _THICKNESS = 0.96, 0.54, 0.04  # of the table top [m]
 _BEHIND, _BESIDE = 0.10, 0.13  # of the hip: middle of the table, its near edge [m]
 _DROP = 0.115  # of the table top below the hip [m]
 _LEG = 0.05  # thickness of a table leg [m]
+CHAIR = f"{ROOT}/chair"
+SEAT = "seat_forward_m"  # column of its front edge
+_CHAIR_WIDTH, _SEAT_THICKNESS, _CHAIR_LEG = 0.46, 0.05, 0.035  # [m]
+TROLLEY = f"{ROOT}/trolley"
+METRES = f"{ROOT}/metres"
+_STRIP_LENGTH, _STRIP_WIDTH = 9.0, 1.30  # of what is seen of it [m]
+_FLOOR_HEIGHT = -0.02  # [m]
+_MARKED = 60  # [m] of it that have marks
+_LINOLEUM = Material(colour=(0.76, 0.80, 0.86), roughness=0.95, glow=0.14)
+# Segments of a digit, in turn from the top clockwise, and the middle one: ends in lengths of a segment.
+_SEGMENTS = ((0, 2, 1, 2), (1, 2, 1, 1), (1, 1, 1, 0), (0, 0, 1, 0), (0, 1, 0, 0), (0, 2, 0, 1), (0, 1, 1, 1))
+_DIGITS = ("012345", "12", "01643", "01623", "5612", "05623", "056432", "012", "0123456", "561023")
+_SEGMENT = np.array([0.036, 0.075])  # forwards and across [m]: long across, because one looks at it flatly
+_STROKE = 0.010  # [m]
 
 
 def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:
@@ -51,7 +66,7 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
     screw = shapes.tube(np.array([[x, y, z] for x in (-0.15, -0.22, -0.29)]), 0.011, columns=12)
     handle = shapes.tube(np.array([[-0.275, y, z + up] for up in (-0.08, 0.0, 0.08)]), 0.006)
     parts = [
-        ("table_top", box((_LENGTH, _DEPTH, _THICKNESS), top, 0.008), _TOP),
+        ("table_top", box((_LENGTH, _DEPTH, _THICKNESS), top, 0.008), _WOOD),
         ("table_frame", _table_frame(height), DECK),
         ("vice", shapes.merged(vice), _VICE),
         ("vice_screw", shapes.merged([screw, handle]), STEEL),
@@ -92,28 +107,10 @@ def _weight() -> Shape:
     )
 
 
-CHAIR = f"{ROOT}/chair"
-SEAT = "seat_forward_m"  # column of its front edge
-_CHAIR_WIDTH, _SEAT_THICKNESS, _CHAIR_LEG = 0.46, 0.05, 0.035  # [m]
-_WOOD = Material(colour=(0.80, 0.70, 0.57), roughness=0.9)
-
-
-class Chair(Protocol):
-    """What has to be known of a chair."""
-
-    @property
-    def height(self) -> float:
-        """Of the seat above the floor in [m]."""
-
-    @property
-    def depth(self) -> float:
-        """Of the seat in [m]."""
-
-
 class DrawnChair:
     """A chair, hidden until it has a place; it has no back, because there is the pack of the device."""
 
-    def __init__(self, window: Window, chair: Chair) -> None:
+    def __init__(self, window: Window, chair: ChairParameters) -> None:
         """Draw it with its front edge at the origin."""
         under, ends = chair.height - _SEAT_THICKNESS, (-0.04, 0.04 - chair.depth)
         size, middle = (_CHAIR_LEG, _CHAIR_LEG, under - BELT_TOP), 0.5 * (under + BELT_TOP)
@@ -131,19 +128,6 @@ class DrawnChair:
             return {}
         place = [float(motion.columns[SEAT][frame]), 0.0, 0.0]
         return {(CHAIR, "visible"): True, (CHAIR, "position"): place}
-
-
-TROLLEY = f"{ROOT}/trolley"
-METRES = f"{ROOT}/metres"
-_STRIP_LENGTH, _STRIP_WIDTH = 9.0, 1.30  # of what is seen of it [m]
-_FLOOR_HEIGHT = -0.02  # [m]
-_MARKED = 60  # [m] of it that have marks
-_LINOLEUM = Material(colour=(0.76, 0.80, 0.86), roughness=0.95, glow=0.14)
-# Segments of a digit, in turn from the top clockwise, and the middle one: ends in lengths of a segment.
-_SEGMENTS = ((0, 2, 1, 2), (1, 2, 1, 1), (1, 1, 1, 0), (0, 0, 1, 0), (0, 1, 0, 0), (0, 2, 0, 1), (0, 1, 1, 1))
-_DIGITS = ("012345", "12", "01643", "01623", "5612", "05623", "056432", "012", "0123456", "561023")
-_SEGMENT = np.array([0.036, 0.075])  # forwards and across [m]: long across, because one looks at it flatly
-_STROKE = 0.010  # [m]
 
 
 class DrawnWalkway:

@@ -29,6 +29,20 @@ LOOPBACK = "127.0.0.1"
 PORTS_TRIED = 100
 MOST_CONNECTIONS = 256  # a page has three
 _RETRY = 0.5  # [s] until a process that has no files left looks again whether somebody waits
+Change = tuple[Hashable, bytes]
+MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
+Item = TypeVar("Item")
+LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
+# What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
+# a lower limit and answer.
+LONGEST_MESSAGE = 65536  # [B]
+MOST_SOCKETS = 64
+MESSAGES_PER_SECOND = 200.0
+_BURST = 400.0
+PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request
+_LONGEST_HEADER = 16384  # [B]
+_FAREWELL = 0.05  # [s] in which a page may answer that it has heard of the end
+Message = Mapping[str, Any]
 
 
 def bind_loopback(first_port: int) -> socket.socket:
@@ -99,11 +113,6 @@ def most_connections() -> int:
     return MOST_CONNECTIONS if limit == resource.RLIM_INFINITY else min(MOST_CONNECTIONS, limit // 2)
 
 
-Change = tuple[Hashable, bytes]
-MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
-Item = TypeVar("Item")
-
-
 class Outbox(Generic[Item]):
     """Sends to one page, one batch at a time.
 
@@ -143,15 +152,6 @@ class Outbox(Generic[Item]):
         while self._waiting:
             batch, self._waiting = list(self._waiting.values()), {}
             await self._write(batch)
-
-
-LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
-# What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
-# a lower limit and answer.
-LONGEST_MESSAGE = 65536  # [B]
-MOST_SOCKETS = 64
-MESSAGES_PER_SECOND = 200.0
-_BURST = 400.0
 
 
 def is_loopback(host: str) -> bool:
@@ -285,11 +285,6 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         return True
 
 
-PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request
-_LONGEST_HEADER = 16384  # [B]
-_FAREWELL = 0.05  # [s] in which a page may answer that it has heard of the end
-
-
 class SceneServer:
     """Serves a page and its scene; belongs to one event loop: make it, and call it, inside of it."""
 
@@ -401,9 +396,6 @@ class SceneSocket(GuardedSocket):
         self._drawn.clear()
         if await self.write_or_leave(b"".join(batch), binary=True):
             await self._drawn.wait()
-
-
-Message = Mapping[str, Any]
 
 
 class LiveServer(SceneServer):

@@ -1,4 +1,7 @@
-"""Visual geometry of a URDF, as meshes in the frames of the joints of a model."""
+"""Visual geometry of a URDF, as meshes in the frames of the joints of a model.
+
+Pinocchio's reader of meshes leaves out normals of OBJ files and all colours; both are read here.
+"""
 
 from __future__ import annotations
 

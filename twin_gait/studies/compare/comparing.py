@@ -13,7 +13,7 @@ from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
-from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.simulation import Run
@@ -74,10 +74,6 @@ def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
     return tuple(CONTROLLERS[name] for name in names)
 
 
-class ComparisonInterrupted(TwinGaitError):
-    """The comparison was stopped before it was done."""
-
-
 class Interval(NamedTuple):
     """A mean over seeds."""
 
@@ -135,10 +131,10 @@ def compare(
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
-) -> Comparison:
+) -> Comparison | None:
     """Run every controller on every day; all controllers meet the same days.
 
-    What cannot be compared is a ParameterError; one that was stopped, a ComparisonInterrupted.
+    Returns the comparison, or None if it was stopped; what cannot be compared is a ParameterError.
     """
     _check(experiment, seeds)
     days = [varied(experiment, seed) for seed in range(seeds)]
@@ -160,7 +156,7 @@ def compare(
     except EpisodeFailed as error:
         raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
     if len(rows) < len(asked):
-        raise ComparisonInterrupted("interrupted; nothing was written")
+        return None
     table = pd.DataFrame([rows[place] for place in range(len(asked))])
     return Comparison(experiment, tuple(controllers), seeds, table, nominal)
 

@@ -1,4 +1,7 @@
-"""Sweep specifications as YAML, and their conversion to a base experiment and a design."""
+"""Sweep specifications as YAML, their base experiment, and their design: a grid, a Latin hypercube or a list.
+
+Values are kept in columns, one array per key, so that a million episodes take some tens of megabytes.
+"""
 
 import json
 import math

@@ -53,6 +53,9 @@ _PROVENANCE = "\nprovenance:\n"  # the last key of a specification
 # Merging rewrites the table: only when the parts have become many, and a good share of it.
 MOST_PARTS = 200
 SHARE_IN_PARTS = 0.1
+# Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
+CHECKED_HERE = 2000
+_CHECKED_AT_ONCE = 200
 
 
 class SweepStore:
@@ -211,11 +214,6 @@ def _typed(values: list[Any]) -> pd.Series:
         return pd.Series(values, dtype="boolean")
     plain = [value if isinstance(value, str | None) else json.dumps(value) for value in values]
     return pd.Series(plain, dtype="object")
-
-
-# Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
-CHECKED_HERE = 2000
-_CHECKED_AT_ONCE = 200
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Walks of candidates, many at a time, and what they cost."""
+"""Walks of candidates, what they cost, and the wearers, plants and sensors that they are tried on."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -41,6 +41,23 @@ NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the oth
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
+NOMINAL = "nominal"
+LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
+LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
+LOW_EFFICIENCY = 0.75  # of the gears, assumption: as cold grease has it; that of the default walk is 0.85
+ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
+# Corners of whom and what a table that ships is to carry: 50 to 110 kg, 1.50 to 1.95 m, 20 to 80 % support,
+# 0.8 to 1.9 km/h. Mass in [kg], height in [m], supported share, belt in [km/h].
+CORNERS = (
+    (95.0, 1.60, 0.40, 1.08),
+    (55.0, 1.90, 0.70, 1.50),
+    (90.0, 1.75, 0.30, 1.15),
+    (53.0, 1.57, 0.26, 1.80),
+    (105.0, 1.90, 0.50, 0.85),
+    (60.0, 1.60, 0.75, 0.85),
+    (102.0, 1.62, 0.40, 1.85),
+)
+Change = Callable[[Experiment], Experiment]
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
@@ -110,27 +127,6 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
         return nominal_cost(nominal)
     mean = sum(walk.cost for walk in others) / len(others)
     return NOMINAL_WEIGHT * nominal_cost(nominal) + (1.0 - NOMINAL_WEIGHT) * mean
-
-
-NOMINAL = "nominal"
-LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
-LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
-LOW_EFFICIENCY = 0.75  # of the gears, assumption: as cold grease has it; that of the default walk is 0.85
-ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
-
-# Corners of whom and what a table that ships is to carry: 50 to 110 kg, 1.50 to 1.95 m, 20 to 80 % support,
-# 0.8 to 1.9 km/h. Mass in [kg], height in [m], supported share, belt in [km/h].
-CORNERS = (
-    (95.0, 1.60, 0.40, 1.08),
-    (55.0, 1.90, 0.70, 1.50),
-    (90.0, 1.75, 0.30, 1.15),
-    (53.0, 1.57, 0.26, 1.80),
-    (105.0, 1.90, 0.50, 0.85),
-    (60.0, 1.60, 0.75, 0.85),
-    (102.0, 1.62, 0.40, 1.85),
-)
-
-Change = Callable[[Experiment], Experiment]
 
 
 class Case(NamedTuple):
