@@ -21,12 +21,13 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import dump
-from twin_gait.live.stepping import LiveWalk, SteppedRun
+from twin_gait.live.stepping import LiveWalk, SteppedRun, as_run
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
+from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.scenario import BELT_SPEED
 
@@ -142,16 +143,9 @@ def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
     experiment, speed = problem.experiment, numbers["belt_speed"]
     if speed and experiment.scenario.adjusts(BELT_SPEED):
         experiment = replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
-    return Run(
-        experiment=experiment,
-        table=problem.table,
-        log=log_table(run.rows(first), run.layout, problem.table),
-        switches=tuple(item._replace(tick=item.tick - first) for item in run.switches()),
-        status=run.status,
-        reason=run.reason,
-        wall_s=0.0,
-        body_weight=problem.world.body_weight,
-    )
+    switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
+    # Whatever tripped: the legs are looked at to the end.
+    return as_run(problem, experiment, EngineResult(run.rows(first), switches, run.status, run.reason, None))
 
 
 def _records(shown: Run, first: int) -> list[LegRecord]:

@@ -18,7 +18,7 @@ import os
 import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +30,6 @@ from twin_gait.exceptions import RunDirectoryError
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.runs.folders import journal_of
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName, Side
 
@@ -80,39 +79,25 @@ class Piece:
         return cls(rows=rows, **{**data, **made})
 
 
-@dataclass
-class Take:
-    """One walk from its start to its end, with what was changed in it."""
+def walk_of(pieces: Iterable[Piece], n_columns: int, longest: int) -> Piece:
+    """Put the pieces of a walk together to one that is all of it.
 
-    result: EngineResult  # as an engine hands it back
-    changes: list[AppliedChange] = field(default_factory=list)  # in order
-    # mapping of the gait table at the end, or None if it was not changed
-    table: Mapping[str, Any] | None = None
-    wall_s: float = 0.0  # time that it took in [s], pauses included
-
-
-def take_of(pieces: Iterable[Piece], n_columns: int, longest: int) -> Take:
-    """Put the pieces of a walk together.
-
-    Returns the walk; one that nothing has ended before its time is marked as interrupted, with the reason.
+    A walk that nothing has ended before its time is marked as interrupted, with the reason.
     """
-    rows: list[np.ndarray] = [np.zeros((0, n_columns))]
-    switches: list[PhaseSwitch] = []
-    changes: list[AppliedChange] = []
-    last = Piece(rows=rows[0])
+    last = Piece(rows=np.zeros((0, n_columns)))
+    rows, switches, changes = [last.rows], list[PhaseSwitch](), list[AppliedChange]()
     for piece in pieces:
         rows.append(piece.rows)
         switches += piece.switches
         changes += piece.changes
-        last = replace(piece, rows=rows[0])
-    log = np.concatenate(rows)
-    status, reason = last.status, last.reason
+        last = piece
+    log, status, reason = np.concatenate(rows), last.status, last.reason
     if status is RunStatus.COMPLETED and len(log) < longest:
         status = RunStatus.INTERRUPTED
         how = "stopped at" if last.over else "the process of the walk died; it is kept up to"
         reason = f"{how} {len(log) * TICK:.3f} s"
-    result = EngineResult(log, tuple(switches), status, reason, last.trip)
-    return Take(result, changes, last.table, last.wall_s)
+    whole: dict[str, Any] = {"rows": log, "switches": tuple(switches), "changes": tuple(changes)}
+    return replace(last, **whole, status=status, reason=reason)
 
 
 _SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"

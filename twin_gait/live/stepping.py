@@ -19,6 +19,7 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.outcome import RunEvent, run_events
@@ -27,7 +28,7 @@ from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import entries
-from twin_gait.simulation.run import RunStatus, log_table
+from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -395,6 +396,21 @@ def fade_anew(episode: np.void) -> None:
 
 
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
+
+
+def as_run(problem: Problem, experiment: Experiment, result: Any, wall_s: float = 0.0) -> Run:
+    """What was walked as a run like any other; ``result`` of an engine, or a piece of a live walk."""
+    return Run(
+        experiment=experiment,
+        table=problem.table,
+        log=log_table(result.rows, log_layout(problem), problem.table),
+        switches=result.switches,
+        status=result.status,
+        reason=result.reason,
+        wall_s=wall_s,
+        body_weight=problem.world.body_weight,
+        trip=result.trip,
+    )
 
 
 class LiveWalk:
