@@ -18,7 +18,7 @@ from twin_gait.configuration.documents import dump_yaml
 # Imports take seconds: a server does them once and forks at every start.
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(
-    ["twin_gait.cli.sweep", "twin_gait.studies.sweep.sweep", "twin_gait.cli.program"]
+    ["twin_gait.cli.studies", "twin_gait.studies.sweep.sweep", "twin_gait.cli.program"]
 )
 
 

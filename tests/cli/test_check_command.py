@@ -13,9 +13,9 @@ import pytest
 from twin_gait import load_experiment, presets
 from twin_gait.checking.check import check_before_run, rules
 from twin_gait.checking.finding import Finding, Severity
-from twin_gait.cli import check as command
 from twin_gait.cli import main
-from twin_gait.cli.check import draw
+from twin_gait.cli import tables as command
+from twin_gait.cli.tables import draw
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.configuration.table_inheritance import gait_table_path
 from twin_gait.exceptions import TwinGaitError

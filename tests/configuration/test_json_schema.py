@@ -15,8 +15,8 @@ from jsonschema import Draft202012Validator
 from twin_gait.cli import main
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.overrides import parse_assignment
 from twin_gait.configuration.schema import comment_for, json_schema
+from twin_gait.configuration.validation import parse_assignment
 
 FOLDER = Path(str(files("twin_gait.configuration")))
 PRESETS, TABLES, MODES = (sorted((FOLDER / name).glob("*.yaml")) for name in ("presets", "tables", "modes"))

@@ -13,7 +13,7 @@ from twin_gait import load_experiment
 from twin_gait.cli import main
 from twin_gait.configuration import load_gait_table, load_mode_table, load_state_table, packaged_mode_tables
 from twin_gait.configuration.documents import dump_yaml, experiment_document, mode_document
-from twin_gait.configuration.mode_table_file import mode_table_from_mapping, mode_table_path
+from twin_gait.configuration.gait_table_file import mode_table_from_mapping, mode_table_path
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait import ModeTable, TimedRequest
 

@@ -7,22 +7,24 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
-from cohorts.walkers import sizes_of
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml, experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.experiments import presets, resolved_document
-from twin_gait.configuration.people import people, person_document, person_text
-from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
+from twin_gait.configuration.experiments import (
+    people,
+    person_document,
+    person_text,
+    presets,
+    resolved_document,
+)
+from twin_gait.exceptions import ParameterFileError
+from twin_gait.parameters import JointCondition, Patient
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.virtual_people import SIZES, BodySizes, cohort
-from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
+from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
 NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
@@ -299,100 +301,3 @@ def test_wrong_person_ends_in_one_line_and_makes_no_folder(capsys, tmp_path):
     assert len(error.strip().splitlines()) == 1
     assert "no person 'nobody'" in error
     assert not out.exists()
-
-
-# ---------------------------------------------------------------- cohorts
-
-
-@pytest.fixture(scope="module")
-def crowd() -> tuple[Patient, ...]:
-    return cohort(1500, 7)
-
-
-def test_people_of_a_seed_are_the_same_in_a_cohort_of_any_size(crowd):
-    assert cohort(5, 7) == crowd[:5]
-    assert cohort(5, 8) != crowd[:5]
-
-
-@pytest.mark.parametrize("sex", list(Sex))
-def test_cohort_fills_the_5th_to_the_95th_percentile_of_either_sex(crowd, sex):
-    """Percentiles of a lognormal variable with the published mean and deviation, from scipy."""
-    from scipy import stats
-
-    sizes, own = SIZES[sex], [item for item in crowd if item.sex is sex]
-    assert abs(len(own) - 750) < 5.0 * math.sqrt(1500 * 0.25)
-    for values, mean, deviation in (
-        (np.array([item.height for item in own]), sizes.stature_mean, sizes.stature_deviation),
-        (np.array([item.mass for item in own]), sizes.mass_mean, sizes.mass_deviation),
-    ):
-        spread = math.sqrt(math.log(1.0 + (deviation / mean) ** 2))
-        law = stats.lognorm(spread, scale=mean * math.exp(-(spread**2) / 2.0))
-        assert law.mean() == pytest.approx(mean, rel=1e-12)
-        assert law.std() == pytest.approx(deviation, rel=1e-12)
-        places = law.cdf(values)
-        assert places.min() >= 0.05 - 1e-9
-        assert places.max() <= 0.95 + 1e-9
-        assert np.histogram(places, bins=9, range=(0.05, 0.95))[0].min() > len(own) / 18  # no gap
-    assert max(item.mass for item in own) <= HEAVIEST_WEARER
-
-
-def test_tall_people_are_heavier_as_published():
-    """Brute force: normal draws with the published correlation, cut at the same percentiles."""
-    generator = np.random.default_rng(0)
-    for sex in Sex:
-        own = [item for item in cohort(3000, 11) if item.sex is sex]
-        found = np.corrcoef([item.height for item in own], [item.mass for item in own])[0, 1]
-        rho = SIZES[sex].correlation
-        pairs = generator.multivariate_normal([0.0, 0.0], [[1.0, rho], [rho, 1.0]], size=200_000)
-        kept = pairs[(np.abs(pairs) < 1.645).all(axis=1)]
-        expected = np.corrcoef(kept.T)[0, 1]
-        assert abs(found - expected) < 4.0 / math.sqrt(len(own))
-
-
-def test_heavy_population_is_cut_at_what_the_device_carries():
-    heavy = BodySizes(
-        stature_mean=1.8, stature_deviation=0.07, mass_mean=105.0, mass_deviation=12.0, correlation=0.5
-    )
-    masses = [item.mass for item in cohort(200, 1, sizes=dict.fromkeys(Sex, heavy))]
-    assert 107.0 < max(masses) <= HEAVIEST_WEARER
-
-
-def test_cohort_shares_what_its_pattern_does():
-    stroke = patient("patient=stroke_left")
-    drawn = cohort(3, 2, like=stroke)
-    assert all(item.conditions == stroke.conditions for item in drawn)
-    assert len({item.mass for item in drawn}) == 3
-
-
-def test_sizes_of_a_cohort_are_changes_of_an_experiment():
-    base = load_experiment("treadmill", ["patient=healthy"]).experiment
-    drawn = cohort(4, 3, like=base.patient)
-    assert [overridden(base, item).patient for item in map(sizes_of, drawn)] == list(drawn)
-
-
-def test_every_drawn_person_fits_the_device(crowd):
-    for item in (min(crowd, key=lambda p: p.height), max(crowd, key=lambda p: p.height)):
-        load_experiment("treadmill", [f"{k}={v}" for k, v in sizes_of(item).items()]).experiment.build_world()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((0, 1), "count: expected a whole number above 0"),
-        ((2, -1), "seed: expected a whole number of 0 or more"),
-        ((2, 0.5), "seed: expected a whole number of 0 or more"),
-    ],
-)
-def test_impossible_cohort_is_refused(arguments, message):
-    with pytest.raises(ParameterError, match=message):
-        cohort(*arguments)
-
-
-def test_population_that_nobody_can_be_drawn_from_is_refused():
-    giants = BodySizes(
-        stature_mean=1.8, stature_deviation=0.07, mass_mean=200.0, mass_deviation=12.0, correlation=0.5
-    )
-    with pytest.raises(ParameterError, match="male mass_mean: expected a 5th percentile below 110 kg"):
-        cohort(1, 0, sizes=dict.fromkeys(Sex, giants))
-    with pytest.raises(TwinGaitError, match="sizes: expected those of both sexes"):
-        cohort(1, 0, sizes={Sex.MALE: SIZES[Sex.MALE]})

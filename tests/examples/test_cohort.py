@@ -6,15 +6,20 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from cohorts.people import SIZES, BodySizes, cohort
 from cohorts.shipped import JOINTS, experiment_of, pair, wearer_peak, wearer_power
 from cohorts.tuned import experiment_of as tuned_experiment
-from cohorts.walkers import DURATION, SPEEDS, SUPPORT, cohort_row, failures, walkers
+from cohorts.walkers import DURATION, SPEEDS, SUPPORT, cohort_row, failures, sizes_of, walkers
 
-from twin_gait import Side, load_experiment, simulate, summarise
+from twin_gait import Patient, Side, TwinGaitError, load_experiment, simulate, summarise
 from twin_gait.configuration import people
+from twin_gait.exceptions import ParameterError
+from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.studies import overridden
+from twin_gait.vocabulary import Sex
 
 ROOT = Path(__file__).parents[2]
 BELT, SHARE = "scenario.belt_speed_m_per_s", "scenario.support.share"
@@ -98,3 +103,92 @@ def test_a_row_of_the_robustness_map_is_what_its_walk_alone_does() -> None:
     assert run.verdict.outcome == row["outcome"]
     assert min(side["strides"] for side in summarise(run)["sides"].values()) == row["strides"]
     assert len(table) == 320
+
+
+# ---------------------------------------------------------------- cohorts
+
+
+@pytest.fixture(scope="module")
+def crowd() -> tuple[Patient, ...]:
+    return cohort(1500, 7)
+
+
+def test_people_of_a_seed_are_the_same_in_a_cohort_of_any_size(crowd):
+    assert cohort(5, 7) == crowd[:5]
+    assert cohort(5, 8) != crowd[:5]
+
+
+@pytest.mark.parametrize("sex", list(Sex))
+def test_cohort_fills_the_5th_to_the_95th_percentile_of_either_sex(crowd, sex):
+    """Percentiles of a lognormal variable with the published mean and deviation, from scipy."""
+    from scipy import stats
+
+    sizes, own = SIZES[sex], [item for item in crowd if item.sex is sex]
+    assert abs(len(own) - 750) < 5.0 * math.sqrt(1500 * 0.25)
+    for values, mean, deviation in (
+        (np.array([item.height for item in own]), sizes.stature_mean, sizes.stature_deviation),
+        (np.array([item.mass for item in own]), sizes.mass_mean, sizes.mass_deviation),
+    ):
+        spread = math.sqrt(math.log(1.0 + (deviation / mean) ** 2))
+        law = stats.lognorm(spread, scale=mean * math.exp(-(spread**2) / 2.0))
+        assert law.mean() == pytest.approx(mean, rel=1e-12)
+        assert law.std() == pytest.approx(deviation, rel=1e-12)
+        places = law.cdf(values)
+        assert places.min() >= 0.05 - 1e-9
+        assert places.max() <= 0.95 + 1e-9
+        assert np.histogram(places, bins=9, range=(0.05, 0.95))[0].min() > len(own) / 18  # no gap
+    assert max(item.mass for item in own) <= HEAVIEST_WEARER
+
+
+def test_tall_people_are_heavier_as_published():
+    """Brute force: normal draws with the published correlation, cut at the same percentiles."""
+    generator = np.random.default_rng(0)
+    for sex in Sex:
+        own = [item for item in cohort(3000, 11) if item.sex is sex]
+        found = np.corrcoef([item.height for item in own], [item.mass for item in own])[0, 1]
+        rho = SIZES[sex].correlation
+        pairs = generator.multivariate_normal([0.0, 0.0], [[1.0, rho], [rho, 1.0]], size=200_000)
+        kept = pairs[(np.abs(pairs) < 1.645).all(axis=1)]
+        expected = np.corrcoef(kept.T)[0, 1]
+        assert abs(found - expected) < 4.0 / math.sqrt(len(own))
+
+
+def test_heavy_population_is_cut_at_what_the_device_carries():
+    heavy = BodySizes(
+        stature_mean=1.8, stature_deviation=0.07, mass_mean=105.0, mass_deviation=12.0, correlation=0.5
+    )
+    masses = [item.mass for item in cohort(200, 1, sizes=dict.fromkeys(Sex, heavy))]
+    assert 107.0 < max(masses) <= HEAVIEST_WEARER
+
+
+def test_cohort_shares_what_its_pattern_does():
+    stroke = load_experiment("treadmill", ["patient=stroke_left"]).experiment.patient
+    drawn = cohort(3, 2, like=stroke)
+    assert all(item.conditions == stroke.conditions for item in drawn)
+    assert len({item.mass for item in drawn}) == 3
+
+
+def test_sizes_of_a_cohort_are_changes_of_an_experiment():
+    base = load_experiment("treadmill", ["patient=healthy"]).experiment
+    drawn = cohort(4, 3, like=base.patient)
+    assert [overridden(base, item).patient for item in map(sizes_of, drawn)] == list(drawn)
+
+
+def test_every_drawn_person_fits_the_device(crowd):
+    for item in (min(crowd, key=lambda p: p.height), max(crowd, key=lambda p: p.height)):
+        load_experiment("treadmill", [f"{k}={v}" for k, v in sizes_of(item).items()]).experiment.build_world()
+
+
+def test_a_cohort_of_nobody_is_refused():
+    with pytest.raises(ParameterError, match="count: expected 1 or more"):
+        cohort(0, 1)
+
+
+def test_population_that_nobody_can_be_drawn_from_is_refused():
+    giants = BodySizes(
+        stature_mean=1.8, stature_deviation=0.07, mass_mean=200.0, mass_deviation=12.0, correlation=0.5
+    )
+    with pytest.raises(ParameterError, match="male mass_mean: expected a 5th percentile below 110 kg"):
+        cohort(1, 0, sizes=dict.fromkeys(Sex, giants))
+    with pytest.raises(TwinGaitError, match="sizes: expected those of both sexes"):
+        cohort(1, 0, sizes={Sex.MALE: SIZES[Sex.MALE]})

@@ -9,12 +9,11 @@ import pytest
 
 from twin_gait import load_experiment
 from twin_gait.checking.sense import STIFFNESS_RANGES
-from twin_gait.live.actions import Actions
-from twin_gait.live.controls import Panel
+from twin_gait.live.controls import Actions, Panel
 from twin_gait.live.protocol import Action, DoAction
-from twin_gait.live.rules import check_settings, refusal
 from twin_gait.live.settings import Mode, loop_numbers
 from twin_gait.live.stepping import SteppedRun
+from twin_gait.live.tuning import check_settings, refusal
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"

@@ -28,8 +28,8 @@ from twin_gait.live.stepping import FADE_TICKS
 from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.commands import Recorder
-from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.motion import EXTREMES_TICKS
 from twin_gait.vocabulary import Side
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]

@@ -21,12 +21,11 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import run_frames
 from twin_gait.files import shipped_file
 from twin_gait.live import can_link
-from twin_gait.live.can_commands import change_of, wishes_of
-from twin_gait.live.can_link import CanLink, leaves_machine, open_bus
+from twin_gait.live.can_link import CanLink, change_of, leaves_machine, open_bus, wishes_of
 from twin_gait.live.controls import Panel
-from twin_gait.live.deadlines import PERIOD
-from twin_gait.live.events import EventBook
+from twin_gait.live.news import EventBook
 from twin_gait.live.protocol import MessageRefused, Response
+from twin_gait.live.realtime import PERIOD
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
 from twin_gait.runs.record import load_run

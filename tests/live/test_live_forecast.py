@@ -12,8 +12,7 @@ from twin_gait.live.forecast import HORIZON, LEAST, foresee
 from twin_gait.live.protocol import Response
 from twin_gait.live.session import LiveSession
 from twin_gait.live.settings import loop_numbers
-from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.walk import LiveWalk
+from twin_gait.live.stepping import LiveWalk, SteppedRun
 from twin_gait.simulation.run import RunStatus
 
 # Of the default treadmill walk: each ends it within seconds, and the check has nothing against any of them.
@@ -117,8 +116,8 @@ def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_f
     assert all("moment" in asked.answers()[n] for n in range(5))
     ahead = LiveWalk(SteppedRun(panel.problem))
     foresee(ahead, asked.answers()[3]["moment"], numbers(panel, FALLS[0]))
-    np.testing.assert_array_equal(asked.takes[0].result.rows, plain.takes[0].result.rows)
-    assert asked.takes[0].changes == []
+    np.testing.assert_array_equal(asked.takes[0].rows, plain.takes[0].rows)
+    assert asked.takes[0].changes == ()
 
 
 @pytest.mark.slow

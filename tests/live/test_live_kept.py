@@ -19,9 +19,8 @@ from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.live import finishing
 from twin_gait.live.finishing import complete, complete_all
-from twin_gait.live.journal import Journal, locked, read_journal
+from twin_gait.live.journal import AppliedChange, Journal, Piece, locked, read_journal, walk_of
 from twin_gait.live.loop import PIECE_TICKS
-from twin_gait.live.pieces import AppliedChange, Piece, take_of
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.stepping import SteppedRun
@@ -78,10 +77,10 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
 def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     run, journal = written(loaded, problem, tmp_path / "run")
     content = read_journal(journal.path)
-    take = take_of(content.pieces, len(content.columns), 60_000)
-    np.testing.assert_array_equal(take.result.rows, run.rows())
+    take = walk_of(content.pieces, len(content.columns), 60_000)
+    np.testing.assert_array_equal(take.rows, run.rows())
     assert content.columns == run.layout.names and run.trip is not None
-    assert (take.result.switches, take.result.trip) == (run.switches(), run.trip)
+    assert (take.switches, take.trip) == (run.switches(), run.trip)
     assert [item.tick for item in take.changes] == list(range(0, 1400, 200))
     assert journal.path.stat().st_mode & 0o077 == 0
 
@@ -99,7 +98,7 @@ def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, prob
             assert "no journal of a walk" in str(error) and "\n" not in str(error)
             assert size < len(whole) / 5
             continue
-        rows = take_of(content.pieces, len(content.columns), 60_000).result.rows
+        rows = walk_of(content.pieces, len(content.columns), 60_000).rows
         np.testing.assert_array_equal(rows, run.rows()[: len(rows)])
         assert len(rows) % 200 == 0
         lengths.add(len(rows))
@@ -160,7 +159,7 @@ def test_the_loop_holds_the_last_rows_only_and_of_restarted_walks_nothing(proble
 
     rig.run.advance = watched
     rig.loop.run()
-    assert len(rig.takes) == 21 and len(rig.takes[-1].result.rows) == 12_000
+    assert len(rig.takes) == 21 and len(rig.takes[-1].rows) == 12_000
     assert most <= PIECE_TICKS + 20
     assert max(len(piece.rows) for pieces in rig.pieces for piece in pieces) <= PIECE_TICKS + 10
 

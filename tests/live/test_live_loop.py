@@ -21,19 +21,16 @@ from twin_gait.configuration import load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
-from twin_gait.live.actions import Actions
-from twin_gait.live.controls import Panel
-from twin_gait.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
+from twin_gait.live.controls import Actions, Panel
 from twin_gait.live.finishing import run_of
+from twin_gait.live.journal import walk_of
 from twin_gait.live.loop import LiveLoop
-from twin_gait.live.pieces import take_of
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
     Action,
     ControlKind,
     DeadlineStatistics,
     DoAction,
-    Event,
     Frame,
     MessageRefused,
     Response,
@@ -41,11 +38,12 @@ from twin_gait.live.protocol import (
     id_of,
     read_message,
 )
-from twin_gait.live.rules import check_settings, refusal, warnings
+from twin_gait.live.realtime import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.settings import Mode, effect_of, loop_numbers
 from twin_gait.live.stepping import SteppedRun
+from twin_gait.live.tuning import check_settings, refusal, warnings
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
 from twin_gait.simulation.problem import build_problem
@@ -121,7 +119,7 @@ def test_a_refused_message_keeps_its_id_where_it_has_one():
     ]
 
 
-def test_frames_and_events_come_back_from_json_as_they_went():
+def test_frames_come_back_from_json_as_they_went():
     statistics = DeadlineStatistics(blocks=3, late=1, mean_ms=0.5, p99_ms=2.0, worst_ms=2.5, lost_s=0.0)
     frame = Frame(
         tick=7, time_s=0.007, status="walking", q=(0.1, -0.2), log={"left_phase": "late_stance", "a_Nm": 1.5},
@@ -131,11 +129,6 @@ def test_frames_and_events_come_back_from_json_as_they_went():
     broken = replace(frame, q=(math.nan, 1.0), log={"a_Nm": math.inf})
     read = Frame.from_dict(json.loads(json.dumps(broken.to_dict(), allow_nan=False)))
     assert math.isnan(read.q[0]) and math.isnan(read.log["a_Nm"])
-    event = Event(
-        serial=2, response=Response.APPLIED, text="k", tick=10, id="1", user="Ann", subject="s", value=1.0,
-        before=2.0, warnings=("w",), effect={"a": 1.0},
-    )  # fmt: skip
-    assert Event.from_dict(json.loads(json.dumps(event.to_dict()))) == event
 
 
 # ---------------------------------------------------------------------- controls
@@ -412,7 +405,7 @@ class Rig:
     @property
     def takes(self):
         """The walks that are over."""
-        return [take_of(pieces, len(self.run.layout.names), self.longest) for pieces in self.pieces[:-1]]
+        return [walk_of(pieces, len(self.run.layout.names), self.longest) for pieces in self.pieces[:-1]]
 
     def sleep(self, duration):
         assert duration > 0.0
@@ -441,9 +434,9 @@ def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_pr
     assert rig.time == pytest.approx(1.0, abs=PERIOD)
     (take,) = rig.takes
     whole = simulate(replace(bench_problem.experiment, duration=1.0))
-    angle = take.result.rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
+    angle = take.rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
     np.testing.assert_array_equal(angle, whole.log["right_knee_angle_rad"])
-    assert str(take.result.status) == "completed" and rig.frames()[-1]["status"] == "ended"
+    assert str(take.status) == "completed" and rig.frames()[-1]["status"] == "ended"
 
 
 def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_one_tick(bench_problem):
@@ -451,7 +444,7 @@ def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_on
     rig.loop.run()
     frames = [item for item in rig.frames() if item["status"] == "walking"]
     assert [item["tick"] for item in frames] == list(range(19, 1000, 20))[: len(frames)] and len(frames) >= 49
-    rows = rig.takes[0].result.rows
+    rows = rig.takes[0].rows
     for frame in frames:
         for joint in bench_problem.joints:
             name = f"{joint.side}_{joint.joint}_angle_rad"
@@ -467,9 +460,9 @@ def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(b
     assert len(begin) == len(rig.takes) == 2
     for take, own in zip(rig.takes, (traces[: begin[1]], traces[begin[1] :]), strict=True):
         assert [item["end"] for item in own[:-1]] == [item["first"] for item in own[1:]]
-        assert own[-1]["end"] == len(take.result.rows)
+        assert own[-1]["end"] == len(take.rows)
         for name in ("right_knee_angle_rad", "right_hip_impedance_torque_Nm"):
-            truth = take.result.rows[:, rig.run.layout.positions[name]]
+            truth = take.rows[:, rig.run.layout.positions[name]]
             ticks = np.concatenate([item["columns"][name][0] for item in own])
             values = np.concatenate([item["columns"][name][1] for item in own])
             np.testing.assert_array_equal(values, truth[ticks])
@@ -486,7 +479,7 @@ def test_traces_have_no_gap_where_pieces_end_between_two_frames(bench_problem):
     rig.loop.run()
     sizes = [len(piece.rows) for piece in rig.pieces[0]]
     assert sizes[0] % 20 == 10 and sizes[1] == 500
-    rows = rig.takes[0].result.rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
+    rows = rig.takes[0].rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
     traces = [item for item in rig.sent if item["kind"] == "trace"]
     assert [item["end"] for item in traces[:-1]] == [item["first"] for item in traces[1:]]
     for item in traces:
@@ -501,7 +494,7 @@ def test_all_rows_are_sent_for_a_bus_and_none_without_one(bench_problem):
     sent = [item for item in rig.sent if item["kind"] == "rows"]
     width = len(rig.run.layout.names)
     blocks = [np.frombuffer(base64.b64decode(item["rows"])).reshape(-1, width) for item in sent]
-    rows = np.concatenate([take.result.rows for take in rig.takes])
+    rows = np.concatenate([take.rows for take in rig.takes])
     np.testing.assert_array_equal(np.concatenate(blocks), rows)
     assert [item["first"] for item in sent] == [*range(0, 400, 10), *range(0, len(rows) - 400, 10)]
     silent = Rig(bench_problem, [], longest=50)
@@ -520,11 +513,11 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
     rig.loop.run()
     assert rig.answers()[1]["refused"] == ""
     told = next(item["events"] for item in rig.frames() if item["status"] == "held")
-    trip = rig.takes[0].result.trip
+    trip = rig.takes[0].trip
     assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
     assert told[0]["text"] == "fault: encoder freeze, right knee"
     assert told[1]["text"] == "trip: encoder frozen, right knee"
-    assert rig.frames()[0]["events"] == rig.frames()[-1]["events"] == []
+    assert rig.frames()[0]["events"] == rig.frames()[-1]["events"] == ()
     kept = run_of(rig.takes[0], bench_problem)
     assert [event.text for event in kept.events] == [item["text"] for item in told]
     assert [event.time for event in kept.events] == [item["time"] for item in told]
@@ -543,14 +536,14 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
     rig = Rig(bench_problem, script, longest=5000)
     rig.loop.run()
     stopped, again = rig.takes
-    state = stopped.result.rows[:, rig.run.layout.positions["safety_state"]]
+    state = stopped.rows[:, rig.run.layout.positions["safety_state"]]
     assert np.flatnonzero(state)[0] == rig.answers()[2]["tick"] == 210
     assert len(state) == pytest.approx(210 + 500, abs=2 * BLOCK_TICKS)  # the hold goes on in the pause
     assert [item.tick for item in stopped.changes] == [210]
     refused = {serial: bool(item["refused"]) for serial, item in rig.answers().items()}
     assert refused == {1: False, 2: False, 3: True, 4: True, 5: True, 6: False, 7: False}
-    assert len(again.result.rows) == pytest.approx(300, abs=2 * BLOCK_TICKS)
-    assert not again.result.rows[:, rig.run.layout.positions["safety_state"]].any()
+    assert len(again.rows) == pytest.approx(300, abs=2 * BLOCK_TICKS)
+    assert not again.rows[:, rig.run.layout.positions["safety_state"]].any()
 
 
 def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_problem):
@@ -566,8 +559,8 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
     assert [(item.tick, item.note["user"]) for item in take.changes] == [(100, "Ann")]
     assert take.table == {"k": 1}
     positions = rig.run.layout.positions
-    codes = take.result.rows[:, positions["right_phase"]].astype(int)
-    held = take.result.rows[:, positions["right_knee_stiffness_Nm_per_rad"]]
+    codes = take.rows[:, positions["right_phase"]].astype(int)
+    held = take.rows[:, positions["right_knee_stiffness_Nm_per_rad"]]
     late = np.flatnonzero(codes == bench_problem.table.phase_index("late_stance"))
     late = late[late > 1000]
     assert held[late[-1]] == pytest.approx(2.0 / DEGREE)
@@ -583,7 +576,7 @@ def test_thresholds_reach_the_guards(bench_panel, bench_problem):
     ]
     rig = Rig(bench_problem, script, longest=9000)
     rig.loop.run()
-    switches = rig.takes[0].result.switches
+    switches = rig.takes[0].switches
     assert {item.cause for item in switches if item.tick < 6000} == {"time_out"}
     assert "clearance" in {item.cause for item in switches if item.tick > 6000}
 
@@ -600,7 +593,7 @@ def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):
     rig.loop.run()
     assert [bool(rig.answers()[serial]["refused"]) for serial in (1, 2, 3)] == [False, True, False]
     assert "waiting" in {item["status"] for item in rig.frames() if item["time_s"] < 6.0}
-    left = [item.tick for item in rig.takes[0].result.switches if item.source == "late_stance"]
+    left = [item.tick for item in rig.takes[0].switches if item.source == "late_stance"]
     assert left and 6000 <= left[0] <= 6000 + 2 * BLOCK_TICKS
 
 
@@ -618,11 +611,11 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
     rig = Rig(problem, script, longest=11_000)
     rig.loop.run()
     (take,) = rig.takes
-    assert (str(take.result.status), take.result.trip) == ("completed", None)
-    hips = take.result.rows[:, [rig.run.layout.positions[f"{side}_hip_angle_rad"] for side in problem.sides]]
+    assert (str(take.status), take.trip) == ("completed", None)
+    hips = take.rows[:, [rig.run.layout.positions[f"{side}_hip_angle_rad"] for side in problem.sides]]
     # 0.4 m/s under a leg of 0.9 m would turn a hip by half a radian in a second.
     assert np.ptp(hips[7000:8000], axis=0).max() < 0.01
-    left = [item for item in take.result.switches if item.source == "late_stance" and item.tick > 7000]
+    left = [item for item in take.switches if item.source == "late_stance" and item.tick > 7000]
     assert len(left) == 1 and left[0].tick < 8000 + 2 * BLOCK_TICKS
     side = problem.sides.index(left[0].side)
     assert np.ptp(hips[8000:10_000, side]) > 0.4  # the leg that was let go takes a step
@@ -772,7 +765,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
     (entry,) = list_sessions(folder / "sessions")
     found = read_session(folder / "sessions", entry.id)
     assert (entry.user, entry.experiment, entry.status, entry.versions) == ("Ann", "bench_leg", "ended", 3)
-    assert entry.folders == tuple(map(str, session.news.folders)) and found["summary"] == session.news.summary
+    assert entry.folders == list(map(str, session.news.folders)) and found["summary"] == session.news.summary
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
         item = logged[said[name].serial]

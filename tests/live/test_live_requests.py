@@ -10,8 +10,7 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError
-from twin_gait.live.actions import Actions
-from twin_gait.live.controls import Panel
+from twin_gait.live.controls import Actions, Panel
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import Action, DoAction, MessageRefused, read_message
 from twin_gait.live.stepping import SteppedRun

@@ -6,7 +6,7 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.live.finishing import run_of
-from twin_gait.live.pieces import AppliedChange, Take
+from twin_gait.live.journal import AppliedChange, Piece
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from, run_events
 from twin_gait.runs.record import load_run, write_run
@@ -74,7 +74,9 @@ def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tm
     run.inject(parse_fault("encoder_offset:right_hip@0s=-8deg"))
     run.advance(300)
     note = {"subject": "fault", "fault": "encoder_offset:right_hip@0s=-8deg"}
-    kept = run_of(Take(run.result(), [AppliedChange(730, note)]), problem)
+    walked = run.result()._asdict()
+    del walked["traffic"]
+    kept = run_of(Piece(**walked, changes=(AppliedChange(730, note),)), problem)
     fault, trip = kept.events
     assert (fault.kind, fault.time, fault.text) == ("fault", 0.73, "fault: encoder offset, right hip")
     assert trip.time == kept.trip.time >= 0.73

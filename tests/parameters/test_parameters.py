@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 
 import pytest
@@ -32,9 +31,7 @@ from twin_gait.parameters import (
     SupportParameters,
 )
 from twin_gait.replay.request import ReplayRequest
-from twin_gait.studies.campaign import Spread, TwoWayProtocol
-from twin_gait.studies.virtual_people import SIZES, BodySizes
-from twin_gait.vocabulary import Sex
+from twin_gait.studies.campaign import TwoWayProtocol
 from twin_gait.worlds.bench_joint import (
     CatalogueEfficiency,
     CosinePath,
@@ -102,8 +99,6 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (BenchSetup, "mass", -0.1),
     (ProcessingOptions, "window", 0),
     (TwoWayProtocol, "cycles", 0),
-    (Spread, "friction", -0.01),
-    (BodySizes, "mass_deviation", 0.0),
     (ReplayRequest, "speed", 0.0),
     (Transition, "debounce_ticks", 0),
     (Transition, "time_out_ticks", 0),
@@ -113,7 +108,6 @@ REQUIRED: dict[Any, dict[str, Any]] = {
     CosinePath: {"start_angle": 0.0, "amplitude": 0.1, "frequency": 1.0},
     DriveParameters: {"inductance": 1e-3},
     BenchSetup: {"actuator": KNEE_ACTUATOR},
-    BodySizes: asdict(SIZES[Sex.MALE]),
     ReplayRequest: {"log": "run"},
     Transition: {
         "source": "late_stance",

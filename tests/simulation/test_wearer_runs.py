@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from table_builder import guard, phase, transition, two_phase_table
 
 from twin_gait import RunStatus, load_experiment, simulate
+from twin_gait.configuration.experiments import people
 from twin_gait.configuration.gait_table_file import load_gait_table
-from twin_gait.configuration.people import people
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod

@@ -19,7 +19,7 @@ from sweep_process import start_sweep, wait_until, write_spec
 from twin_gait.cli import main
 from twin_gait.studies.batch import Override, simulate_batch
 from twin_gait.studies.sweep.spec import load_sweep
-from twin_gait.studies.sweep.store import read_table
+from twin_gait.studies.sweep.sweep import read_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
@@ -149,7 +149,7 @@ def test_a_scheduler_that_is_lost_is_one_line_and_what_is_done_stays(spec, alone
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere"])
 def test_a_scheduler_that_is_not_there_is_one_line(spec, address, tmp_path, monkeypatch, capsys):
     pytest.importorskip("distributed", reason="needs the extra 'cluster'")
-    monkeypatch.setattr("twin_gait.studies.cluster.CONNECTION_TIMEOUT", 0.5)
+    monkeypatch.setattr("twin_gait.studies.workers.CONNECTION_TIMEOUT", 0.5)
     assert main(["sweep", str(spec), "--out", str(tmp_path / "out"), "--scheduler", address]) == 2
     error = capsys.readouterr().err
     assert f"--scheduler {address}: no Dask scheduler answers there" in error and error.count("\n") == 1

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from injected_faults.audit import audit, audited_row
 
 from twin_gait import load_experiment, simulate
-from twin_gait.cli import faults as command
 from twin_gait.cli import simulate as simulate_command
+from twin_gait.cli import studies as command
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.overrides import parse_assignment
+from twin_gait.configuration.validation import parse_assignment
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.studies import draw_faults, fault_row, outcome_table, simulate_faults
 from twin_gait.vocabulary import JointName, Outcome, Side

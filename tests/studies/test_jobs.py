@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from twin_gait.exceptions import ParameterError
 from twin_gait.studies import JobFailed, Workers, WorkersLost, run_jobs
 from twin_gait.studies.jobs import even_size, one_by_one, portions, run_blocks
-from twin_gait.studies.processes import LOSSES_ALLOWED
+from twin_gait.studies.workers import LOSSES_ALLOWED
 
 
 def square(number: int) -> int:

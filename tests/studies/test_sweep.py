@@ -22,12 +22,10 @@ from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import Workers, one_by_one, portions
 from twin_gait.studies.sweep import spec as sweep_spec
-from twin_gait.studies.sweep import store as sweep_store
 from twin_gait.studies.sweep import sweep as sweep_module
 from twin_gait.studies.sweep.episode import episodes_of
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
-from twin_gait.studies.sweep.store import read_table
-from twin_gait.studies.sweep.sweep import check_sweep, run_sweep
+from twin_gait.studies.sweep.sweep import check_sweep, read_table, run_sweep
 
 HIP = "scenario.start.hip_deg"
 STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"
@@ -127,10 +125,10 @@ def test_stopping_and_going_on_gives_the_same_table(swept, tmp_path):
 
 
 def test_parts_are_merged_when_they_are_many(swept, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_store, "MOST_PARTS", 3)
+    monkeypatch.setattr(sweep_module, "MOST_PARTS", 3)
     merged = []
-    merge = sweep_store.SweepStore.merge
-    monkeypatch.setattr(sweep_store.SweepStore, "merge", lambda store: merged.append(merge(store)))
+    merge = sweep_module.SweepStore.merge
+    monkeypatch.setattr(sweep_module.SweepStore, "merge", lambda store: merged.append(merge(store)))
     table = run_sweep(load_sweep(swept[0]), tmp_path / "out", pictures=False).table
     assert len(merged) == 12 // 3 + 1
     assert_same(table, read_table(swept[1]))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.studies.sweep.design import MOST_EPISODES, Range, grid, latin_hypercube, listed
+from twin_gait.studies.sweep.spec import MOST_EPISODES, Range, grid, latin_hypercube, listed
 
 LEVELS = {"a": [1, 2, 3], "b.c": ["x", "y"], "d": [[1, 2], {"k": 3}]}
 

@@ -13,8 +13,7 @@ import pytest
 from sweep_process import kept_episodes, kill_group, start_sweep, wait_until, write_spec
 
 from twin_gait.studies.sweep.spec import load_sweep
-from twin_gait.studies.sweep.store import read_table
-from twin_gait.studies.sweep.sweep import run_sweep
+from twin_gait.studies.sweep.sweep import read_table, run_sweep
 
 pytestmark = pytest.mark.slow
 

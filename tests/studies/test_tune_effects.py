@@ -16,9 +16,8 @@ from twin_gait.configuration import load_experiment
 from twin_gait.experiment import Experiment
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.tune.cases import ANGLE_NOISE, Case, robust_cases
 from twin_gait.studies.tune.parts import part_values
-from twin_gait.studies.tune.walks import QUICK_INTEGRATION
+from twin_gait.studies.tune.walks import ANGLE_NOISE, QUICK_INTEGRATION, Case, robust_cases
 from twin_gait.vocabulary import Side
 
 SEEDS = range(4)

@@ -23,11 +23,18 @@ from tornado.websocket import websocket_connect
 from twin_gait.cli import main
 from twin_gait.exceptions import ViewerError
 from twin_gait.files import write_atomically
+from twin_gait.viewer import server as scene_server
 from twin_gait.viewer.commands import set_object, set_property
-from twin_gait.viewer.live import scene_server
-from twin_gait.viewer.live.guards import LONGEST_MESSAGE, Allowance, is_loopback, is_own_page
-from twin_gait.viewer.live.server import LiveServer
-from twin_gait.viewer.live.window import MOST_WAITING, LiveWindow, Outbox
+from twin_gait.viewer.live_figure import LiveWindow
+from twin_gait.viewer.server import (
+    LONGEST_MESSAGE,
+    MOST_WAITING,
+    Allowance,
+    LiveServer,
+    Outbox,
+    is_loopback,
+    is_own_page,
+)
 
 PAGE = "<!DOCTYPE html><title>page</title>"
 
@@ -341,7 +348,7 @@ def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.Mo
 FEW_FILES = """
 import asyncio, os, resource, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))
-from twin_gait.viewer.live.server import LiveServer
+from twin_gait.viewer.server import LiveServer
 
 async def run():
     server = LiveServer("page", first_port=0, on_message=print, on_stop=print, refusal=dict, greeting=list,

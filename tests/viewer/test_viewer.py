@@ -26,9 +26,9 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, recorded_run
+from twin_gait.viewer.arrows import FORCE_ROOT, arrow_state
 from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.forces import FORCE_ROOT, arrow_state
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
@@ -616,14 +616,19 @@ import os, sys
 from pathlib import Path
 for name in ("zmq", "IPython", "pyngrok"):
     sys.modules[name] = None  # importing it is an error
-from twin_gait.viewer.page_server import PageServer
-from twin_gait.viewer.urdf_page import urdf_page
+import asyncio
+from twin_gait.viewer.server import SceneServer
+from twin_gait.viewer.animation import urdf_page
 
-with PageServer(urdf_page("twin.urdf"), port=0) as server:
+async def main():
+    server = SceneServer(urdf_page("twin.urdf"), first_port=0)
     own = {os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()}
     rows = [line.split() for table in ("tcp", "tcp6") for line in Path(f"/proc/net/{table}").open()]
     open_ports = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in own]
     print(server.url.partition("?")[0].strip("/").rpartition(":")[2], *open_ports)
+    await server.close()
+
+asyncio.run(main())
 assert "meshcat" not in sys.modules
 """
 

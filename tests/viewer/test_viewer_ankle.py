@@ -14,7 +14,7 @@ from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.commands import Recorder
-from twin_gait.viewer.live.figure import LiveFigure
+from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import leg_columns, leg_values, read_motion
 from twin_gait.viewer.staging import build_scene
 from twin_gait.vocabulary import JointName, Side

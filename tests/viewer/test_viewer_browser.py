@@ -14,6 +14,7 @@ import pinocchio as pin
 import pytest
 from example_robots import JOINTS, robot_urdf
 from matplotlib.image import imread as read_picture
+from page_server import served
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
@@ -21,11 +22,10 @@ from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.runs.record import write_run
 from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run
+from twin_gait.viewer.animation import joint_entries, urdf_page
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.staging import build_scene
-from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, Side
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
@@ -656,7 +656,7 @@ def test_the_picture_of_a_urdf_is_drawn_and_serving_it_needs_the_token(
     # What is darker than any background is the figure: it fills the picture and stands in its middle.
     rows = np.flatnonzero((pixels[:, 200:440, :3].max(axis=2) < 0.4).any(axis=1))
     assert rows.min() < 120 and rows.max() > 400
-    with PageServer(urdf_page("twin.urdf"), port=0) as server:
+    with served(urdf_page("twin.urdf")) as server:
         one = opened(server.url)
         assert one('document.querySelectorAll(".joint").length') == 6
         assert one.requests == [server.url]

@@ -4,7 +4,6 @@ import json
 import zlib
 from base64 import b64decode
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,27 +12,26 @@ from synthetic_floor import SPEED, floor_walk
 
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
 from twin_gait.report.figures import draw_figure
+from twin_gait.parameters import ChairParameters
 from twin_gait.report.run_figures import draw_crutches
 from twin_gait.runs.run_page import setting_of
 from twin_gait.simulation.run import Run
 from twin_gait.viewer import surroundings
+from twin_gait.viewer.aids import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.animation import recorded_run
-from twin_gait.viewer.chair import CHAIR, SEAT
+from twin_gait.viewer.arrows import FORCE_ROOT
 from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
-from twin_gait.viewer.crutches import ROOT, bent_elbow
-from twin_gait.viewer.forces import FORCE_ROOT
-from twin_gait.viewer.harness import ROPES
-from twin_gait.viewer.live.figure import LiveFigure
+from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import MODE, Motion, read_motion
+from twin_gait.viewer.props import CHAIR, METRES, SEAT, TROLLEY
 from twin_gait.viewer.scene import Scene, State
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.viewer.visuals import load_visuals
-from twin_gait.viewer.walkway import METRES, TROLLEY
 from twin_gait.vocabulary import Side
 
 Drawn = tuple[Scene, Recorder, Motion]
 HEIGHT, MODES = 1.75, ("sitting", "walking")
-SIZES = SimpleNamespace(height=0.46, depth=0.4)
+SIZES = ChairParameters(height=0.46, depth=0.4)
 
 
 @pytest.fixture(scope="module")

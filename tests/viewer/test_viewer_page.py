@@ -3,6 +3,7 @@
 import http.client
 import json
 import re
+import shutil
 import socket
 import stat
 import webbrowser
@@ -16,6 +17,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from example_robots import JOINTS
+from page_server import served
 from scene_messages import unpacked
 
 from twin_gait import load_experiment, simulate
@@ -41,18 +43,23 @@ from twin_gait.palette import (
 )
 from twin_gait.runs.record import load_run, write_run
 from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, with_walk
+from twin_gait.viewer.aids import ROPE, VEST
+from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.body import CLOTH
 from twin_gait.viewer.commands import Recorder
-from twin_gait.viewer.curves import extremes, faithful_curve
 from twin_gait.viewer.figure import ROOT
-from twin_gait.viewer.harness import ROPE, VEST
-from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
+from twin_gait.viewer.motion import (
+    extremes,
+    faithful_curve,
+    frame_rate,
+    leg_values,
+    phase_changes,
+    read_motion,
+)
 from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, live_page, packed, page_data
-from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
-from twin_gait.viewer.urdf_page import urdf_page
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 
@@ -359,11 +366,16 @@ def test_harness_and_trunk_stand_out_by_night() -> None:
 
 def test_every_script_of_the_page_is_in_it_and_nothing_else_lies_beside_them() -> None:
     folder = Path(__file__).parents[2] / "twin_gait" / "viewer" / "page"
-    assert {path.name for path in folder.glob("*.js")} == set(SCRIPTS)
+    assert {path.name for path in folder.glob("*.js")} == {*SCRIPTS, "panel.js"}
 
 
-def test_a_live_page_takes_a_panel_after_its_own_script() -> None:
-    page = live_page(style="#knobs { top: 0 }", panel='<div id="knobs"></div>', script="'</script>'")
+def test_a_live_page_takes_a_panel_after_its_own_script(monkeypatch, tmp_path) -> None:
+    folder = shutil.copytree(PAGE_FOLDER, tmp_path / "page")
+    parts = {"css": "#knobs { top: 0 }", "html": '<div id="knobs"></div>', "js": "'</script>'"}
+    for kind, text in parts.items():
+        (folder / f"panel.{kind}").write_text(text)
+    monkeypatch.setattr("twin_gait.viewer.page.PAGE_FOLDER", folder)
+    page = live_page()
     assert page.index("#knobs {") < page.index("</style>")
     assert '<div id="knobs"></div>' in page
     assert "\\x3c/script>" in page.rsplit("<script>", 1)[1]  # it cannot end its own element
@@ -432,7 +444,6 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         (["RUN", "--up", "y"], "is for a URDF"),
         (["twin.urdf", "RUN"], "URDF"),
         (["RUN", "--port", "-1"], "65535"),
-        (["RUN", "--play-speed", "nan"], "--play-speed"),
     ],
 )
 def test_wrong_values_give_one_line_and_no_file(
@@ -552,7 +563,7 @@ def answer(url: str, host: str | None = None, path: str = "/") -> tuple[int, byt
 
 
 def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
-    with PageServer("<p>é</p>", port=0) as server:
+    with served("<p>é</p>") as server:
         parts = urlsplit(server.url)
         assert parts.hostname == "127.0.0.1"
         assert answer(server.url) == (200, "<p>é</p>".encode())
@@ -563,7 +574,7 @@ def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
 
 
 def test_a_page_is_for_whoever_has_the_address_with_its_token() -> None:
-    with PageServer("<p>a wearer's walk</p>", port=0) as server, PageServer("b", port=0) as other:
+    with served("<p>a wearer's walk</p>") as server, served("b") as other:
         bare, foreign = server.url.partition("?")[0], urlsplit(other.url).query
         for url in (bare, f"{bare}?{foreign}", server.url[:-1], f"{server.url}0"):
             status, content = answer(url)
@@ -590,12 +601,10 @@ def test_the_token_is_in_no_command_line(
 
 
 def test_a_taken_port_gives_the_next_one() -> None:
-    with PageServer("a", port=0) as first:
+    with served("a") as first:
         taken = urlsplit(first.url).port
         assert taken is not None
-        with PageServer("b", port=taken) as second:
+        with served("b", taken) as second:
             port = urlsplit(second.url).port
             assert port is not None and taken < port < taken + 100
             assert answer(first.url)[1] == b"a" and answer(second.url)[1] == b"b"
-    with pytest.raises(ViewerError, match="65535"):
-        PageServer("c", port=70000)

@@ -17,15 +17,15 @@ from twin_gait.leg_model import LegJoints, LegModel, packaged_urdf
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
-from twin_gait.viewer import arcs, shapes, surroundings, trail
+from twin_gait.viewer import arrows, shapes, surroundings
+from twin_gait.viewer import scene as drawn_scene
 from twin_gait.viewer.commands import FULL_TORQUE, Command, Material, Recorder, rgb
-from twin_gait.viewer.meshes import read_obj
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.surroundings import ROOT
-from twin_gait.viewer.visuals import load_visuals
+from twin_gait.viewer.visuals import load_visuals, read_obj
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 PATIENT = Patient()
@@ -216,12 +216,12 @@ def test_arrow_turns_the_way_that_the_torque_turns() -> None:
         axis /= np.linalg.norm(axis)
         start = np.cross(axis, rng.standard_normal(3))
         start /= np.linalg.norm(start)
-        arrow = arcs.arc_arrow(0.1, number, axis, start)
+        arrow = arrows.arc_arrow(0.1, number, axis, start)
         tail, tip = arrow.vertices[:7].mean(axis=0), tip_of(arrow)
         # The way from tail to tip round the axis, by angles that are unwound ring by ring.
         assert angle_about(axis, start, tail) == pytest.approx(0.0, abs=0.02)
         sweep = angle_about(axis, start, tip) % (math.copysign(2.0 * math.pi, number))
-        assert sweep == pytest.approx(math.radians(270.0) * number / arcs.LEVELS, abs=0.12)
+        assert sweep == pytest.approx(math.radians(270.0) * number / arrows.LEVELS, abs=0.12)
 
 
 def tip_of(arrow: Shape) -> np.ndarray:
@@ -234,14 +234,14 @@ def angle_about(axis: np.ndarray, start: np.ndarray, point: np.ndarray) -> float
 
 
 def test_level_has_the_sign_and_grows_with_the_size_of_the_torque() -> None:
-    levels = [arcs.level(torque, 60.0) for torque in np.linspace(-90.0, 90.0, 361)]
+    levels = [arrows.level(torque, 60.0) for torque in np.linspace(-90.0, 90.0, 361)]
     assert (np.diff(levels) >= 0).all()
-    assert (min(levels), max(levels)) == (-arcs.LEVELS, arcs.LEVELS)
+    assert (min(levels), max(levels)) == (-arrows.LEVELS, arrows.LEVELS)
     for torque in (5.1, 20.0, 47.0, 60.0):
-        assert arcs.level(torque, 60.0) == -arcs.level(-torque, 60.0) > 0
+        assert arrows.level(torque, 60.0) == -arrows.level(-torque, 60.0) > 0
         # An arrow of a level stands for a torque within half a level of the real one.
-        assert abs(arcs.level(torque, 60.0) * 10.0 - torque) <= 5.0
-    assert arcs.level(4.9, 60.0) == arcs.level(math.nan, 60.0) == 0
+        assert abs(arrows.level(torque, 60.0) * 10.0 - torque) <= 5.0
+    assert arrows.level(4.9, 60.0) == arrows.level(math.nan, 60.0) == 0
 
 
 def meshes_of(recorder: Recorder) -> dict[str, np.ndarray]:
@@ -296,14 +296,14 @@ def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
     scene = build_scene(recorder, bench)
     visible = properties_of(recorder, "visible")
     paths = [path for arc in scene.arcs[Side.RIGHT].values() for path in arc.paths.values()]
-    assert len(paths) == 2 * 2 * arcs.LEVELS
+    assert len(paths) == 2 * 2 * arrows.LEVELS
     assert all(visible[path] is False for path in paths)
     scene.apply(scene.torque_state(Side.RIGHT, {"hip": 0.5 * FULL_TORQUE, "knee": -FULL_TORQUE}))
     visible = properties_of(recorder, "visible")
     seen = {path for path in paths if visible[path]}
     assert seen == {
-        scene.arcs[Side.RIGHT]["hip"].paths[arcs.LEVELS // 2],
-        scene.arcs[Side.RIGHT]["knee"].paths[-arcs.LEVELS],
+        scene.arcs[Side.RIGHT]["hip"].paths[arrows.LEVELS // 2],
+        scene.arcs[Side.RIGHT]["knee"].paths[-arrows.LEVELS],
     }
 
 
@@ -423,7 +423,7 @@ def test_trail_is_the_path_of_the_sole_over_the_last_stride(worn_twin: LegModel)
     for frame in np.flatnonzero((motion.times >= 1.5) & (motion.times <= 3.0)):
         heel, toe = (worn_twin.frame_position(motion.q[frame], f"right_{end}") for end in ("heel", "toe"))
         sole = 0.5 * (heel + toe)
-        assert sole[2] > trail.LOWEST  # the path was not lifted here
+        assert sole[2] > drawn_scene.LOWEST_TRAIL  # the path was not lifted here
         # Within a radius of the tube, and what a chord between frames leaves out.
         assert np.linalg.norm(drawn - sole, axis=1).min() < 0.012
 
@@ -434,7 +434,7 @@ def test_trail_has_the_colours_of_the_phases(worn_twin: LegModel) -> None:
     assert spells is not None
     frames = np.flatnonzero((motion.times >= 1.5) & (motion.times <= 3.0))
     points = np.column_stack((motion.times[frames], np.zeros((len(frames), 2))))
-    shape = trail.trail_shape(motion.times[frames], points, spells, PHASES)
+    shape = drawn_scene.trail_shape(motion.times[frames], points, spells, PHASES)
     assert shape is not None and shape.colours is not None
     assert len(shape.colours) == len(shape.vertices)
     for (x, _, _), colour in zip(shape.vertices, shape.colours, strict=True):
@@ -457,7 +457,7 @@ def test_no_trail_without_phases_or_movement(bench: LegModel) -> None:
 def test_after_the_last_path_that_is_kept_no_old_one_is_shown(
     bench: LegModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trail, "MOST_STRIDES", 1)
+    monkeypatch.setattr(drawn_scene, "MOST_STRIDES", 1)
     scene = build_scene(Recorder(), bench)
     motion = walk(bench, duration=8.0)
     scene.draw_trails(motion)

@@ -11,14 +11,23 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.vocabulary import JointName
 
 if TYPE_CHECKING:
     from twin_gait.simulation.bench_joint import BenchRun
     from twin_gait.studies.campaign import CampaignResult
     from twin_gait.worlds.bench_joint import BenchJoint, DutyControl, TorqueControl
-    from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 CONTROLLERS = ("duty", "friction", "old-friction", "impedance", "off")
+# Words that are chosen: option, words, default, meaning.
+_FORMS = (
+    ("--load-angle", ("corrected", "printed"), "corrected", "form of (2.8)"),
+    ("--current-loop", ("pi", "ideal"), "pi", "of figure 2.13, or perfect (pi)"),
+)
+_CONTROLLER = ("--controller", CONTROLLERS, "friction", "what drives the motor (friction)")
+_HOW = "the thesis's falls, or driven by the motor to ±2.5 rad/s, or a folder for each (drop)"
+_PROTOCOL = ("--protocol", ("drop", "two-way", "both"), "drop", _HOW)
 # Numbers of the bench, of one test, and of its controller: option, default, unit, meaning.
 _BENCH = (
     ("--friction-ratio", 1.0, "S", "true friction over table 3.1 (1)"),
@@ -56,54 +65,32 @@ def add_parser(commands: Any) -> None:
         dest="action", required=True, parser_class=type(parser), metavar="campaign|run"
     )
     campaign = options.add_command(actions, "campaign", run_campaign_command)
-    _add_bench(campaign)
+    options.add_numbers(
+        campaign, (*_BENCH, ("--longest", 20.0, "S", "when a fall that sticks is ended (20)"))
+    )
     campaign.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
-    campaign.add_argument(
-        "--protocol",
-        choices=("drop", "two-way", "both"),
-        default="drop",
-        help="the thesis's falls, or driven by the motor to ±2.5 rad/s, or a folder for each (drop)",
-    )
-    _add_numbers(campaign, (("--longest", 20.0, "S", "when a fall that sticks is ended (20)"),))
     test = options.add_command(actions, "run", run_test_command)
-    _add_bench(test)
+    options.add_numbers(test, (*_BENCH, *_TEST))
     options.add_out(test, "FILE", "log to write", required=True)
-    test.add_argument(
-        "--controller", choices=CONTROLLERS, default="friction", help="what drives the motor (friction)"
-    )
-    _add_numbers(test, _TEST)
-
-
-def _add_bench(parser: argparse.ArgumentParser) -> None:
-    """What a test and a campaign have in common."""
-    add = parser.add_argument
-    add("--joint", choices=("knee", "hip"), required=True, help="whose motor and friction")
-    options.add_seed(parser)
-    add("--load-angle", choices=("corrected", "printed"), default="corrected", help="form of (2.8)")
-    add("--current-loop", choices=("pi", "ideal"), default="pi", help="of figure 2.13, or perfect (pi)")
-    _add_numbers(parser, _BENCH)
-
-
-def _add_numbers(parser: argparse.ArgumentParser, entries: tuple[tuple[Any, ...], ...]) -> None:
-    for flag, default, unit, text in entries:
-        parser.add_argument(flag, type=float, default=default, metavar=unit, help=text)
+    for one, words in ((campaign, _PROTOCOL), (test, _CONTROLLER)):
+        one.add_argument("--joint", choices=("knee", "hip"), required=True, help="whose motor and friction")
+        options.add(one, "--seed")
+        options.add_choices(one, (*_FORMS, words))
 
 
 def bench_of(arguments: argparse.Namespace) -> BenchJoint:
     """The bench as the options describe it, without a controller."""
     from twin_gait import worlds as world
     from twin_gait.parameters import BatteryParameters
-    from twin_gait.vocabulary import JointName
 
-    joint = JointName(arguments.joint)
-    friction = world.BenchFriction(
-        law=world.BENCH_FRICTION[joint].scaled(arguments.friction_ratio),
-        coulomb_per_load=arguments.friction_per_load,
-        ripple=arguments.friction_ripple_Nm,
+    law = world.BENCH_FRICTION[arguments.joint].scaled(arguments.friction_ratio)
+    per_load, ripple = arguments.friction_per_load, arguments.friction_ripple_Nm
+    bench = world.bench_joint(
+        JointName(arguments.joint),
+        friction=world.BenchFriction(law=law, coulomb_per_load=per_load, ripple=ripple),
+        link=world.LinkParameters(lever=arguments.lever_m, load_angle=world.LoadAngle(arguments.load_angle)),
+        battery=BatteryParameters(voltage=arguments.battery_V),
     )
-    link = world.LinkParameters(lever=arguments.lever_m, load_angle=world.LoadAngle(arguments.load_angle))
-    battery = BatteryParameters(voltage=arguments.battery_V)
-    bench = world.bench_joint(joint, friction=friction, link=link, battery=battery)
     noise = options.given(noise=arguments.current_noise_A)
     temperature, stiffness = arguments.gear_temperature_degC, arguments.torsional_stiffness_Nm_per_rad
     return replace(
@@ -120,21 +107,19 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the true
     friction.
     """
-    from twin_gait.exceptions import RunDirectoryError
     from twin_gait.simulation import RunStatus
-    from twin_gait.studies.campaign import Campaign, Protocol, run_campaign
-    from twin_gait.vocabulary import JointName
+    from twin_gait.studies import Campaign, Protocol, run_campaign
 
+    joint, bench, out = JointName(arguments.joint), bench_of(arguments), arguments.out
     both = arguments.protocol == "both"
-    joint, bench = JointName(arguments.joint), bench_of(arguments)
     campaigns = [
         Campaign(joint=joint, protocol=protocol, seed=arguments.seed, bench=bench, longest=arguments.longest)
         for protocol in (Protocol if both else [Protocol(arguments.protocol)])
     ]
-    if arguments.out.exists():
-        raise RunDirectoryError(f"{arguments.out}: exists; choose another --out")
+    if out.exists():
+        raise RunDirectoryError(f"{out}: exists; choose another --out")
     for campaign in campaigns:
-        folder = arguments.out / str(campaign.protocol) if both else arguments.out
+        folder = out / str(campaign.protocol) if both else out
         with terminal.watched(str(campaign.protocol), "test") as watch:
             result = run_campaign(campaign, folder, **watch)
         print("\n".join(report_campaign(result)))
@@ -170,30 +155,31 @@ def run_test_command(arguments: argparse.Namespace) -> int:
     from twin_gait.simulation import RunStatus
     from twin_gait.simulation.bench_joint import simulate_bench
     from twin_gait.studies.campaign import log_text
+    from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
     WHOLE.require("seed", arguments.seed)
-    out: Path = arguments.out
-    options.check_file("--out", out, force=arguments.force)
-    bench = bench_of(arguments)
+    options.check_file("--out", arguments.out, force=arguments.force)
+    bench, imposed = bench_of(arguments), None
+    if arguments.imposed_amplitude_deg is not None:
+        amplitude, frequency = math.radians(arguments.imposed_amplitude_deg), arguments.imposed_frequency_Hz
+        joint = JointName(arguments.joint)
+        imposed = ImposedMotionParameters(joint=joint, amplitude=amplitude, frequency=frequency)
     test = replace(
         bench,
         link=replace(bench.link, mass=arguments.mass),
         control=_control_of(arguments),
-        imposed_motion=_imposed_motion_of(arguments),
+        imposed_motion=imposed,
         start_angle=math.radians(arguments.start_angle_deg),
         duration=arguments.duration,
     )
     with terminal.watched("simulating", "tick") as watch:
         run = simulate_bench(test, seed=arguments.seed, **watch)
     header = {
-        "joint": arguments.joint,
-        "controller": arguments.controller,
-        "mass_kg": f"{arguments.mass:g}",
-        "seed": arguments.seed,
-        "status": str(run.status),
-    }
-    write_atomically(out, log_text(run, header, truth=True))
-    print("\n".join(report_test(run, out)))
+        "joint": arguments.joint, "controller": arguments.controller, "mass_kg": f"{arguments.mass:g}",
+        "seed": arguments.seed, "status": str(run.status),
+    }  # fmt: skip
+    write_atomically(arguments.out, log_text(run, header, truth=True))
+    print("\n".join(report_test(run, arguments.out)))
     if run.status is RunStatus.INTERRUPTED:
         return terminal.interrupted("the log so far is kept")
     return FAILED if run.status is RunStatus.DIVERGED else DONE
@@ -201,7 +187,6 @@ def run_test_command(arguments: argparse.Namespace) -> int:
 
 def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | None:
     from twin_gait import worlds as world
-    from twin_gait.vocabulary import JointName
 
     joint = JointName(arguments.joint)
     if arguments.controller == "off":
@@ -224,16 +209,6 @@ def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | 
         equilibrium_angle=math.radians(arguments.equilibrium_deg),
         inertia_compensation=arguments.inertia_compensation,
     )
-
-
-def _imposed_motion_of(arguments: argparse.Namespace) -> ImposedMotionParameters | None:
-    from twin_gait.vocabulary import JointName
-    from twin_gait.worlds.bench_leg import ImposedMotionParameters
-
-    if arguments.imposed_amplitude_deg is None:
-        return None
-    amplitude, frequency = math.radians(arguments.imposed_amplitude_deg), arguments.imposed_frequency_Hz
-    return ImposedMotionParameters(joint=JointName(arguments.joint), amplitude=amplitude, frequency=frequency)
 
 
 def report_test(run: BenchRun, out: Path) -> Iterator[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE
+from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.conventions import Convention
@@ -20,6 +21,12 @@ MODELS = (DEFAULT_CONVENTION, "rajagopal")
 CSV, FOLDER = "csv", "opensim"
 CAN_FILES = {"candump": "can.log", "asc": "can.asc"}
 FORMATS = (CSV, "mot", "sto", FOLDER, *CAN_FILES)
+_OF = "whose angles a motion has where braces let the two move apart (the wearer's)"
+_EXPORT = (
+    ("--format", FORMATS, None, "format; without it that of --out's ending, mot with --convention, else csv"),
+    ("--convention", MODELS, None, f"model whose names and signs a motion has ({DEFAULT_CONVENTION})"),
+    ("--of", ("wearer", "device"), "wearer", _OF),
+)
 
 
 def add_parser(commands: Any) -> None:
@@ -27,38 +34,15 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "plot", plot)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
-    add(
-        "--figure",
-        action="append",
-        metavar="NAME",
-        dest="figures",
-        help="gait_cycle, torques, …; may be repeated (all that the run has)",
-    )
+    text = "gait_cycle, torques, …; may be repeated (all that the run has)"
+    add("--figure", action="append", metavar="NAME", dest="figures", help=text)
     add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
-    add(
-        "--width", type=float, default=85.0, metavar="MM", help="85 for one column (the default), 174 for two"
-    )
+    options.add_numbers(parser, [("--width", 85.0, "MM", "85 for one column (the default), 174 for two")])
     options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
 
     parser = options.add_command(commands, "export", export)
-    add = parser.add_argument
-    add("directory", type=Path, metavar="RUN", help="run directory")
-    add(
-        "--format",
-        choices=FORMATS,
-        help="format; without it that of --out's ending, mot with --convention, else csv",
-    )
-    add(
-        "--convention",
-        choices=MODELS,
-        help=f"model whose names and signs a motion has ({DEFAULT_CONVENTION})",
-    )
-    add(
-        "--of",
-        choices=["wearer", "device"],
-        default="wearer",
-        help="whose angles a motion has where braces let the two move apart (the wearer's)",
-    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="run directory")
+    options.add_choices(parser, _EXPORT)
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
 
 
@@ -68,21 +52,20 @@ def plot(arguments: argparse.Namespace) -> int:
     Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
     inside; what the title would say is printed, for the caption.
     """
-    from twin_gait.exceptions import ParameterError
     from twin_gait.report.canvas import save
     from twin_gait.report.figures import available_figures, draw_for_paper
     from twin_gait.runs.record import FIGURES_FOLDER, load_run
 
-    shown = load_run(arguments.directory).run
+    shown, out, width = load_run(arguments.directory).run, arguments.out, arguments.width
     names = arguments.figures or available_figures(shown)
-    if arguments.out is not None and len(names) != 1:
+    if out is not None and len(names) != 1:
         raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
-    drawn = {name: draw_for_paper(shown, name, arguments.width) for name in names}
-    suffix = "" if arguments.out is None else arguments.out.suffix[1:]
+    drawn = {name: draw_for_paper(shown, name, width) for name in names}
+    suffix = "" if out is None else out.suffix[1:]
     kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
     folder = arguments.directory / FIGURES_FOLDER
-    paths = {name: arguments.out or folder / f"{name}-{arguments.width:g}mm.{kind}" for name in names}
-    if arguments.out is None:
+    paths = {name: out or folder / f"{name}-{width:g}mm.{kind}" for name in names}
+    if out is None:
         folder.mkdir(exist_ok=True)
     for path in paths.values():
         options.check_file("--out", path, force=arguments.force)
@@ -101,17 +84,16 @@ def export(arguments: argparse.Namespace) -> int:
     .log, Vector's .asc), which twin.dbc decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
-    from twin_gait.exceptions import ParameterError
     from twin_gait.export import export_csv, export_motion
     from twin_gait.runs.record import load_run
 
-    kind = arguments.format or _format_of(arguments.out, arguments.convention)
-    if kind in (CSV, *CAN_FILES) and arguments.convention is not None:
+    out, named = arguments.out, arguments.convention
+    kind = arguments.format or _format_of(out, named)
+    if kind in (CSV, *CAN_FILES) and named is not None:
         raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
-    stored = load_run(arguments.directory)
-    convention = find_convention(arguments.convention or DEFAULT_CONVENTION)
-    device = arguments.of == "device"
-    path = arguments.out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
+    stored, device = load_run(arguments.directory), arguments.of == "device"
+    convention = find_convention(named or DEFAULT_CONVENTION)
+    path = out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
     if kind == FOLDER:
         return _write_folder(stored, path, convention, device=device, force=arguments.force)
     options.check_file("--out", path, force=arguments.force)

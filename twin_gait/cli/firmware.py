@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
+from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.configuration import LoadedExperiment
@@ -26,12 +28,9 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "firmware", run)
     options.add_experiment(parser, seconds="that of the experiment")
     options.add_out(parser, "DIR", "folder to write")
-    parser.add_argument(
-        "--verify",
-        action="store_true",
-        help="compare the C with the simulation over the walk and faults, on this machine and a Cortex-M4F",
-    )
-    options.add_json(parser)
+    text = "compare the C with the simulation over the walk and faults, on this machine and a Cortex-M4F"
+    parser.add_argument("--verify", action="store_true", help=text)
+    options.add(parser, "--json")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -41,9 +40,6 @@ def run(arguments: argparse.Namespace) -> int:
     controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to compare them with.
     Exits with 1 if --verify finds a difference.
     """
-    from contextlib import nullcontext
-
-    from twin_gait.exceptions import ParameterError
     from twin_gait.firmware.project import MANIFEST
     from twin_gait.runs.folders import FolderKind, staged_directory
 
@@ -80,8 +76,8 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     terminal.note_step("C", "printing")
     project = print_project(experiment)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
-    with terminal.watched("vectors", "tick", _never) as watch:
-        vectors = record_vectors(walk, watch["progress"], watch["on_compile"])
+    with terminal.progress_bar("vectors", "tick") as progress:
+        vectors = record_vectors(walk, progress, terminal.note_compilation)
     project.write(folder, vectors, document)
     return project.manifest(document)
 
@@ -91,18 +87,13 @@ def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     from twin_gait.files import write_atomically
     from twin_gait.firmware.verification import verify
 
-    with terminal.watched("verifying", "tick", _never) as watch:
-        found = verify(loaded.experiment, watch["progress"], watch["on_compile"])
+    with terminal.progress_bar("verifying", "tick") as progress:
+        found = verify(loaded.experiment, progress, terminal.note_compilation)
     document = _document(found)
     if folder is not None:
         text = json.dumps(terminal.plain(document), indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(folder / VERIFICATION, text + "\n")
     return document
-
-
-def _never() -> bool:
-    """Nothing is kept of what is stopped half-way: Ctrl-C ends it at once."""
-    return False
 
 
 def _document(found: Verification) -> dict[str, Any]:

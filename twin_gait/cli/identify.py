@@ -10,11 +10,33 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, answer, progress_bar
+from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.identification import IdentificationOptions
 
 PRINTED_MODELS = 5
+SUFFIXES = (".log", ".csv", ".txt", ".tsv", ".dat")
+_CHOICES = (
+    ("--joint", ("hip", "knee"), None, "whose motor and gear it is (for currents)"),
+    ("--processing", ("zero_phase", "thesis", "none"), None, "smoothing of the logs"),
+    ("--current", ("measured", "target"), None, "which current drives (measured)"),
+    (
+        *("--loss", ("auto", "huber", "linear"), "auto"),
+        "weighing of residuals: Huber's for logs and where outliers stand alone, else least squares",
+    ),
+)
+_NUMBERS = (
+    ("--cutoff-Hz", None, "F", "of the zero-phase filter (40)"),
+    ("--standstill-rad-per-s", None, "W", "slower samples are rejected (0.002; series 0)"),
+)
+_BENCH = (
+    ("--mass", None, "KG", "weight, where file and file name do not say"),
+    ("--lever-m", None, "B", "from the axis to the weight (0.30)"),
+    ("--link-inertia-kgm2", None, "J", "about the axis (0.02)"),
+    ("--link-moment-kgm", None, "S", "mass of the link times its arm (0)"),
+)
+_LOAD_ANGLE = "F b cos(θ - 90°), or F b cos θ as the thesis prints it"
 
 
 def add_parser(commands: Any) -> None:
@@ -22,62 +44,24 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "identify", run)
     add = parser.add_argument
     add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files")
-    add("--joint", choices=["hip", "knee"], help="whose motor and gear it is (for currents)")
     options.add_out(parser, "DIR", "folder to make", required=True)
-    add(
-        "--columns",
-        default="",
-        metavar="Q=NAME,…",
-        help="columns by name, such as time=t,velocity=dq2,friction_torque=tau2; -NAME turns the sign",
-    )
-    add(
-        "--units",
-        default="",
-        metavar="Q=UNIT,…",
-        help="units of columns that do not say theirs, such as velocity=deg/s,time=ms (SI)",
-    )
+    text = "columns by name, such as time=t,velocity=dq2,friction_torque=tau2; -NAME turns the sign"
+    add("--columns", default="", metavar="Q=NAME,…", help=text)
+    text = "units of columns that do not say theirs, such as velocity=deg/s,time=ms (SI)"
+    add("--units", default="", metavar="Q=UNIT,…", help=text)
     add("--model", action="append", default=[], metavar="NAME,…", help="models to fit (all)")
-    add("--processing", choices=["zero_phase", "thesis", "none"], help="smoothing of the logs")
-    add("--cutoff-Hz", type=float, metavar="F", help="of the zero-phase filter (40)")
-    add("--current", choices=["measured", "target"], help="which current drives (measured)")
-    add(
-        "--standstill-rad-per-s",
-        type=float,
-        metavar="W",
-        help="slower samples are rejected (0.002; series 0)",
-    )
-    add(
-        "--loss",
-        choices=["auto", "huber", "linear"],
-        default="auto",
-        help="weighing of residuals: Huber's for logs and where outliers stand alone, else least squares",
-    )
+    options.add_choices(parser, _CHOICES)
+    options.add_numbers(parser, _NUMBERS)
     add("--physical", action="store_true", help="no negative friction, break-away at least Coulomb")
     add("--no-cross-validation", action="store_true", help="do not leave files out in turn")
-    _add_bench(parser)
-    options.add_seed(parser)
-    options.add_no_pictures(parser)
-    options.add_json(parser)
-
-
-def _add_bench(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument_group("test bench, for logs with a current").add_argument
-    add("--mass", type=float, metavar="KG", help="weight, where file and file name do not say")
-    add("--lever-m", type=float, metavar="B", help="from the axis to the weight (0.30)")
-    add("--link-inertia-kgm2", type=float, metavar="J", help="about the axis (0.02)")
-    add("--link-moment-kgm", type=float, metavar="S", help="mass of the link times its arm (0)")
-    add(
-        "--start-angle-deg",
-        metavar="A",
-        help="what the first angle is set to: 90 (horizontal), or 'as-logged'",
-    )
-    add(
-        "--load-angle",
-        choices=["corrected", "printed"],
-        default="corrected",
-        help="F b cos(θ - 90°), or F b cos θ as the thesis prints it",
-    )
-    add("--mass-inertia-as-printed", action="store_true", help="J_mass = m b instead of m b²")
+    bench = parser.add_argument_group("test bench, for logs with a current")
+    options.add_numbers(bench, _BENCH)
+    text = "what the first angle is set to: 90 (horizontal), or 'as-logged'"
+    bench.add_argument("--start-angle-deg", metavar="A", help=text)
+    options.add_choices(bench, [("--load-angle", ("corrected", "printed"), "corrected", _LOAD_ANGLE)])
+    text = "J_mass = m b instead of m b²"
+    bench.add_argument("--mass-inertia-as-printed", action="store_true", help=text)
+    options.add(parser, "--seed", "--no-pictures", "--json")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -98,9 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     with progress_bar("identifying", "step") as progress:
         result = identify_logs(paths, chosen, progress)
     joint = None if arguments.joint is None else JointName(arguments.joint)
-    document = write_identification(
-        result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
-    )
+    pictures = not arguments.no_pictures
+    document = write_identification(result, arguments.out, joint, force=arguments.force, pictures=pictures)
     lines = [*summary_lines(document), *_parameter_file_lines(document)]
     answer(arguments, [*lines, str(arguments.out)], lambda: {**document, "directory": arguments.out})
     return DONE
@@ -126,36 +109,27 @@ def _parameter_file_lines(document: Mapping[str, Any]) -> Iterator[str]:
 
 def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     """Turn arguments into options."""
-    from twin_gait.identification import (
-        CurrentSource,
-        FitOptions,
-        IdentificationOptions,
-        LogColumns,
-        Loss,
-        Processing,
-        ProcessingOptions,
-        Quantity,
-    )
+    from twin_gait import identification as of
     from twin_gait.parameters.quantities import WHOLE
 
-    def by_quantity(flag: str, text: str) -> dict[Quantity, str]:
-        given = options.pairs(flag, text, list(map(str, Quantity)))
-        return {Quantity(name): value for name, value in given.items()}
+    def by_quantity(flag: str, text: str) -> dict[of.Quantity, str]:
+        given = options.pairs(flag, text, list(map(str, of.Quantity)))
+        return {of.Quantity(name): value for name, value in given.items()}
 
     WHOLE.require("--seed", arguments.seed)
     processing = options.given(
-        processing=None if arguments.processing is None else Processing(arguments.processing),
+        processing=arguments.processing and of.Processing(arguments.processing),
         cutoff=arguments.cutoff_Hz,
-        current=None if arguments.current is None else CurrentSource(arguments.current),
+        current=arguments.current and of.CurrentSource(arguments.current),
         standstill_velocity=arguments.standstill_rad_per_s,
     )
-    return IdentificationOptions(
-        columns=LogColumns(
-            names=by_quantity("--columns", arguments.columns), units=by_quantity("--units", arguments.units)
-        ),
+    names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)
+    loss = of.Loss(arguments.loss)
+    return of.IdentificationOptions(
+        columns=of.LogColumns(names=names, units=units),
         bench=_bench(arguments),
-        processing=ProcessingOptions(**processing),
-        fit=FitOptions(loss=Loss(arguments.loss), physical=arguments.physical, seed=arguments.seed),
+        processing=of.ProcessingOptions(**processing),
+        fit=of.FitOptions(loss=loss, physical=arguments.physical, seed=arguments.seed),
         models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
         cross_validation=not arguments.no_cross_validation,
     )
@@ -170,11 +144,9 @@ def _bench(arguments: argparse.Namespace) -> Any:
     if arguments.joint is None:
         return None
     stated: dict[str, Any] = options.given(
-        mass=arguments.mass,
-        lever=arguments.lever_m,
-        link_inertia=arguments.link_inertia_kgm2,
+        mass=arguments.mass, lever=arguments.lever_m, link_inertia=arguments.link_inertia_kgm2,
         link_moment=arguments.link_moment_kgm,
-    )
+    )  # fmt: skip
     if arguments.start_angle_deg == "as-logged":
         stated["start_angle"] = None
     elif arguments.start_angle_deg is not None:
@@ -190,16 +162,11 @@ def _bench(arguments: argparse.Namespace) -> Any:
 
 def _files(paths: list[Path]) -> Iterator[Path]:
     """Files as given, and those of folders by name."""
-    from twin_gait.exceptions import ParameterError
-
-    for path in paths:
-        path = path.expanduser()
+    for path in (path.expanduser() for path in paths):
         if not path.is_dir():
             yield path
             continue
-        found = sorted(
-            item for item in path.iterdir() if item.suffix.lower() in (".log", ".csv", ".txt", ".tsv", ".dat")
-        )
+        found = sorted(item for item in path.iterdir() if item.suffix.lower() in SUFFIXES)
         if not found:
             raise ParameterError(f"{path}: the folder has no .log, .csv, .txt, .tsv or .dat file")
         yield from found

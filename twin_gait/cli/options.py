@@ -18,10 +18,24 @@ from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryErr
 if TYPE_CHECKING:
     from twin_gait.configuration import LoadedExperiment
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.jobs import Workers
 
 PROCESSORS = os.cpu_count() or 1
 FIRST_PORT = 7000
+_FLAG: dict[str, Any] = {"action": "store_true"}
+SEED = "of every random draw (0)"
+SHARED: dict[str, dict[str, Any]] = {
+    "--json": {**_FLAG, "help": "print the answer as one JSON document"},  # see terminal.answer
+    "--no-pictures": {**_FLAG, "help": "leave out figures and animations"},
+    "--unchecked": {**_FLAG, "help": "run a gait table in which 'twin-gait check' finds errors"},
+    "--seed": {"type": int, "default": 0, "metavar": "N", "help": SEED},
+    "--port": {
+        **{"type": int, "default": FIRST_PORT, "metavar": "N"},
+        "help": f"first port to try ({FIRST_PORT}; 0: any)",
+    },
+    "--no-browser": {**_FLAG, "help": "only say where the page is"},
+    "--workers": {"type": int, "metavar": "N", "help": f"processes on this machine ({PROCESSORS})"},
+    "--scheduler": {"metavar": "ADDRESS", "help": "Dask scheduler, such as tcp://127.0.0.1:8786"},
+}
 # What is changed most: a number of the experiment by a short name, its unit, key and meaning.
 _SHORTHANDS = {
     "--mass": ("KG", "patient.mass_kg", "mass of the wearer in kg"),
@@ -48,30 +62,10 @@ def add_out(parser: argparse.ArgumentParser, metavar: str, text: str, *, require
     parser.add_argument("--force", action="store_true", help="replace what stands at --out")
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``, which :func:`~twin_gait.cli.terminal.answer` obeys."""
-    parser.add_argument("--json", action="store_true", help="print the answer as one JSON document")
-
-
-def add_no_pictures(parser: argparse.ArgumentParser) -> None:
-    """Add ``--no-pictures``."""
-    parser.add_argument("--no-pictures", action="store_true", help="leave out figures and animations")
-
-
-def add_seed(parser: argparse.ArgumentParser, *, of_experiment: bool = False) -> None:
-    """Add ``--seed``, of the command's own draws or of the experiment, where it is a shorter ``--set``."""
-    kind: dict[str, Any] = {"type": int, "default": 0}
-    if of_experiment:
-        kind = {"type": lambda text: f"seed={int(text)}", "action": "append", "dest": "settings"}
-    parser.add_argument("--seed", metavar="N", help="of every random draw (0)", **kind)
-
-
-def add_page(parser: argparse.ArgumentParser) -> None:
-    """Add ``--port`` and ``--no-browser``."""
-    parser.add_argument(
-        "--port", type=int, default=FIRST_PORT, metavar="N", help=f"first port to try ({FIRST_PORT}; 0: any)"
-    )
-    parser.add_argument("--no-browser", action="store_true", help="only say where the page is")
+def add(parser: argparse.ArgumentParser, *flags: str) -> None:
+    """Add options of :data:`SHARED`."""
+    for flag in flags:
+        parser.add_argument(flag, **SHARED[flag])
 
 
 def check_port(port: int) -> None:
@@ -88,45 +82,47 @@ def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> N
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
     if seconds is not None:
-        _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
-    add_unchecked(parser)
+        add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
+    add(parser, "--unchecked")
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add ``--set`` and shorter names for some of its keys; ``settings`` holds them in their order."""
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated",
-    )
-    parser.add_argument(
-        "--patient",
-        action="append",
-        dest="settings",
-        type=lambda name: f"patient={json.dumps(name)}",
-        metavar="NAME",
-        help="wearer: a person that ships (twin-gait presets), or a YAML file",
-    )
+    text = "change any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help=text)
+    text = "wearer: a person that ships (twin-gait presets), or a YAML file"
+    add_shorthand(parser, "--patient", "NAME", "patient", text, json.dumps)
     for flag, (unit, key, text) in _SHORTHANDS.items():
-        _add_shorthand(parser, flag, unit, key, text)
+        add_shorthand(parser, flag, unit, key, text)
 
 
-def _add_shorthand(parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str) -> None:
-    def number(given: str) -> str:
-        value = float(given.removesuffix("%"))
-        return f"{key}={value / 100.0 if given.endswith('%') else value!r}"
-
-    parser.add_argument(flag, action="append", dest="settings", type=number, metavar=unit, help=text)
+def _number_or_share(given: str) -> str:
+    value = float(given.removesuffix("%"))
+    return repr(value / 100.0 if given.endswith("%") else value)
 
 
-def add_unchecked(parser: argparse.ArgumentParser) -> None:
-    """Add ``--unchecked``."""
-    parser.add_argument(
-        "--unchecked", action="store_true", help="run a gait table in which 'twin-gait check' finds errors"
-    )
+def add_shorthand(
+    parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str,
+    read: Callable[[str], Any] = _number_or_share,
+) -> None:  # fmt: skip
+    """Add a shorter ``--set`` of a key, whose value is read as told."""
+
+    def setting(given: str) -> str:
+        return f"{key}={read(given)}"
+
+    parser.add_argument(flag, action="append", dest="settings", type=setting, metavar=unit, help=text)
+
+
+def add_numbers(parser: Any, entries: Sequence[tuple[str, float | None, str, str]]) -> None:
+    """Add options with a number each: option, default, unit, meaning."""
+    for flag, default, unit, text in entries:
+        parser.add_argument(flag, type=float, default=default, metavar=unit, help=text)
+
+
+def add_choices(parser: Any, entries: Sequence[tuple[str, Sequence[str], str | None, str]]) -> None:
+    """Add options of which one word is chosen: option, words, default, meaning."""
+    for flag, words, default, text in entries:
+        parser.add_argument(flag, choices=words, default=default, help=text)
 
 
 def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
@@ -143,7 +139,7 @@ def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperi
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
     """Stop at errors of the gait table, and say on one line how many warnings there are."""
     from twin_gait.checking.check import check_before_run, counts
-    from twin_gait.cli.check import counted, heading
+    from twin_gait.cli.tables import counted, heading
     from twin_gait.cli.terminal import clear_line, note_step
 
     note_step("the gait table", "checking")
@@ -166,21 +162,10 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
 
 def person_of(settings: Sequence[str]) -> str | None:
     """Name of the person that settings put into the device, or None if they name nobody."""
-    from twin_gait.configuration.overrides import parse_assignments
+    from twin_gait.configuration.validation import parse_assignments
 
     named = [value for path, value in parse_assignments(settings) if path == ["patient"]]
     return Path(named[-1]).stem if named and isinstance(named[-1], str) else None
-
-
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Add ``--workers``; :func:`workers_of` reads it."""
-    parser.add_argument("--workers", type=int, metavar="N", help=f"processes on this machine ({PROCESSORS})")
-
-
-def add_runner(parser: argparse.ArgumentParser) -> None:
-    """Add ``--workers`` and ``--scheduler``; :func:`runner_of` reads them."""
-    add_workers(parser)
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://127.0.0.1:8786")
 
 
 def workers_of(arguments: argparse.Namespace) -> int:
@@ -194,13 +179,6 @@ def workers_of(arguments: argparse.Namespace) -> int:
     return int(arguments.workers)
 
 
-def runner_of(arguments: argparse.Namespace) -> Workers:
-    """The processes of this machine, or the cluster, that the user asked for; a context that ends them."""
-    from twin_gait.studies.jobs import Workers
-
-    return Workers(workers_of(arguments), arguments.scheduler)
-
-
 def check_file(flag: str, path: Path, *, force: bool) -> None:
     """Refuse a file that cannot be written, before any work is done for it."""
     if path.is_dir():
@@ -211,7 +189,7 @@ def check_file(flag: str, path: Path, *, force: bool) -> None:
         raise RunDirectoryError(f"{flag} {path}: there is no directory {path.absolute().parent}")
 
 
-def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, str]:
+def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[str, str]:
     """Read ``a=b,c=d``."""
     found: dict[str, str] = {}
     for part in filter(None, (item.strip() for item in text.split(","))):

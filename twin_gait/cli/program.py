@@ -15,11 +15,11 @@ from twin_gait.exceptions import TwinGaitError
 
 # Modules of this package by the group in which --help shows their commands.
 GROUPS = {
-    "run and look": ("simulate", "live", "view", "export", "sessions"),
-    "gait tables": ("tables", "check", "replay"),
+    "run and look": ("simulate", "view", "export", "sessions"),
+    "gait tables": ("tables", "replay"),
     "test bench and identification": ("bench", "identify"),
     "the device": ("firmware",),
-    "many runs": ("sweep", "compare", "tune", "faults"),
+    "many runs": ("studies",),
 }
 SHELLS = ("bash", "zsh", "tcsh")
 # New objects until Python looks for cycles among them; its own 700 cost a twentieth of

@@ -16,6 +16,17 @@ if TYPE_CHECKING:
 FOUND = "found"  # --mirror without a number: the stride time is found in the angles
 
 
+_TEXTS = (
+    ("--columns", "Q=NAME,…", "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"),
+    ("--offset-deg", "JOINT=X,…", "added to the angles of a joint, such as hip=5"),
+    ("--start", "SIDE=PHASE,…", "phases at the start (the recorded ones, or the table's first)"),
+)
+_NUMBERS = (
+    ("--speed", None, "KM_PER_H", "belt speed that the table is scaled to"),
+    ("--total-mass", None, "KG", "of wearer and device, for foot.load_bw"),
+)
+
+
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = options.add_command(commands, "replay", run)
@@ -23,32 +34,14 @@ def add_parser(commands: Any) -> None:
     add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
     add("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
     add("--convention", metavar="NAME", help="names and signs of the angles in the log")
-    add(
-        "--columns",
-        default="",
-        metavar="Q=NAME,…",
-        help="columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state",
-    )
+    for flag, metavar, text in _TEXTS:
+        add(flag, default="", metavar=metavar, help=text)
     add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
-    add("--offset-deg", default="", metavar="JOINT=X,…", help="added to the angles of a joint, such as hip=5")
-    add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
-    add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
-    add(
-        "--mirror",
-        nargs="?",
-        const=FOUND,
-        metavar="S",
-        help="make the other leg: this one half a stride (of S seconds) earlier",
-    )
-    add(
-        "--start",
-        default="",
-        metavar="SIDE=PHASE,…",
-        help="phases at the start (the recorded ones, or the table's first)",
-    )
+    options.add_numbers(parser, _NUMBERS)
+    text = "make the other leg: this one half a stride (of S seconds) earlier"
+    add("--mirror", nargs="?", const=FOUND, metavar="S", help=text)
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
-    options.add_no_pictures(parser)
-    options.add_json(parser)
+    options.add(parser, "--no-pictures", "--json")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -80,30 +73,27 @@ def make_request(arguments: argparse.Namespace) -> ReplayRequest:
     from twin_gait.replay.request import ReplayRequest
     from twin_gait.vocabulary import JointName, Side
 
-    offsets = options.pairs("--offset-deg", arguments.offset_deg, [str(joint) for joint in JointName])
-    speed = arguments.speed
+    offsets = {
+        JointName(joint): math.radians(options.number(f"--offset-deg {joint}", text))
+        for joint, text in options.pairs("--offset-deg", arguments.offset_deg, list(JointName)).items()
+    }
+    starts = options.pairs("--start", arguments.start, list(Side))
+    speed, mirror, named = arguments.speed, arguments.mirror, arguments.convention
+    columns = options.pairs("--columns", arguments.columns)
     return ReplayRequest(
         log=arguments.log,
         table=arguments.table,
         log_format=LogFormat(
-            convention=None if arguments.convention is None else find_convention(arguments.convention),
-            columns=options.pairs("--columns", arguments.columns),
+            convention=named and find_convention(named),
+            columns=columns,
             units=arguments.units,
-            offsets={
-                JointName(joint): math.radians(options.number(f"--offset-deg {joint}", text))
-                for joint, text in offsets.items()
-            },
+            offsets=offsets,
         ),
         speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
         mass=arguments.total_mass,
-        mirror=arguments.mirror is not None,
-        stride_time=None
-        if arguments.mirror in (None, FOUND)
-        else options.number("--mirror", arguments.mirror),
-        start_phases={
-            Side(side): phase
-            for side, phase in options.pairs("--start", arguments.start, [str(side) for side in Side]).items()
-        },
+        mirror=mirror is not None,
+        stride_time=None if mirror in (None, FOUND) else options.number("--mirror", mirror),
+        start_phases={Side(side): phase for side, phase in starts.items()},
     )
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
+from twin_gait.exceptions import RunDirectoryError
 
 if TYPE_CHECKING:
     from twin_gait.live.session_records import SessionEntry
@@ -21,30 +23,22 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "sessions", run)
     parser.add_argument("--records", type=Path, metavar="DIR", help="record to read (that of this user)")
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
-
-    def add(name: str, act: Any, text: str) -> argparse.ArgumentParser:
-        action: argparse.ArgumentParser = actions.add_parser(name, help=text, description=text)
+    for name, (act, text) in _ACTIONS.items():
+        action = actions.add_parser(name, help=text, description=text)
         action.set_defaults(act=act)
-        return action
-
-    listing = add("list", _list, "one line per session, the newest first")
-    listing.add_argument("--user", metavar="NAME", help="only the sessions of this user")
-    options.add_json(listing)
-    exporting = add("export", _export, "one session as JSON, table versions included")
-    for action in (
-        add("show", _show, "one session with every change"),
-        exporting,
-        add("delete", _delete, "take a session out of the record; its run folders stay"),
-    ):
-        action.add_argument("session", type=int, help="number of the session")
-    options.add_out(exporting, "FILE", "file to write (standard output)")
-    completing = add("complete", _complete, "complete a killed run that was kept out of the record")
-    completing.add_argument("folder", type=Path, metavar="DIR", help="the run directory to be")
-    cleaning = add(
-        "clean", _clean, "list and remove the incomplete folders that killed runs have left behind"
-    )
-    cleaning.add_argument("folder", nargs="?", type=Path, default=Path("runs"), metavar="DIR", help="(runs)")
-    cleaning.add_argument("--yes", action="store_true", help="remove them without asking")
+        if name == "list":
+            action.add_argument("--user", metavar="NAME", help="only the sessions of this user")
+            options.add(action, "--json")
+        elif name == "complete":
+            action.add_argument("folder", type=Path, metavar="DIR", help="the run directory to be")
+        elif name == "clean":
+            folder = Path("runs")
+            action.add_argument("folder", nargs="?", type=Path, default=folder, metavar="DIR", help="(runs)")
+            action.add_argument("--yes", action="store_true", help="remove them without asking")
+        else:
+            action.add_argument("session", type=int, help="number of the session")
+        if name == "export":
+            options.add_out(action, "FILE", "file to write (standard output)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -56,28 +50,21 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.live.finishing import recover
     from twin_gait.live.session_records import default_records
 
-    if arguments.act is _clean:
-        status: int = arguments.act(arguments)
-        return status
     records = arguments.records or default_records()
-    if arguments.act is not _complete:
+    if arguments.act not in (_clean, _complete):
         for told in recover(records):
             print(f"twin-gait sessions: {told}", file=sys.stderr)
-    arguments.act(arguments, records)
-    return DONE
+    status: int | None = arguments.act(arguments, records)
+    return DONE if status is None else status
 
 
 def _list(arguments: argparse.Namespace, records: Path) -> None:
-
     from twin_gait.live.session_records import list_sessions
 
     entries = list_sessions(records, arguments.user)
     nobody = "no sessions" if arguments.user is None else f"no sessions of {arguments.user}"
-    answer(
-        arguments,
-        [line_of(entry) for entry in entries] or [nobody],
-        lambda: [asdict(item) for item in entries],
-    )
+    lines = [line_of(entry) for entry in entries] or [nobody]
+    answer(arguments, lines, lambda: [asdict(item) for item in entries])
 
 
 def line_of(entry: SessionEntry) -> str:
@@ -101,7 +88,6 @@ def _show(arguments: argparse.Namespace, records: Path) -> None:
 
 
 def _export(arguments: argparse.Namespace, records: Path) -> None:
-
     from twin_gait.files import write_atomically
     from twin_gait.live.session_records import read_session
 
@@ -130,8 +116,7 @@ def _complete(arguments: argparse.Namespace, records: Path) -> None:
     print("nothing had been simulated" if done is None else done.folder)
 
 
-def _clean(arguments: argparse.Namespace) -> int:
-    from twin_gait.exceptions import RunDirectoryError
+def _clean(arguments: argparse.Namespace, records: Path) -> int:
     from twin_gait.runs.folders import abandoned, remove_abandoned
 
     folder = arguments.folder.expanduser()
@@ -153,3 +138,13 @@ def _clean(arguments: argparse.Namespace) -> int:
     for path in found:
         remove_abandoned(path)
     return DONE
+
+
+_ACTIONS: dict[str, tuple[Callable[[argparse.Namespace, Path], int | None], str]] = {
+    "list": (_list, "one line per session, the newest first"),
+    "export": (_export, "one session as JSON, table versions included"),
+    "show": (_show, "one session with every change"),
+    "delete": (_delete, "take a session out of the record; its run folders stay"),
+    "complete": (_complete, "complete a killed run that was kept out of the record"),
+    "clean": (_clean, "list and remove the incomplete folders that killed runs have left behind"),
+}

@@ -1,4 +1,4 @@
-"""``twin-gait simulate``."""
+"""``twin-gait simulate`` and ``twin-gait live``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import json
 import math
+import signal
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -16,45 +17,46 @@ from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
+    from twin_gait.experiment import Experiment
+    from twin_gait.live.session import LiveSession
     from twin_gait.runs.drawing import DrawingProcesses
     from twin_gait.simulation import Run
 
+_ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
 
 def add_parser(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = options.add_command(commands, "simulate", run)
+    """Add the commands to the parser."""
+    parser = options.add_command(commands, "simulate", simulate)
     add = parser.add_argument
     options.add_experiment(parser, seconds="that of the experiment")
-    options.add_seed(parser, of_experiment=True)
+    options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>)")
-    add(
-        "--engine",
-        action="append",
-        dest="settings",
-        type=lambda name: f"engine={name}",
-        metavar="NAME",
-        help="compiled (the default), or pinocchio, the reference implementation in Python",
-    )
-    add(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="KIND:SIDE_JOINT@TIMEs",
-        dest="faults",
-        help="what fails, and when, such as encoder_freeze:left_knee@4.2s; may be repeated",
-    )
+    text = "compiled (the default), or pinocchio, the reference implementation in Python"
+    options.add_shorthand(parser, "--engine", "NAME", "engine", text, str)
+    text = "what fails, and when, such as encoder_freeze:left_knee@4.2s; may be repeated"
+    add("--fault", action="append", default=[], metavar="KIND:SIDE_JOINT@TIMEs", dest="faults", help=text)
     add("--view", action="store_true", help="play the run in the browser afterwards")
-    options.add_no_pictures(parser)
+    options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
-    add(
-        "--accuracy",
-        action="store_true",
-        help="run again at a tenth of the step and report the difference (takes ten times as long)",
-    )
-    options.add_json(parser)
+    text = "run again at a tenth of the step and report the difference (takes ten times as long)"
+    add("--accuracy", action="store_true", help=text)
+    options.add(parser, "--json")
+
+    parser = options.add_command(commands, "live", live)
+    add = parser.add_argument
+    options.add_experiment(parser, seconds="until Ctrl-C")
+    options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
+    options.add_out(parser, "DIR", "run directory (runs/<time>-<name>-live)")
+    add("--user", default="", metavar="NAME", help="whose session it is in the record")
+    options.add(parser, "--port", "--no-browser")
+    text = "put the walk on a CAN bus, and take its monitor's commands: udp_multicast:239.74.163.2, "
+    add("--can", default="", metavar="BUS", help=f"{text}socketcan:vcan0, …")
+    options.add(parser, "--no-pictures")
+    add("--no-record", action="store_true", help="keep no record of the session")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def simulate(arguments: argparse.Namespace) -> int:
     """Simulate a gait and keep the run.
 
     Simulate a preset or an experiment file and write a run directory.
@@ -66,10 +68,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _simulate(arguments: argparse.Namespace, drawing: DrawingProcesses) -> int:
-
     from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
-    from twin_gait.simulation import RunStatus, simulate
+    from twin_gait.simulation import RunStatus
+    from twin_gait.simulation import simulate as run
+    from twin_gait.studies.accuracy import step_error
 
     if arguments.faults:
         arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
@@ -80,22 +83,15 @@ def _simulate(arguments: argparse.Namespace, drawing: DrawingProcesses) -> int:
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
     ):
         with terminal.watched("simulating", "tick", should_stop) as watch:
-            result = simulate(loaded.experiment, **watch)
+            result = run(loaded.experiment, **watch)
         accuracy = None
         if arguments.accuracy and result.status is RunStatus.COMPLETED:
-            from twin_gait.studies.accuracy import step_error
-
             with terminal.progress_bar("a tenth of the step", "tick") as progress:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
         summary = write_run(
-            result,
-            staging,
-            document=loaded.document,
-            pictures=not arguments.no_pictures,
-            accuracy=accuracy,
-            on_step=terminal.note_step,
-            drawing_processes=drawing,
-        )
+            result, staging, document=loaded.document, pictures=not arguments.no_pictures, accuracy=accuracy,
+            on_step=terminal.note_step, drawing_processes=drawing,
+        )  # fmt: skip
     terminal.clear_line()
     lines = list(report(result, summary, out))
     if arguments.accuracy and accuracy is None:
@@ -104,10 +100,11 @@ def _simulate(arguments: argparse.Namespace, drawing: DrawingProcesses) -> int:
     if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
-        from twin_gait.cli.view import show_run
+        from twin_gait.cli.view import serve
+        from twin_gait.runs.run_page import page_of, shown_run
 
         with contextlib.redirect_stdout(sys.stderr) if arguments.json else contextlib.nullcontext():
-            show_run(result)
+            serve(page_of([shown_run(result, summary)]))
     if result.status is RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
@@ -170,3 +167,103 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     if life is not None:
         lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"
         yield f"battery: {power:.1f} W, {lasts} (stated: {summary['battery_life_stated_h']:g} h)"
+
+
+def live(arguments: argparse.Namespace) -> int:
+    """Simulate in real time, tuned in the browser.
+
+    Simulate in real time, with a page in the browser that shows the gait and changes it: gait table, belt,
+    support, the thesis's three controls, pushes and faults. On this machine only. Ctrl-C ends it and writes
+    the run directory.
+    """
+    import asyncio
+
+    from twin_gait.exceptions import ParameterError
+    from twin_gait.experiment import LONGEST_RUN
+    from twin_gait.files import private_files
+    from twin_gait.live.can_link import leaves_machine
+    from twin_gait.live.protocol import LONGEST_NAME
+    from twin_gait.live.session import LiveSession
+    from twin_gait.live.session_records import default_records
+
+    options.check_port(arguments.port)
+    if arguments.can and leaves_machine(arguments.can):
+        print(f"{arguments.can}: set points go out; no board that obeys them may hang on it", file=sys.stderr)
+    if len(arguments.user) > LONGEST_NAME or not arguments.user.isprintable():
+        raise ParameterError(f"--user: expected at most {LONGEST_NAME} printable characters")
+    loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
+    with private_files():
+        session = LiveSession(
+            loaded,
+            arguments.out or default_folder(f"{loaded.experiment.name}-live"),
+            user=arguments.user,
+            force=arguments.force,
+            pictures=not arguments.no_pictures,
+            records=None if arguments.no_record else default_records(),
+            can=arguments.can,
+            on_compile=terminal.note_compilation,
+            on_step=terminal.note_step,
+        )
+        interrupted = asyncio.run(_serve(session, loaded.experiment, arguments))
+    return _finish(session, interrupted and loaded.experiment.duration < LONGEST_RUN)
+
+
+async def _serve(session: LiveSession, experiment: Experiment, arguments: argparse.Namespace) -> bool:
+    """Serve the pages until the run ends or somebody ends it; True in the second case.
+
+    Ctrl-C, and what a terminal that closes or a system that stops sends, end it in order; a second one ends
+    the program at once.
+    """
+    import asyncio
+
+    from twin_gait.cli.view import announce
+    from twin_gait.live.page import PERIOD, LivePage
+
+    loop, ended = asyncio.get_running_loop(), asyncio.Event()
+
+    def end() -> None:
+        ended.set()
+        for number in _ENDINGS:
+            loop.remove_signal_handler(number)
+
+    for number in _ENDINGS:
+        loop.add_signal_handler(number, end)
+    page = LivePage(session, experiment, port=arguments.port, user=arguments.user)
+    try:
+        await asyncio.to_thread(session.start)
+        announce(page.url, browser=not arguments.no_browser)
+        while session.alive and not ended.is_set():
+            page.update()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(ended.wait(), PERIOD)
+        page.update()
+        await asyncio.sleep(PERIOD)  # so that the pages hear how it ended
+    finally:
+        await page.close()
+        terminal.note_step("the run directory")
+        await asyncio.to_thread(session.close)
+        terminal.clear_line()
+    return ended.is_set()
+
+
+def _finish(session: LiveSession, interrupted: bool) -> int:
+    news = session.news
+    if news.failure:
+        from twin_gait.exceptions import RunDirectoryError
+
+        raise RunDirectoryError(news.failure)
+    if news.summary:
+        summary = news.summary
+        print(f"{summary['outcome'] or summary['status']}: {summary['duration_s']:g} s")
+        if summary["outcome_reason"]:
+            print(f"  {summary['outcome_reason']}")
+        for line in summary_lines(summary):
+            print(f"  {line}")
+    for folder in news.folders:
+        print(f"  {folder}")
+    if news.death:
+        print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
+        return terminal.FAILED
+    if news.summary.get("status") == "diverged":
+        return terminal.FAILED
+    return terminal.INTERRUPTED if interrupted else terminal.DONE

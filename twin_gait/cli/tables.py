@@ -1,26 +1,30 @@
-"""``twin-gait presets`` and ``twin-gait diagram``: what ships, and how a gait table looks."""
+"""``twin-gait presets``, ``diagram`` and ``check``: what ships, and how a gait table looks and fails."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Mapping
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
-from twin_gait.cli.terminal import DONE, answer
+from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 
 if TYPE_CHECKING:
+    from twin_gait.checking.finding import Finding
     from twin_gait.gait import StateTable
 
+
+WIDTH = 100
 # What each format of a diagram is called in a folder.
 _ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
 
 
 def add_parser(commands: Any) -> None:
-    """Add both commands to the parser."""
+    """Add the commands to the parser."""
     parser = options.add_command(commands, "presets", show_presets)
     add = parser.add_argument
     add("name", nargs="?", help="preset, person or table to print as YAML")
@@ -30,7 +34,7 @@ def add_parser(commands: Any) -> None:
         choices=["experiment", "table", "modes"],
         help="print the JSON Schema of a kind of file, for editors",
     )
-    options.add_json(parser)
+    options.add(parser, "--json")
 
     parser = options.add_command(commands, "diagram", draw_diagram)
     add = parser.add_argument
@@ -38,48 +42,51 @@ def add_parser(commands: Any) -> None:
     add("--format", choices=list(_ENDINGS), help="what to print or write (transitions; with --out all)")
     options.add_out(parser, "DIR", "folder to write into instead of printing")
 
+    parser = options.add_command(commands, "check", check_table)
+    add = parser.add_argument
+    add("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
+    text = "preset, experiment file or run directory that it drives; without TABLE its own is checked"
+    add("--experiment", metavar="FILE", help=text)
+    options.add_settings(parser)
+    options.add(parser, "--json")
+    add("--rules", action="store_true", help="list the rules and end")
+
 
 def show_presets(arguments: argparse.Namespace) -> int:
     """List experiments, people and gait tables, or print one.
 
     List what ships, or print a preset with every value, a person or a table, ready to be edited.
     """
-    from twin_gait.configuration import packaged_gait_tables, packaged_mode_tables, presets
-    from twin_gait.configuration.people import people
+    import yaml
+
+    from twin_gait.configuration import packaged_gait_tables, packaged_mode_tables, people, presets
+    from twin_gait.configuration.schema import json_schema
 
     if arguments.schema is not None:
-        from twin_gait.configuration.schema import json_schema
-
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
-        return DONE
-    if arguments.name is None and not arguments.as_table:
-        experiments, persons, tables = presets(), people(), packaged_gait_tables()
-        modes = packaged_mode_tables()
+    elif arguments.name is None and not arguments.as_table:
+        known = {
+            "experiments": presets(), "people": people(), "gait_tables": packaged_gait_tables(),
+            "modes": packaged_mode_tables(),
+        }  # fmt: skip
         lines = [
-            *_listed("experiments", experiments),
-            *_listed("people (--patient NAME)", persons),
-            f"gait tables: {', '.join(tables)}",
-            f"operating modes: {', '.join(modes)}",
+            *_listed("experiments", presets()),
+            *_listed("people (--patient NAME)", people()),
+            f"gait tables: {', '.join(known['gait_tables'])}",
+            f"operating modes: {', '.join(known['modes'])}",
         ]
-        known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
         answer(arguments, lines, lambda: known)
-        return DONE
-    text = _text_of(arguments.name, as_table=arguments.as_table)
-
-    def document() -> Any:
-        import yaml
-
-        return yaml.safe_load(text)
-
-    answer(arguments, [text.removesuffix("\n")], document)
+    else:
+        text = _text_of(arguments.name, as_table=arguments.as_table)
+        answer(arguments, [text.removesuffix("\n")], lambda: yaml.safe_load(text))
     return DONE
 
 
 def _text_of(name: str | None, *, as_table: bool) -> str:
     from twin_gait.configuration import load_experiment, packaged_gait_tables, packaged_mode_tables, presets
     from twin_gait.configuration.documents import dump_yaml
-    from twin_gait.configuration.mode_table_file import mode_table_path
-    from twin_gait.configuration.people import people, person_text
+    from twin_gait.configuration.experiments import people, person_text
+    from twin_gait.configuration.gait_table_file import mode_table_path
     from twin_gait.configuration.schema import comment_for
     from twin_gait.configuration.table_inheritance import gait_table_path
 
@@ -108,44 +115,88 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
     State diagram, state-transition table and truth table of a gait table.
     """
     from twin_gait.configuration import load_state_table
+    from twin_gait.gait.documents import transition_table, truth_table
+    from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
 
     table = load_state_table(arguments.table)
+    writers: dict[str, Callable[[StateTable], str]] = {
+        "svg": state_diagram_svg, "mermaid": state_diagram_mermaid, "transitions": transition_table,
+        "truth": truth_table,
+    }  # fmt: skip
     if arguments.out is None:
-        print(_writers()[arguments.format or "transitions"](table), end="")
+        print(writers[arguments.format or "transitions"](table), end="")
         return DONE
     formats = list(_ENDINGS) if arguments.format is None else [arguments.format]
-    for path in _write_diagrams(table, arguments.out, formats, force=arguments.force):
-        print(path)
+    _write_diagrams(table, arguments.out, {name: writers[name](table) for name in formats}, arguments.force)
     return DONE
 
 
-def _write_diagrams(table: StateTable, folder: Path, formats: list[str], *, force: bool) -> list[Path]:
-    """Write formats of a table into a folder, all of them or none."""
+def _write_diagrams(table: StateTable, folder: Path, texts: dict[str, str], force: bool) -> None:
+    """Write formats of a table into a folder, all of them or none, and say where."""
     from twin_gait.files import write_atomically
 
     stem = "".join(char if char.isalnum() or char in "-_" else "_" for char in table.name)[:100] or "table"
-    texts = {folder / f"{stem}{_ENDINGS[name]}": _writers()[name](table) for name in formats}
-    standing = [path for path in texts if path.exists()]
+    paths = {folder / f"{stem}{_ENDINGS[name]}": text for name, text in texts.items()}
+    standing = [path for path in paths if path.exists()]
     if standing and not force:
         raise RunDirectoryError(f"{standing[0]}: exists; choose another --out, or replace it with --force")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunDirectoryError(
-            f"{folder}: cannot be made ({error.strerror}); choose another --out"
-        ) from error
-    for path, text in texts.items():
+        problem = f"{folder}: cannot be made ({error.strerror}); choose another --out"
+        raise RunDirectoryError(problem) from error
+    for path, text in paths.items():
         write_atomically(path, text)
-    return list(texts)
+        print(path)
 
 
-def _writers() -> dict[str, Callable[[StateTable], str]]:
-    from twin_gait.gait.documents import transition_table, truth_table
-    from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
+def check_table(arguments: argparse.Namespace) -> int:
+    """Check a gait table without a run.
 
-    return {
-        "svg": state_diagram_svg,
-        "mermaid": state_diagram_mermaid,
-        "transitions": transition_table,
-        "truth": truth_table,
-    }
+    Check a gait table: exits that contend, follow at once or never open, phases that cannot be reached or
+    left, both legs in swing, and more. Ends with 1 if there is an error.
+    """
+    from twin_gait.checking.check import check, counts, load_case, report, rules
+
+    if arguments.rules:
+        width = max(map(len, rules()))
+        answer(arguments, [f"{name:<{width}}  {meaning}" for name, meaning in rules().items()], rules)
+        return DONE
+    if arguments.table is None and arguments.experiment is None:
+        raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
+    case = load_case(arguments.table, arguments.experiment, arguments.settings)
+    findings = check(case)
+    against = "by itself" if case.experiment is None else f"against {case.experiment.name}"
+    last = f"{case.table.name}, {against}: {counted(counts(findings))}"
+    answer(arguments, [*draw(findings), last], lambda: report(case, findings))
+    return FAILED if counts(findings)["errors"] else DONE
+
+
+def draw(findings: Sequence[Finding]) -> Iterator[str]:
+    """Findings as lines, grouped by severity; a waived one in two lines at the end of its group."""
+    for finding in findings:
+        yield f"{'waived ' if finding.waived else ''}{heading(finding)}"
+        texts = [finding.waived or finding.reason]
+        if finding.counterexample and not finding.waived:
+            signals = finding.counterexample.items()
+            at = [f"{name} {x if isinstance(x, str) else format(x, '.7g')}" for name, x in signals]
+            texts.append(f"at {', '.join(at)}")
+        if finding.severity != "note" and not finding.waived:
+            texts.append(f"→ {finding.suggestion}")
+        for text in texts:
+            yield from textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
+
+
+def heading(finding: Finding) -> str:
+    """Severity, rule and place of a finding."""
+    parts = [str(part) for part in (finding.transition or finding.phase, finding.side) if part is not None]
+    return f"{finding.severity} {finding.rule}" + (f": {' · '.join(parts)}" if parts else "")
+
+
+def counted(numbers: Mapping[str, int]) -> str:
+    """Numbers of findings in words, by the plurals that name them."""
+    parts = []
+    for plural, number in numbers.items():
+        word = plural if number != 1 or plural == "waived" else plural.removesuffix("s")
+        parts.append(f"{number} {word}")
+    return ", ".join(parts)

@@ -107,6 +107,12 @@ def interrupted(hint: str) -> int:
     return INTERRUPTED
 
 
+def lost(error: Exception, hint: str) -> int:
+    """Say that workers were lost, and what is kept; gives the exit status."""
+    print(f"twin-gait: {error}; what is done is kept, and {hint}", file=sys.stderr)
+    return FAILED
+
+
 def note_step(name: str, doing: str = "writing") -> None:
     """Say on a terminal what is being done, such as which file is being written."""
     note_line(f"{doing} {name}")

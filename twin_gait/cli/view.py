@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
 import re
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
-from twin_gait.cli.terminal import DONE, stop_on_interrupt
+from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from twin_gait.runs.run_page import ShownRun
-    from twin_gait.simulation.run import Run
     from twin_gait.viewer.picture import PictureSize
 
 
@@ -27,18 +25,15 @@ def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = options.add_command(commands, "view", run)
     add = parser.add_argument
-    add(
-        "targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF file"
-    )
+    text = "one or two run directories, or a URDF file"
+    add("targets", type=Path, nargs="+", metavar="RUN|URDF", help=text)
     options.add_out(parser, "FILE.html", "write the page and open nothing")
     add("--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing")
     add("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
     add("--up", choices=("x", "y", "z"), help="vertical of a URDF (z)")
     add("--size", metavar="WxH", help="size of the picture in pixels (1600x1000)")
     add("--dark", action="store_true", help="draw the dark page")
-    add("--play-speed", type=float, default=1.0, metavar="X", help="times real time (1)")
-    add("--once", action="store_true", help="end when the run has been played once")
-    options.add_page(parser)
+    options.add(parser, "--port", "--no-browser")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -49,21 +44,24 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of, read_shown_run
+    from twin_gait.viewer.animation import urdf_page
 
     _check(arguments)
-    urdfs = [path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS]
-    if urdfs:
-        return _show_urdf(urdfs[0], arguments)
+    urdf = next((path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
+    if urdf is not None:
+        if len(arguments.targets) > 1:
+            raise ParameterError(f"{urdf}: is a URDF, and only runs can be shown side by side")
+        if arguments.at is not None:
+            raise ParameterError(f"--at: needs a run directory, and {urdf} is a URDF")
+        return _show(lambda: urdf_page(urdf, up_axis=arguments.up or "z"), arguments)
     if arguments.up is not None:
         raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
     runs = [read_shown_run(path) for path in arguments.targets]
     longest = max(one.duration for one in runs)
     if arguments.at is not None and not 0.0 <= arguments.at <= longest + 1e-9:
         raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
-    if arguments.out is None and arguments.png is None:
-        return _serve_runs(runs, arguments)
     moments = () if arguments.at is None else (arguments.at,)
-    return _write(lambda: page_of(runs, moments=moments), arguments)
+    return _show(lambda: page_of(runs, moments=moments), arguments)
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -71,10 +69,6 @@ def _check(arguments: argparse.Namespace) -> None:
     if len(arguments.targets) > 2:
         raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
     options.check_port(arguments.port)
-    if not 0.0 < arguments.play_speed <= 100.0:
-        raise ParameterError(
-            f"--play-speed: expected a number above 0 and at most 100, got {arguments.play_speed:g}"
-        )
     if arguments.at is not None and not math.isfinite(arguments.at):
         raise ParameterError(f"--at: expected a time in s, got {arguments.at:g}")
     if arguments.size is not None and arguments.png is None:
@@ -82,24 +76,6 @@ def _check(arguments: argparse.Namespace) -> None:
     for option, path in (("--out", arguments.out), ("--png", arguments.png)):
         if path is not None:
             options.check_file(option, path.expanduser(), force=arguments.force)
-
-
-def _show_urdf(urdf: Path, arguments: argparse.Namespace) -> int:
-    """Show a URDF until Ctrl-C, or draw it."""
-    from twin_gait.viewer.urdf_page import urdf_page
-
-    if len(arguments.targets) > 1:
-        raise ParameterError(f"{urdf}: is a URDF, and only runs can be shown side by side")
-    if arguments.at is not None:
-        raise ParameterError(f"--at: needs a run directory, and {urdf} is a URDF")
-
-    def page() -> str:
-        return urdf_page(urdf, up_axis=arguments.up or "z")
-
-    if arguments.out is not None or arguments.png is not None:
-        return _write(page, arguments)
-    arguments.play_speed = 1.0
-    return _serve(page(), math.inf, arguments)
 
 
 def picture_size(text: str | None) -> PictureSize:
@@ -117,12 +93,16 @@ def picture_size(text: str | None) -> PictureSize:
     return size
 
 
-def _write(make: Callable[[], str], arguments: argparse.Namespace) -> int:
-    """Write the page, the picture, or both."""
+def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
+    """Write the page, the picture, or both; without either, serve the page until Ctrl-C."""
     from twin_gait.files import write_atomically
     from twin_gait.viewer.picture import find_browser, take_picture
 
-    size = picture_size(arguments.size)
+    at, dark, size = arguments.at, arguments.dark, picture_size(arguments.size)
+    if arguments.out is None and arguments.png is None:
+        words = [*([] if at is None else [f"t={at:.3f}"]), *(["theme=dark"] if dark else [])]
+        fragment = f"#{'&'.join(words)}" if words else ""
+        return serve(make(), arguments.port, fragment=fragment, browser=not arguments.no_browser)
     if arguments.png is not None:
         find_browser()  # before the work, not after it
     page = make()
@@ -130,50 +110,28 @@ def _write(make: Callable[[], str], arguments: argparse.Namespace) -> int:
         write_atomically(arguments.out.expanduser(), page)
         print(arguments.out)
     if arguments.png is not None:
-        at = arguments.at or 0.0
-        take_picture(page, arguments.png.expanduser(), time=at, size=size, dark=arguments.dark)
+        take_picture(page, arguments.png.expanduser(), time=at or 0.0, size=size, dark=dark)
         print(arguments.png)
     return DONE
 
 
-def _serve_runs(runs: Sequence[ShownRun], arguments: argparse.Namespace) -> int:
-    """Serve runs until Ctrl-C, or for as long as they last."""
-    from twin_gait.runs.run_page import page_of
+def serve(page: str, port: int = options.FIRST_PORT, *, fragment: str = "", browser: bool = True) -> int:
+    """Serve a page until Ctrl-C; gives the exit status."""
+    import asyncio
 
-    moments = () if arguments.at is None else (arguments.at,)
-    longest = max(one.duration for one in runs) / arguments.play_speed if arguments.once else math.inf
-    return _serve(page_of(runs, moments=moments), longest, arguments)
+    from twin_gait.viewer.server import SceneServer
 
+    async def serving() -> None:
+        server = SceneServer(page, first_port=port)
+        try:
+            announce(f"{server.url}{fragment}", browser=browser)
+            await asyncio.Event().wait()
+        finally:
+            await server.close()
 
-def _serve(page: str, longest: float, arguments: argparse.Namespace) -> int:
-    from twin_gait.viewer.page_server import PageServer
-
-    with stop_on_interrupt() as should_stop, PageServer(page, port=arguments.port) as server:
-        announce(f"{server.url}{_fragment(arguments)}", browser=not arguments.no_browser)
-        last = time.monotonic() + longest
-        while not should_stop() and time.monotonic() < last:
-            time.sleep(0.1)
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(serving())
     return DONE
-
-
-def _fragment(arguments: argparse.Namespace) -> str:
-    words = [
-        "" if arguments.at is None else f"t={arguments.at:.3f}",
-        "" if arguments.play_speed == 1.0 else f"speed={arguments.play_speed:g}",
-        "theme=dark" if arguments.dark else "",
-    ]
-    return f"#{'&'.join(filter(None, words))}" if any(words) else ""
-
-
-def show_run(run: Run) -> int:
-    """Show a run in the browser until Ctrl-C; gives the exit status."""
-    from twin_gait.runs.run_page import shown_run
-    from twin_gait.runs.summary import summarise
-
-    defaults = {"at": None, "play_speed": 1.0, "once": False, "dark": False, "no_browser": False}
-    return _serve_runs(
-        [shown_run(run, summarise(run))], argparse.Namespace(port=options.FIRST_PORT, **defaults)
-    )
 
 
 def announce(url: str, *, browser: bool = True) -> None:

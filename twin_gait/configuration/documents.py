@@ -40,24 +40,40 @@ def content_hash(mapping: dict[str, Any]) -> str:
 
 def table_document(table: GaitTable) -> dict[str, Any]:
     """A gait table as its file's mapping; reading it gives an equal table."""
-    document: dict[str, Any] = {
+    own: dict[str, Any] = {
+        "blending": section_of(Blending).document(table.blending),
+        "scaling": section_of(Scaling).document(table.scaling),
+        "phases": _phases(table.phases),
+    }
+    rest: dict[str, Any] = {}
+    if table.cycles:
+        rest["cycles"] = [list(cycle) for cycle in table.cycles]
+    if table.postures:
+        rest["postures"] = list(table.postures)
+    sides = {str(side): _phases(phases) for side, phases in table.side_phases.items()}
+    return _document(table, own, rest) | ({"sides": sides} if sides else {})
+
+
+def mode_document(table: ModeTable) -> dict[str, Any]:
+    """A table of modes as its file's mapping; reading it gives an equal table."""
+    modes = {name: section_of(Mode).document(mode) for name, mode in table.phases.items()}
+    return _document(table, {"requests": list(table.requests), "hold": table.hold, "modes": modes}, {})
+
+
+def _document(table: GaitTable | ModeTable, own: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
+    """What both kinds of tables have, around what is their own."""
+    document = {
         "schema_version": SCHEMA_VERSION,
         "name": table.name,
         "description": table.description,
         "joints": list(table.joints),
-        "blending": section_of(Blending).document(table.blending),
-        "scaling": section_of(Scaling).document(table.scaling),
-        "phases": _phases(table.phases),
+        **own,
         "transitions": [transition_document(item) for item in table.transitions],
+        **rest,
     }
-    sides = {str(side): _phases(phases) for side, phases in table.side_phases.items()}
-    if table.cycles:
-        document["cycles"] = [list(cycle) for cycle in table.cycles]
-    if table.postures:
-        document["postures"] = list(table.postures)
     if table.waivers:
         document["waive"] = [section_of(Waiver).document(item) for item in table.waivers]
-    return {**document, "sides": sides} if sides else document
+    return document
 
 
 def _phases(phases: Mapping[str, PhaseParameters]) -> dict[str, Any]:
@@ -87,23 +103,6 @@ def _guard(guard: Guard) -> Any:
     if isinstance(guard, AnyOf):
         return {"any": [_guard(inner) for inner in guard.guards]}
     return str(guard)
-
-
-def mode_document(table: ModeTable) -> dict[str, Any]:
-    """A table of modes as its file's mapping; reading it gives an equal table."""
-    document: dict[str, Any] = {
-        "schema_version": SCHEMA_VERSION,
-        "name": table.name,
-        "description": table.description,
-        "joints": list(table.joints),
-        "requests": list(table.requests),
-        "hold": table.hold,
-        "modes": {name: section_of(Mode).document(mode) for name, mode in table.phases.items()},
-        "transitions": [transition_document(item) for item in table.transitions],
-    }
-    if table.waivers:
-        document["waive"] = [section_of(Waiver).document(item) for item in table.waivers]
-    return document
 
 
 def experiment_document(experiment: Experiment) -> dict[str, Any]:

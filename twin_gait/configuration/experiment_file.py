@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from pydantic import create_model
 
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.configuration.mode_table_file import mode_table_from_mapping
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, mode_table_from_mapping
 from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.validation import converting, validate
 from twin_gait.exceptions import ModelError, ParameterError, ParameterFileError

@@ -1,31 +1,93 @@
-"""Load an experiment from a preset or a file, with changes laid over it."""
+"""Load an experiment from a preset or a file, with changes laid over it, and the people who wear the device.
 
-from collections.abc import Sequence
+What holds for both sides of a wearer stands under ``both``; ``left`` and ``right`` are laid over it.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import Field, create_model
 
 from twin_gait.configuration import table_inheritance
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.configuration.mode_table_file import (
+from twin_gait.configuration.gait_table_file import (
+    gait_table_from_mapping,
     mode_table_from_mapping,
     mode_table_path,
     packaged_mode_tables,
 )
-from twin_gait.configuration.overrides import assign, merge, parse_assignments
-from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.readers import SIDES, section_of
-from twin_gait.configuration.validation import converting, descriptions, packaged, read_yaml, yaml_files
+from twin_gait.configuration.validation import (
+    assign,
+    converting,
+    descriptions,
+    merge,
+    packaged,
+    parse_assignments,
+    read_yaml,
+    validate,
+    yaml_files,
+)
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.parameters import Patient
 from twin_gait.worlds.registry import load_plugin, words
 
+_HEADER = ("schema_version", "name", "description")
+_PersonFile = create_model(
+    "Person",
+    __base__=section_of(Patient),
+    schema_version=(Literal[1], 1),
+    name=(str, Field("", max_length=80)),
+    description=(str, ""),
+)
+_PersonFile.parameters = Patient
 DEFAULT_PRESET = "treadmill"
 GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
+
+
+def people() -> dict[str, str]:
+    """Names of the people that ship with their one-line descriptions."""
+    return descriptions(packaged("people"))
+
+
+def person_text(name: str) -> str:
+    """File of a person that ships, with its sources, ready to be edited."""
+    return packaged("people")[name].read_text(encoding="utf-8")
+
+
+def names_a_person(value: Any) -> bool:
+    """Whether a ``patient`` of a file names a person instead of stating everything itself."""
+    return isinstance(value, str) or (isinstance(value, Mapping) and "preset" in value)
+
+
+def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
+    """Look a named person up, as the ``patient`` of an experiment file.
+
+    ``value``: name of a person that ships, path of a file, or a mapping with such a name under ``preset`` and
+    changes beside it. ``folder``: folder that a relative path starts from; the working folder comes next.
+    Raises ParameterError if there is no such person. Raises ParameterFileError if the file has a mistake.
+    """
+    name = value if isinstance(value, str) else value["preset"]
+    changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
+    path = _find_person(name, folder)
+    data = read_yaml(path)
+    converting(str(path), "", validate(_PersonFile, data, str(path)).convert)
+    return merge({key: item for key, item in data.items() if key not in _HEADER}, changes)
+
+
+def _find_person(name: Any, folder: Path) -> Path:
+    if isinstance(name, str) and name:
+        beside = (path for path in (folder / name, Path(name).expanduser()) if path.is_file())
+        found = packaged("people").get(name) or next(beside, None)
+        if found is not None:
+            return found
+    raise ParameterError(f"no person {name!r}: neither a file nor one of {', '.join(people())}")
 
 
 @dataclass(frozen=True)

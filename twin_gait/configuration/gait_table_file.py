@@ -1,20 +1,32 @@
-"""Gait tables as YAML: units in the keys there, SI in :class:`~twin_gait.gait.table.GaitTable`."""
+"""Gait tables, and tables of operating modes, as YAML: units in the keys there, SI in the tables."""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
-from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
-from twin_gait.configuration.validation import Count, Number, Strict, converting, short, validate
-from twin_gait.exceptions import GaitTableError, ParameterFileError
+from twin_gait.configuration.validation import (
+    Count,
+    Number,
+    Strict,
+    converting,
+    merge,
+    packaged,
+    read_yaml,
+    short,
+    validate,
+)
+from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait import table
-from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
+from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
+from twin_gait.gait.modes import Mode, ModeTable
+from twin_gait.gait.table import GaitTable
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
@@ -106,24 +118,18 @@ def gait_table_from_mapping(
     # Some of the five phases are a mistake, unless the table says how it goes round without the others.
     if set(phases) < {str(item) for item in GaitPhase} and not entry.cycles:
         missing = ", ".join(str(item) for item in GaitPhase if item not in phases)
-        raise ParameterFileError(
-            source, "phases", f"missing {missing}; a cycle without them goes under cycles"
-        )
-    names = tuple(phases)
-    transitions = tuple(
-        transition_of(item, joints, names, source, f"transitions[{index}]")
-        for index, item in enumerate(entry.transitions)
-    )
-    side_phases = {
-        side: {
-            phase: _phase(
-                _on_side(entry, phase, values, source, side), joints, source, f"sides.{side}.{phase}"
-            )
-            for phase, values in differences.items()
-        }
-        for side, differences in entry.sides.items()
-        if differences
-    }
+        problem = f"missing {missing}; a cycle without them goes under cycles"
+        raise ParameterFileError(source, "phases", problem)
+    transitions = transitions_of(entry.transitions, joints, tuple(phases), source)
+    side_phases: dict[Side, dict[str, table.PhaseParameters]] = {}
+    for side, differences in entry.sides.items():
+        for phase, values in differences.items():
+            key = f"sides.{side}.{phase}"
+            if phase not in entry.phases:
+                known = ", ".join(entry.phases)
+                raise ParameterFileError(source, key, f"no such phase; there are {known}")
+            merged = merge(entry.phases[phase], values)  # over the common values
+            side_phases.setdefault(side, {})[phase] = _phase(merged, joints, source, key)
     kind = table.DraftTable if draft else table.GaitTable
     return converting(
         source,
@@ -144,16 +150,6 @@ def gait_table_from_mapping(
     )
 
 
-def _on_side(
-    entry: GaitTableFile, phase: str, differences: dict[str, Any], source: str, side: Side
-) -> dict[str, Any]:
-    """Lay the differences of one side over the common values of a phase."""
-    if phase not in entry.phases:
-        known = ", ".join(entry.phases)
-        raise ParameterFileError(source, f"sides.{side}.{phase}", f"no such phase; there are {known}")
-    return merge(entry.phases[phase], differences)
-
-
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
     for joint in joints:
@@ -167,33 +163,33 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     return phase
 
 
-def transition_of(
-    entry: TransitionEntry,
+def transitions_of(
+    entries: Sequence[TransitionEntry],
     joints: tuple[str, ...],
     members: tuple[str, ...],
     source: str,
-    key: str,
     words: GuardWords = LEG_WORDS,
-) -> table.Transition:
-    """A transition in SI; ``source`` and ``key`` are its place for messages."""
+) -> tuple[table.Transition, ...]:
+    """Transitions in SI; ``members`` are what guards may ask for by name."""
 
-    def build() -> table.Transition:
-        guard: Guard = AllOf(guards=())
-        if entry.all is not None:
-            guard = AllOf(guards=tuple(_guard(item, joints, members, words) for item in entry.all))
-        elif entry.any is not None:
-            guard = AnyOf(guards=tuple(_guard(item, joints, members, words) for item in entry.any))
+    def build(entry: TransitionEntry) -> table.Transition:
+        listed = entry.any if entry.all is None else entry.all
+        guards = tuple(_guard(item, joints, members, words) for item in listed or ())
+        some = entry.all is None and entry.any is not None
         return table.Transition(
             source=entry.from_,
             target=entry.to,
             cause=entry.cause,
-            guard=guard,
+            guard=AnyOf(guards=guards) if some else AllOf(guards=guards),
             debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
             time_out_ticks=None if entry.after_s is None else round(entry.after_s / table.TICK),
             driven_by=entry.driven_by,
         )
 
-    return converting(source, key, build)
+    return tuple(
+        converting(source, f"transitions[{index}]", partial(build, entry))
+        for index, entry in enumerate(entries)
+    )
 
 
 def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords) -> Guard:
@@ -207,3 +203,79 @@ def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: 
     raise GaitTableError(
         f"guard {short(item)}: expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
     )
+
+
+_Mode = section_of(Mode)
+
+
+class ModeTableFile(Strict):
+    """A file of operating modes."""
+
+    schema_version: Literal[1]
+    name: str | None = None
+    description: str = ""
+    joints: list[str] = Field(default=["hip", "knee"], min_length=1)
+    requests: list[str]
+    hold: str
+    modes: dict[str, _Mode] = Field(min_length=2)  # type: ignore[valid-type]
+    transitions: list[TransitionEntry]
+    waive: list[_Waiver] = Field(default_factory=list)  # type: ignore[valid-type]
+
+
+def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> ModeTable:
+    """Turn parsed YAML of the file ``source`` into a table of modes, ``name`` if it gives none.
+
+    Raises ParameterFileError if the file has a mistake; the message names file, key and value.
+    """
+    entry: Any = validate(ModeTableFile, data, source)
+    joints, requests = tuple(entry.joints), tuple(entry.requests)
+    transitions = transitions_of(entry.transitions, joints, requests, source, MODE_WORDS)
+    modes = {key: converting(source, f"modes.{key}", mode.convert) for key, mode in entry.modes.items()}
+    return converting(
+        source,
+        "",
+        lambda: ModeTable(
+            name=entry.name or name,
+            joints=joints,
+            phases=modes,
+            requests=requests,
+            hold=entry.hold,
+            transitions=transitions,
+            description=entry.description,
+            waivers=tuple(item.convert() for item in entry.waive),
+        ),
+    )
+
+
+def packaged_mode_tables() -> list[str]:
+    """Names of the tables of modes that ship with the package."""
+    return list(packaged("modes"))
+
+
+def mode_table_path(name: str | Path, folder: Path | None = None) -> Path:
+    """File of a table of modes; raises ParameterError if there is none."""
+    return gait_table_path(name, folder, "modes", "table of modes")
+
+
+def load_mode_table(source: str | Path) -> ModeTable:
+    """Read a table of modes from a YAML file, or by the name of one that ships, such as ``twin``.
+
+    Raises ParameterError if there is no such table, ParameterFileError if the file has a mistake.
+    """
+    path = source if isinstance(source, Path) else mode_table_path(source)
+    return mode_table_from_mapping(read_yaml(path), str(path), path.stem)
+
+
+def load_state_table(source: str | Path, *, draft: bool = False) -> GaitTable | ModeTable:
+    """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
+    if not isinstance(source, Path):
+        try:
+            source = gait_table_path(source)
+        except ParameterError as error:
+            if source not in packaged_mode_tables():
+                known = ", ".join(packaged_mode_tables())
+                raise ParameterError(f"{error}; nor is it one of the tables of modes {known}") from None
+            source = mode_table_path(source)
+    if "modes" in read_yaml(source):
+        return load_mode_table(source)
+    return load_gait_table(source, draft=draft)

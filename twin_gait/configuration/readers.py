@@ -7,10 +7,9 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, create_model, model_validator
 
-from twin_gait.configuration.overrides import merge, quantity_of
 from twin_gait.configuration.sections import Section, reads
 from twin_gait.configuration.sections import section_of as section_of
-from twin_gait.configuration.validation import Number, Strict
+from twin_gait.configuration.validation import Number, Strict, merge, quantity_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment, PlantParameters
 from twin_gait.gait.modes import Mode

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from twin_gait.configuration.gait_table_file import GaitTableFile, phase_section
-from twin_gait.configuration.mode_table_file import ModeTableFile
+from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile, phase_section
 from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.sections import LIMITS
 from twin_gait.experiment import Experiment

@@ -6,8 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import converting, packaged, read_yaml, short
+from twin_gait.configuration.validation import converting, merge, packaged, read_yaml, short
 from twin_gait.exceptions import ParameterError, ParameterFileError
 
 _IDENTITY = ("from", "to", "cause")

@@ -1,17 +1,146 @@
-"""Read YAML safely and turn every mistake into one line with file, key, value and the way out."""
+"""Read YAML safely, lay mappings over each other, read ``--set key=value``; every mistake is one line.
 
+It names file, key, value and the way out.
+"""
+
+import copy
 import difflib
+import re
 import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
-from twin_gait.configuration.overrides import quantity_of, refuse_two_units
-from twin_gait.exceptions import ParameterFileError, TwinGaitError
+from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.parameters.quantities import EXCHANGEABLE
+from twin_gait.vocabulary import JointName
+
+# Keys that name the same quantity in another unit, or as a ratio; the longest suffix wins.
+_UNIT_SUFFIX = re.compile(f"_(ratio|{'|'.join(sorted(EXCHANGEABLE))})$")
+# "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
+_NO_UNIT = frozenset({"friction_ratio"})
+_JOINTS = frozenset(JointName)
+
+
+def quantity_of(key: str) -> str:
+    """Name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one quantity."""
+    return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
+
+
+def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
+    """Refuse a mapping that gives one quantity in two units: it is ambiguous."""
+    seen: set[int] = set()  # aliases are looked at once
+
+    def visit(node: Any, place: str) -> None:
+        if not isinstance(node, (Mapping, list)) or id(node) in seen:
+            return
+        seen.add(id(node))
+        if isinstance(node, list):
+            for index, item in enumerate(node):
+                visit(item, f"{place}[{index}]")
+            return
+        first: dict[str, str] = {}
+        for key, value in node.items():
+            if not isinstance(key, str):
+                continue  # the schema refuses it
+            other = first.setdefault(quantity_of(key), key)
+            if other != key:
+                problem = f"expected exactly one of {other} or {key}, got both; leave one out"
+                raise ParameterFileError(source, place, problem)
+            visit(value, f"{place}.{key}" if place else key)
+
+    visit(data, "")
+
+
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay changes over a mapping; a quantity given in another unit replaces the old one.
+
+    Neither is changed; what no change touches is the same object in both. A friction law of a joint that is
+    named where none was has other keys and takes the place of the old one.
+    """
+    merged = dict(base)
+    for key, value in changes.items():
+        if key not in merged:
+            for other in [name for name in merged if quantity_of(name) == quantity_of(key)]:
+                del merged[other]
+        old = merged.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
+            merged[key] = merge(old, value)
+        else:
+            merged[key] = copy.deepcopy(value)
+    return merged
+
+
+def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
+    return key in _JOINTS and "law" in new and "law" not in old
+
+
+_DIGITS, _SHOWN = 9, 100  # of a list position, no list is longer; of a text in a message
+_STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
+
+
+def parse_assignment(text: str) -> tuple[list[str | int], Any]:
+    """Split ``patient.mass_kg=80`` into a path and a value."""
+    key, separator, value = text.partition("=")
+    if not separator or not key.strip():
+        raise ParameterError(f"--set {text!r}: expected key=value, for example patient.mass_kg=80")
+    path: list[str | int] = []
+    for part in key.strip().split("."):
+        match = _STEP.fullmatch(part)
+        if not match:
+            raise ParameterError(f"--set {text!r}: {part!r} is not a key; write names joined by dots")
+        path.append(match.group(1))
+        path += [int(number[:_DIGITS]) for number in re.findall(r"\d+", match.group(2))]
+    try:
+        return path, yaml.safe_load(value)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        shown = text if len(text) < _SHOWN else f"{text[:_SHOWN]}…"
+        raise ParameterError(f"--set {shown!r}: the value is not valid YAML") from error
+
+
+def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
+    """Split the assignments of one command line; of those with the same key the last one counts."""
+    assignments = [parse_assignment(text) for text in texts]
+    keys = [text.partition("=")[0].strip() for text in texts]
+    refuse_two_units({key: value for key, (_, value) in zip(keys, assignments, strict=True)}, "--set")
+    return assignments
+
+
+def assign(mapping: Mapping[str, Any], path: Sequence[str | int], value: Any) -> dict[str, Any]:
+    """Set one value deep inside a mapping."""
+    changed = dict(mapping)
+    place: Any = changed
+    for position, step in enumerate(path[:-1]):
+        if isinstance(step, str) and isinstance(place, dict):
+            inner = place.get(step)
+            inner = inner if isinstance(inner, (dict, list)) else {}
+        else:
+            inner = _element(place, step, path[: position + 1])
+        place[step] = copy.copy(inner)  # only what lies on the path; the rest is shared and stays as it is
+        place = place[step]
+    last = path[-1]
+    if isinstance(last, str) and isinstance(place, dict):
+        merged = merge(place, {last: value})
+        place.clear()
+        place.update(merged)
+    else:
+        _element(place, last, path)
+        place[last] = value
+    return changed
+
+
+def _element(place: Any, step: str | int, path: Sequence[str | int]) -> Any:
+    if isinstance(place, list) and isinstance(step, int) and step < len(place):
+        return place[step]
+    shown = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
+    raise ParameterError(f"--set {shown}: there is no such place")
+
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
 
@@ -24,6 +153,17 @@ class Strict(BaseModel):
     """Base of all file schemas: an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, data: Any) -> Any:
+        """Say which key may have been meant; whatever is missing then does not matter."""
+        known = _keys(cls)
+        for name in data if isinstance(data, Mapping) else ():
+            if name not in known and name not in cls.model_fields:
+                problem = unknown_key(str(name), known, _nearest(str(name), cls))
+                raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
+        return data
 
 
 def _no_boolean(value: Any) -> Any:
@@ -114,9 +254,17 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Mode
     except ValidationError as error:
         mistakes = error.errors(include_url=False)
         # A misspelt key is also a missing one: its own message helps more.
-        first = next((item for item in mistakes if item["type"] == "extra_forbidden"), mistakes[0])
-        key = _dotted(_as_written(first["loc"], data))
-        raise ParameterFileError(source, key, _explain(first, model)) from error
+        first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
+        place, problem = first["loc"], first["msg"]
+        if first["type"] == "unknown_key":
+            place, problem = (*place, first["ctx"]["key"]), first["ctx"]["problem"]
+        elif first["type"] == "missing":
+            problem = "is missing"
+        elif first["type"] == "value_error":
+            problem = problem.removeprefix("Value error, ")
+        else:
+            problem = f"{problem[:1].lower()}{problem[1:]}, got {short(first.get('input'))}"
+        raise ParameterFileError(source, _dotted(_as_written(place, data)), problem) from error
 
 
 def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
@@ -131,19 +279,6 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
             place, _, text = text.partition(": ")
             key += place
         raise ParameterFileError(source, key, text) from error
-
-
-def _explain(first: Any, model: type[BaseModel]) -> str:
-    kind, value = first["type"], first.get("input")
-    if kind == "extra_forbidden":
-        place = _model_at(model, first["loc"][:-1])
-        name = str(first["loc"][-1])
-        return "unknown key" if place is None else unknown_key(name, _keys(place), _nearest(name, place))
-    if kind == "missing":
-        return "is missing"
-    if kind == "value_error":
-        return str(first["msg"]).removeprefix("Value error, ")
-    return f"{_lower_first(first['msg'])}, got {short(value)}"
 
 
 def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
@@ -170,6 +305,7 @@ def _nearest(name: str, model: type[BaseModel]) -> list[str]:
     return best[:2] or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
 
 
+@cache
 def _keys(model: type[BaseModel]) -> list[str]:
     own = [name for name in model.__annotations__ if name in model.model_fields]  # before what is inherited
     return [model.model_fields[name].alias or name for name in dict.fromkeys((*own, *model.model_fields))]
@@ -180,44 +316,16 @@ def _paths(model: type[BaseModel]) -> Iterator[str]:
     for name, info in model.model_fields.items():
         key = info.alias or name
         yield key
-        for inner in models_in(info.annotation):
+        for inner in _models_in(info.annotation):
             yield from (f"{key}.{path}" for path in _paths(inner))
 
 
-def _model_at(model: type[BaseModel], location: tuple[Any, ...]) -> type[BaseModel] | None:
-    """Schema at a place of another, as far as it can be followed."""
-    current: type[BaseModel] | None = model
-    variants: list[type[BaseModel]] = []
-    for part in location:
-        if current is None:
-            return None
-        field = _field(current, part)
-        if field is not None:
-            variants = list(models_in(field.annotation))
-            current = next(iter(variants), None)
-        else:  # the name of a variant
-            current = next((item for item in variants if _is_variant(item, part)), current)
-    return current
-
-
-def _is_variant(model: type[BaseModel], name: Any) -> bool:
-    """Whether a field of a schema has a name as its only value, such as ``kind: Literal["treadmill"]``."""
-    return any(getattr(info.annotation, "__args__", ()) == (name,) for info in model.model_fields.values())
-
-
-def _field(model: type[BaseModel], part: Any) -> Any:
-    for name, info in model.model_fields.items():
-        if part in (name, info.alias):
-            return info
-    return None
-
-
-def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Schema classes inside an annotation such as ``dict[str, Phase] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):
-        yield from models_in(inner)
+        yield from _models_in(inner)
 
 
 def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
@@ -235,10 +343,8 @@ def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
 
 
 def _dotted(location: tuple[Any, ...]) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))
-    return text
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return "".join(parts).removeprefix(".")
 
 
 def short(value: Any) -> str:
@@ -249,7 +355,3 @@ def short(value: Any) -> str:
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())
-
-
-def _lower_first(text: str) -> str:
-    return text[:1].lower() + text[1:]

@@ -1,4 +1,4 @@
-"""A live walk on a CAN bus: its frames at their cycle, and the commands of a monitor.
+"""A live walk on a CAN bus: its frames at their cycle, and the commands of the thesis's board monitor (2.4).
 
 One thread has the bus. Frames come in blocks of 10 ms and go out one block later, each at its own time in the
 clock of the walk; commands become messages of the session, as if a page had moved its sliders.
@@ -7,21 +7,25 @@ clock of the walk; commands become messages of the session, as if a page had mov
 from __future__ import annotations
 
 import base64
+import math
+import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from twin_gait.core.can_codec import unpack_frame
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import BusFrame, bus_frames, messages_of
-from twin_gait.live.can_commands import MODE, Wishes, change_of, commands_of, wishes_of
-from twin_gait.live.deadlines import PERIOD
-from twin_gait.live.events import EventBook
-from twin_gait.live.priority import undisturbed
-from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl
+from twin_gait.live.controls import QUANTITIES
+from twin_gait.live.news import EventBook
+from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl, Value
+from twin_gait.live.realtime import PERIOD, undisturbed
+from twin_gait.network.dbc import Message as BusMessage
+from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem
@@ -29,6 +33,8 @@ from twin_gait.simulation.problem import Problem
 if TYPE_CHECKING:
     import can
 
+
+MODE = "mode"
 USER = "CAN"
 # Frames of udp_multicast stay on this machine.
 OPTIONS: Mapping[str, Mapping[str, Any]] = {"udp_multicast": {"hop_limit": 0}}
@@ -38,6 +44,52 @@ SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
 MOST_HEARD = 100  # frames between two looks at what is to be sent
 LISTENING = NetworkParameters.cycle  # [s] for a frame of the monitor, while nothing is due
 MOST_NOTES = 20  # that a session tells of its bus
+
+
+class Wish(NamedTuple):
+    """What a frame asks of a control."""
+
+    value: Value  # in the unit of the control
+    # half a step of the signal in that unit: numbers that close are the same on the bus
+    tolerance: float = 0.0
+
+
+Wishes = dict[str, Wish]
+
+
+def wishes_of(message: BusMessage, data: bytes) -> Wishes:
+    """Read a command.
+
+    Returns what it asks for by the name of the control; a signal that says that there is no number asks
+    nothing. Raises MessageRefused if the frame has another length.
+    """
+    if len(data) != message.length:
+        raise MessageRefused(f"{message.name}: expected {message.length} bytes, got {len(data)}")
+    values = [math.nan] * len(message.signals)
+    unpack_frame(message.layout, struct.unpack("<2I", data.ljust(8, b"\0")), values)
+    said = dict(zip(message.signals, values, strict=True))
+    side, _, joint = message.name.removesuffix(ON_DEMAND).partition("_")
+    wishes = {}
+    for quantity, shown in QUANTITIES.items():
+        if not math.isnan(said[quantity]):
+            tolerance = 0.5 * message.signals[quantity].scale / shown.scale
+            wishes[f"monitor.{side}.{joint}.{quantity}"] = Wish(said[quantity] / shown.scale, tolerance)
+    names = {code: name for name, code in message.codes["control"].items()}
+    return {**wishes, MODE: Wish(names[int(said["control"])])}
+
+
+def change_of(wish: Wish, control: Control) -> Value | None:
+    """Value that a control is to be set to, or None if it has it.
+
+    An end of its range that the bus can only come near to is meant as that end.
+    """
+    if not isinstance(wish.value, float):
+        return None if wish.value == control.value else wish.value
+    near = 1.000001 * wish.tolerance
+    if abs(wish.value - float(control.value)) <= near:
+        return None
+    ends = [end for end in (control.least, control.largest) if end is not None]
+    return next((end for end in ends if abs(wish.value - end) <= near), wish.value)
 
 
 def open_bus(name: str) -> can.BusABC:
@@ -91,7 +143,8 @@ class CanLink:
         values.
         """
         self._messages = messages_of(problem.experiment)
-        self._commands = commands_of(self._messages)
+        asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
+        self._commands = {item.identifier: item for item in asked}  # what a monitor sends
         self._columns, self._problem = log_layout(problem).names, problem
         self._book, self._submit, self._controls = book, submit, controls
         self._blocks: deque[Mapping[str, Any]] = deque()

@@ -1,7 +1,5 @@
 """From the journal of a live walk to its run folder, at the end of the walk or whenever somebody looks."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -15,14 +13,14 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
-from twin_gait.live.journal import Content, locked, next_free, read_journal
-from twin_gait.live.pieces import AppliedChange, Take, take_of
+from twin_gait.live.journal import AppliedChange, Content, Piece, locked, next_free, read_journal, walk_of
 from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
+from twin_gait.live.stepping import as_run
 from twin_gait.runs.folders import journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.run import Run, log_table
+from twin_gait.simulation.run import Run
 from twin_gait.worlds.faults import parse_fault
 
 CHANGES_FILE = "live_changes.csv"
@@ -56,55 +54,43 @@ def complete(
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version writes; use the version that made it"
             )
-        take = take_of(content.pieces, len(content.columns), problem.experiment.n_ticks)
-        done = None if len(take.result.rows) == 0 else _write(content, take, problem, pictures, on_step)
+        walk = walk_of(content.pieces, len(content.columns), problem.experiment.n_ticks)
+        done = None if len(walk.rows) == 0 else _write(content, walk, problem, pictures, on_step)
         journal.unlink()
     return done
 
 
 def _write(
-    content: Content, take: Take, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
+    content: Content, walk: Piece, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
 ) -> Completed:
-    setup, run = content.setup, run_of(take, problem)
+    setup, run = content.setup, run_of(walk, problem)
     folder, force = Path(setup["folder"]), bool(setup["force"])
     if folder.exists() and not force:  # somebody else's; what was walked is not lost for it
         folder = next_free(folder, 2)
     drawn = pictures and bool(setup["pictures"]) and run.duration <= LONGEST_PICTURES
     with staged_directory(folder, RUN_DIRECTORY, force=force) as staging:
-        write_atomically(staging / CHANGES_FILE, changes_csv(take.changes))
-        if take.table is not None:
-            write_atomically(staging / TABLE_FILE, dump_yaml(dict(take.table)))
+        write_atomically(staging / CHANGES_FILE, changes_csv(walk.changes))
+        if walk.table is not None:
+            write_atomically(staging / TABLE_FILE, dump_yaml(dict(walk.table)))
         document = {**setup["document"], "duration_s": run.duration}
         summary = write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
     return Completed(folder, summary)
 
 
-def run_of(take: Take, problem: Problem) -> Run:
+def run_of(walk: Piece, problem: Problem) -> Run:
     """A live walk as a run like any other; faults injected from a page are faults of its experiment.
 
     Returns the run, as long as it was walked.
     """
-    result, experiment = take.result, problem.experiment
+    experiment, ticks = problem.experiment, len(walk.rows)
     injected = [
         replace(parse_fault(change.note["fault"]), time=change.tick * TICK)
-        for change in take.changes
-        if "fault" in change.note and change.tick < len(result.rows)
+        for change in walk.changes
+        if "fault" in change.note and change.tick < ticks
     ]
-    return Run(
-        experiment=replace(
-            experiment,
-            duration=round(len(result.rows) * TICK, 3),
-            faults=(*(item for item in experiment.faults if item.time < len(result.rows) * TICK), *injected),
-        ),
-        table=problem.table,
-        log=log_table(result.rows, log_layout(problem), problem.table),
-        switches=result.switches,
-        status=result.status,
-        reason=result.reason,
-        wall_s=take.wall_s,
-        body_weight=problem.world.body_weight,
-        trip=result.trip,
-    )
+    faults = (*(item for item in experiment.faults if item.time < ticks * TICK), *injected)
+    experiment = replace(experiment, duration=round(ticks * TICK, 3), faults=faults)
+    return as_run(problem, experiment, walk, walk.wall_s)
 
 
 def complete_all(
@@ -133,7 +119,7 @@ def complete_all(
             tell({**message, "folder": str(done.folder), "summary": done.summary})
 
 
-def changes_csv(changes: list[AppliedChange]) -> str:
+def changes_csv(changes: Iterable[AppliedChange]) -> str:
     """The changes of a walk as CSV.
 
     Returns one line per change: its first tick, who, what, and the values before and after.

@@ -5,8 +5,6 @@ handed a moment of the walk and the numbers of the change, lets them fade in as 
 for ``LEAST`` ticks and as much longer as ``BUDGET`` allows; the walk itself knows nothing of it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -20,17 +18,16 @@ from typing import Any
 import numpy as np
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.experiment import Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import dump
-from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.walk import LiveWalk
+from twin_gait.live.stepping import LiveWalk, SteppedRun, as_run
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
+from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.scenario import BELT_SPEED
 
@@ -66,9 +63,8 @@ def foresee(
 ) -> Forecast:
     """Run a moment ahead with other settings.
 
-    ``walk`` of the same experiment; what it did before is forgotten; ``moment`` from
-    :meth:`~twin_gait.live.walk.LiveWalk.moment`; ``now``: time in [s], for the budget. Returns the forecast.
-    Of a walk that is over, that of a new start.
+    ``walk`` of the same experiment; what it did before is forgotten; ``moment`` of a ``LiveWalk``; ``now``:
+    time in [s], for the budget. Returns the forecast; of a walk that is over, that of a new start.
     """
     until = now() + BUDGET
     least = min(LEAST, horizon)
@@ -82,8 +78,10 @@ def foresee(
     if ends:
         told = " and ".join(ends)
         # The look without the change comes last: the walk forgets the change over it.
-        if begun == "" and _ends_anyway(walk, moment, run.tick - first):
-            told += ", as it does without the change"
+        if begun == "":
+            looked = range(run.tick - first, run.tick - first + 1)
+            if _endings(walk, _run_ahead(walk, moment, None, looked, lambda: True)):
+                told += ", as it does without the change"
     elif not numbers["watching"]:
         told = f"stays up {ahead}"
     elif run.waiting():
@@ -139,24 +137,15 @@ def _endings(walk: LiveWalk, first: int) -> list[str]:
     return found
 
 
-def _ends_anyway(walk: LiveWalk, moment: Mapping[str, Any], ticks: int) -> bool:
-    first = _run_ahead(walk, moment, None, range(ticks, ticks + 1), lambda: True)
-    return bool(_endings(walk, first))
-
-
 def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
     """What was looked ahead, as a run that begins with its first tick."""
     run, problem = walk.run, walk.run.problem
-    return Run(
-        experiment=_at_speed(problem.experiment, numbers["belt_speed"]),
-        table=problem.table,
-        log=log_table(run.rows(first), run.layout, problem.table),
-        switches=tuple(item._replace(tick=item.tick - first) for item in run.switches()),
-        status=run.status,
-        reason=run.reason,
-        wall_s=0.0,
-        body_weight=problem.world.body_weight,
-    )
+    experiment, speed = problem.experiment, numbers["belt_speed"]
+    if speed and experiment.scenario.adjusts(BELT_SPEED):
+        experiment = replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
+    switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
+    # Whatever tripped: the legs are looked at to the end.
+    return as_run(problem, experiment, EngineResult(run.rows(first), switches, run.status, run.reason, None))
 
 
 def _records(shown: Run, first: int) -> list[LegRecord]:
@@ -164,12 +153,6 @@ def _records(shown: Run, first: int) -> list[LegRecord]:
     begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.steady)
     names = shown.table.phase_names
     return [leg_record(shown.log, side, names, TICK, steady=(begin, end)) for side in shown.sides]
-
-
-def _at_speed(experiment: Experiment, speed: float | None) -> Experiment:
-    if not speed or not experiment.scenario.adjusts(BELT_SPEED):
-        return experiment
-    return replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
 
 
 def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:

@@ -1,7 +1,5 @@
 """A process of a live session as its parent holds it: commands with answers, frames, and its end."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import subprocess
@@ -29,6 +27,10 @@ class _Pending:
         self.answer: Answer = {}
 
 
+def _nobody(told: Any) -> None:
+    """Nobody wants to know."""
+
+
 class LoopProcess:
     """Starts ``python -m`` a module of this package, talks with it and ends it."""
 
@@ -36,9 +38,9 @@ class LoopProcess:
         self,
         module: str = "process",
         *,
-        on_frame: Callable[[str], None],
-        on_message: Callable[[Mapping[str, Any]], None],
-        on_end: Callable[[int], None],
+        on_frame: Callable[[str], None] = _nobody,
+        on_message: Callable[[Mapping[str, Any]], None] = _nobody,
+        on_end: Callable[[int], None] = _nobody,
     ) -> None:
         """Keep whom to tell; all of them are called from the thread that reads.
 
@@ -95,7 +97,7 @@ class LoopProcess:
 
     # ------------------------------------------------------------------ commands
 
-    def command(self, command: Mapping[str, Any], then: Callable[[Answer], None]) -> _Pending:
+    def command(self, command: Mapping[str, Any], then: Callable[[Answer], None] = _nobody) -> _Pending:
         """Send a command. Raises ParameterError if the process is gone, or has not been started."""
         if self._process is None:
             raise ParameterError("the walk has not begun yet")
@@ -111,11 +113,8 @@ class LoopProcess:
         return pending
 
     def ask(self, command: Mapping[str, Any]) -> Answer:
-        """Send a command and wait for the answer.
-
-        Raises ParameterError if the process is gone. Raises MessageRefused if the loop refuses it.
-        """
-        return self.answer(self.command(command, lambda answer: None))
+        """Send a command and wait for the answer, with the errors of :meth:`answer`."""
+        return self.answer(self.command(command))
 
     def answer(self, pending: _Pending) -> Answer:
         """Wait for the answer to a command.
@@ -143,18 +142,13 @@ class LoopProcess:
                 self._on_frame(line.rstrip("\n"))
                 continue
             message = json.loads(line)
-            if message["kind"] == "answer":
-                self._hear(message)
-            else:
+            if message["kind"] != "answer":
                 self._on_message(message)
+            elif (pending := self._pending.pop(message["serial"], None)) is not None:
+                pending.answer = message
+                pending.then(message)
+                pending.answered.set()
         self._on_end(self._process.wait())
         for pending in list(self._pending.values()):
             pending.answered.set()
         self._pending.clear()
-
-    def _hear(self, answer: Answer) -> None:
-        pending = self._pending.pop(answer["serial"], None)
-        if pending is not None:
-            pending.answer = answer
-            pending.then(answer)
-            pending.answered.set()

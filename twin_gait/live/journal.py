@@ -1,9 +1,11 @@
-"""The journal of a live walk: a stream of Arrow batches beside the run folder to come.
+"""A live walk in pieces, and its journal: a stream of Arrow batches beside the run folder to come.
 
-Every half second a :class:`~twin_gait.live.pieces.Piece` is appended as one batch: the rows of the
-log as columns, the rest as the batch's own metadata. The walk's set-up stands in the schema, so that the file
-is all that is needed to make the run folder, whoever is left to do so; a batch that a kill has cut short is
-left out. Whoever writes or completes a journal holds a lock on it, which the system takes back from the dead.
+The loop keeps nothing of a walk but its last rows. Every half second it hands over a piece that is complete
+in itself (rows, switches, changes, how the walk stands), so that the pieces up to any moment are the walk up
+to it. Each is appended as one batch: the rows of the log as columns, the rest as the batch's own metadata.
+The walk's set-up stands in the schema, so that the file is all that is needed to make the run folder, whoever
+is left to do so; a batch that a kill has cut short is left out. Whoever writes or completes a journal holds a
+lock on it, which the system takes back from the dead.
 """
 
 from __future__ import annotations
@@ -15,16 +17,88 @@ import json
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
+from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.live.pieces import Piece
+from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK
 from twin_gait.runs.folders import journal_of
+from twin_gait.simulation.run import RunStatus
+from twin_gait.vocabulary import JointName, Side
+
+
+@dataclass(frozen=True)
+class AppliedChange:
+    """A change as the run folder lists it."""
+
+    tick: int  # first tick with the change
+    # who, what, value before and after, by column; a fault in its notation under ``fault``
+    note: Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """What a walk has added since the piece before."""
+
+    rows: np.ndarray  # of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
+    switches: tuple[PhaseSwitch, ...] = ()  # of the phases
+    changes: tuple[AppliedChange, ...] = ()  # that were applied
+    # mapping of the gait table as it is now, or None if it has never been changed
+    table: Mapping[str, Any] | None = None
+    status: RunStatus = RunStatus.COMPLETED  # how the walk stands
+    reason: str = ""  # why it has ended; empty before that
+    trip: Trip | None = None  # what the safety monitor tripped on, or None
+    wall_s: float = 0.0  # time since the start of the walk in [s], pauses included
+    over: bool = False  # whether it is the last one
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the rows, as JSON takes it."""
+        changes = [[item.tick, dict(item.note)] for item in self.changes]
+        entries = {key: value for key, value in vars(self).items() if key != "rows"}
+        return {**entries, "changes": changes, "status": str(self.status)}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], rows: np.ndarray) -> Piece:
+        """The piece of :meth:`to_dict` with its rows."""
+        made: dict[str, Any] = {
+            "switches": tuple(PhaseSwitch(item[0], Side(item[1]), *item[2:]) for item in data["switches"]),
+            "changes": tuple(AppliedChange(tick, note) for tick, note in data["changes"]),
+            "status": RunStatus(data["status"]),
+        }
+        if data["trip"] is not None:
+            tick, cause, side, joint = data["trip"]
+            place = side and Side(side), joint and JointName(joint)
+            made["trip"] = Trip(tick, TripCause(cause), *place)
+        return cls(rows=rows, **{**data, **made})
+
+
+def walk_of(pieces: Iterable[Piece], n_columns: int, longest: int) -> Piece:
+    """Put the pieces of a walk together to one that is all of it.
+
+    A walk that nothing has ended before its time is marked as interrupted, with the reason.
+    """
+    last = Piece(rows=np.zeros((0, n_columns)))
+    rows, switches, changes = [last.rows], list[PhaseSwitch](), list[AppliedChange]()
+    for piece in pieces:
+        rows.append(piece.rows)
+        switches += piece.switches
+        changes += piece.changes
+        last = piece
+    log, status, reason = np.concatenate(rows), last.status, last.reason
+    if status is RunStatus.COMPLETED and len(log) < longest:
+        status = RunStatus.INTERRUPTED
+        how = "stopped at" if last.over else "the process of the walk died; it is kept up to"
+        reason = f"{how} {len(log) * TICK:.3f} s"
+    whole: dict[str, Any] = {"rows": log, "switches": tuple(switches), "changes": tuple(changes)}
+    return replace(last, **whole, status=status, reason=reason)
+
 
 _SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
 

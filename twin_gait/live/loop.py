@@ -4,8 +4,6 @@ Nothing here waits for anybody: commands are taken if there are some, and what i
 that must return at once. The clock and the sleep are passed in.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,14 +15,12 @@ import numpy as np
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
-from twin_gait.live.pieces import AppliedChange, Piece
+from twin_gait.live.journal import AppliedChange, Piece
 from twin_gait.live.protocol import Frame
-from twin_gait.live.stepping import Asking, SteppedRun
-from twin_gait.live.walk import LiveWalk
+from twin_gait.live.realtime import BLOCK_TICKS, PERIOD, BlockClock
+from twin_gait.live.stepping import Asking, LiveWalk, SteppedRun
 from twin_gait.simulation.run import RunStatus
-from twin_gait.viewer.curves import extremes
-from twin_gait.viewer.motion import leg_columns
+from twin_gait.viewer.motion import extremes, leg_columns
 from twin_gait.viewer.page import event_entries
 from twin_gait.worlds.faults import parse_fault
 
@@ -233,10 +229,11 @@ class LiveLoop:
 
     def _take_commands(self) -> None:
         while (command := self._commands()) is not None:
-            answer: dict[str, Any] = {"kind": "answer", "serial": command.get("serial", 0), "refused": ""}
+            answer: dict[str, Any] = {"refused": ""}
             try:
-                if command["command"] == "request":
-                    self._request(command)
+                if command["command"] == "request":  # answered when the tick has been run
+                    self._require_going("request", held=True)
+                    self._asked.append((self._run.request(command["request"]), command))
                     continue
                 if command["command"] == "moment":
                     answer["moment"] = self._walk.moment()
@@ -245,73 +242,56 @@ class LiveLoop:
             except TwinGaitError as error:
                 answer["refused"] = " ".join(str(error).split())
             # After a restart the tick is that of the new walk.
-            tick = self._run.tick
-            if not answer["refused"] and "note" in command:
-                fault = {"fault": command["fault"]} if "fault" in command else {}
-                self._kept.changes.append(AppliedChange(tick, {**command["note"], **fault}))
-            self._send({**answer, "tick": tick, "status": str(self.status)})
+            fault = {"fault": command["fault"]} if "fault" in command else {}
+            self._answer(command, self._run.tick, answer, fault)
 
-    def _request(self, command: Mapping[str, Any]) -> None:
-        """Ask the supervisor; it answers when the tick has been run."""
-        if self._run.status is not RunStatus.COMPLETED:
-            raise ParameterError("request: the walk is over; start again")
-        self._asked.append((self._run.request(command["request"]), command))
+    def _answer(
+        self, command: Mapping[str, Any], tick: int, answer: Mapping[str, Any], more: Mapping[str, Any]
+    ) -> None:
+        """Answer a command and, if it was obeyed, note it with ``more`` among the changes of the walk."""
+        if not answer["refused"] and "note" in command:
+            self._kept.changes.append(AppliedChange(tick, {**command["note"], **more}))
+        serial, status = command.get("serial", 0), str(self.status)
+        self._send({"kind": "answer", "serial": serial, **answer, "tick": tick, "status": status})
 
     def _tell_requests(self) -> None:
         """Say what became of the requests of the ticks that have been run."""
         while self._asked and self._asked[0][0].tick < self._run.tick:
             asking, command = self._asked.pop(0)
-            answer = self._run.answer(asking)
-            told = {"kind": "answer", "serial": command.get("serial", 0), "refused": answer.refused}
-            text = f"{answer.request}: {answer.before} → {answer.after}"
-            if not answer.refused and "note" in command:
-                self._kept.changes.append(AppliedChange(asking.tick, {**command["note"], "text": text}))
-            self._send({**told, "text": text, "tick": asking.tick, "status": str(self.status)})
+            found = self._run.answer(asking)
+            told = {"text": f"{found.request}: {found.before} → {found.after}"}
+            self._answer(command, asking.tick, {"refused": found.refused, **told}, told)
 
     def _obey(self, command: Mapping[str, Any]) -> None:
-        name = command["command"]
-        if name in ("push", "fault", "step") and not self._walks:
+        name, run = command["command"], self._run
+        if name in ("walk", "push", "fault", "step"):
+            self._require_going(name)
+        match name:
+            case "end":
+                self._ended = True
+            case "walk" | "pause":
+                self._paused = name == "pause"
+            case "stop":
+                run.stop()
+            case "restart":
+                self._restart()
+            case "settings":  # they fade in
+                self._walk.set(command["numbers"])
+                self._table = command.get("table") or self._table
+            case "push":
+                run.push(command["joint"], command["torque"], command["ticks"])
+            case "fault":
+                run.inject(parse_fault(command["fault"]))
+            case "step":
+                if not run.waiting():
+                    way_out = "switch steps by hand on, and wait for the status"
+                    raise ParameterError(f"step: no leg waits for one; {way_out}")
+                run.release()
+
+    def _require_going(self, name: str, *, held: bool = False) -> None:
+        """Refuse what a walk that has ended cannot do; ``held``: whether one that is held can."""
+        if self._run.status is not RunStatus.COMPLETED or (self._run.trip is not None and not held):
             raise ParameterError(f"{name}: the walk is over; start again")
-        if name == "step":
-            self._step()
-            return
-        obeying: dict[str, Callable[[], None]] = {
-            "end": self._end,
-            "walk": self._go_on,
-            "pause": self._pause,
-            "stop": self._stop,
-            "restart": self._restart,
-            "settings": lambda: self._set(command["numbers"], command.get("table")),
-            "push": lambda: self._run.push(command["joint"], command["torque"], command["ticks"]),
-            "fault": lambda: self._run.inject(parse_fault(command["fault"])),
-        }
-        obeying[name]()
-
-    @property
-    def _walks(self) -> bool:
-        """Whether nothing has ended the walk yet."""
-        return self._run.trip is None and self._run.status is RunStatus.COMPLETED
-
-    def _end(self) -> None:
-        self._ended = True
-
-    def _go_on(self) -> None:
-        if not self._walks:
-            raise ParameterError("walk: the walk is over; start again")
-        self._paused = False
-
-    def _pause(self) -> None:
-        self._paused = True
-
-    def _stop(self) -> None:
-        self._run.stop()
-
-    def _step(self) -> None:
-        if not self._run.waiting():
-            raise ParameterError(
-                "step: no leg waits for one; switch steps by hand on, and wait for the status"
-            )
-        self._run.release()
 
     def _restart(self) -> None:
         if self._run.tick > 0:
@@ -319,13 +299,7 @@ class LiveLoop:
             self._kept = _Kept()
         self._walk.restart()
         for _, command in self._asked:
-            refused = {"serial": command.get("serial", 0), "refused": "a new walk has begun"}
-            self._send({"kind": "answer", **refused, "tick": 0, "status": str(self.status)})
+            self._answer(command, 0, {"refused": "a new walk has begun"}, {})
         self._traced, self._asked = 0, []
         self._paused, self._began = False, self._now()
         self.clock.pause()
-
-    def _set(self, numbers: Mapping[str, Any], table: Mapping[str, Any] | None) -> None:
-        """Let new settings fade in."""
-        self._walk.set(numbers)
-        self._table = table or self._table

@@ -1,6 +1,4 @@
-"""What the process of a live walk says: frames, traces, where its run folders are, and how it ended."""
-
-from __future__ import annotations
+"""Events of a live session, and what its process says: frames, traces, run folders, and how it ended."""
 
 import json
 import threading
@@ -10,11 +8,52 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.gait.table import TICK
-from twin_gait.live.events import EventBook
 from twin_gait.live.loop import MOST_TRACES
-from twin_gait.live.protocol import Response, dump
+from twin_gait.live.protocol import Event, Response, dump
+from twin_gait.live.session_records import SessionRecorder
 from twin_gait.runs.folders import journal_of
-from twin_gait.viewer.live.figure import Trace
+from twin_gait.viewer.live_figure import Trace
+
+MOST_EVENTS = 10_000  # that are kept for pages that come late
+
+
+class EventBook:
+    """The events of one session; its methods may be called from any thread.
+
+    Attributes:
+        serial: Number of the last event.
+        tick: Last tick that is known of the walk.
+        recorder: Record of the session, or None if there is none.
+    """
+
+    def __init__(self) -> None:
+        """Begin with no events."""
+        self.serial = self.tick = 0
+        self.recorder: SessionRecorder | None = None
+        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._lock = threading.RLock()
+
+    def emit(self, response: Response, text: str, *, tick: int | None = None, **rest: Any) -> Event:
+        """Add an event. ``tick`` of the event, if it is not the last that is known."""
+        with self._lock:
+            self.serial += 1
+            event = Event(
+                serial=self.serial,
+                response=response,
+                text=text,
+                tick=self.tick if tick is None else tick,
+                **rest,
+            )
+            self._events.append(event)
+        if self.recorder is not None:
+            self.recorder.event(event)
+        return event
+
+    def after(self, serial: int) -> list[Event]:
+        """Events since one of them; 0 gives all that are kept."""
+        with self._lock:
+            return [item for item in self._events if item.serial > serial]
+
 
 _ENDINGS = {
     "held": "the legs are held, the belt stops and the harness is locked; start again to walk",

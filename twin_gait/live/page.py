@@ -4,8 +4,6 @@ Frames move the scene and the numbers; events and the state of the controls go t
 says becomes a message of the session, or is refused if it is none.
 """
 
-from __future__ import annotations
-
 import json
 import secrets
 from collections.abc import Iterator
@@ -26,9 +24,9 @@ from twin_gait.live.protocol import (
 )
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
-from twin_gait.viewer.live.figure import LiveFigure
-from twin_gait.viewer.live.page import panel_page
-from twin_gait.viewer.live.server import LiveServer, Panel
+from twin_gait.viewer.live_figure import LiveFigure
+from twin_gait.viewer.page import live_page
+from twin_gait.viewer.server import LiveServer, Panel
 from twin_gait.worlds.scenario import BELT_SPEED
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
@@ -65,7 +63,7 @@ class LivePage:
             modes=self._modes, **setting_of(experiment),
         )  # fmt: skip
         self.server = LiveServer(
-            panel_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
+            live_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
             refusal=lambda reason: self._refusal(reason).to_dict(), greeting=self._greeting,
             scene=self.figure.window.everything,
         )  # fmt: skip
@@ -77,7 +75,9 @@ class LivePage:
 
     def update(self) -> None:
         """Bring what is new in the session to all pages; call it every ``PERIOD``."""
-        self._tell_events()
+        for event in self._session.events(self._serial):
+            self._serial = event.serial
+            self.server.tell(event.to_dict())
         self._tell_state()
         number, text = self._session.news.frame
         if number != self._number:
@@ -120,11 +120,6 @@ class LivePage:
         code = frame.log.get("mode")
         mode = self._modes[int(code)] if self._modes and code is not None else None
         return short | {"phases": phases, "mode": mode}
-
-    def _tell_events(self) -> None:
-        for event in self._session.events(self._serial):
-            self._serial = event.serial
-            self.server.tell(event.to_dict())
 
     def _tell_state(self) -> None:
         state = self._session.state()

@@ -5,8 +5,6 @@ and answers likewise. The end of the input is the end of the process: however th
 writes its run folder and is gone. Nothing that it is sent is ever executed or unpickled.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -22,11 +20,10 @@ from typing import IO, Any
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.live.finishing import complete_all
-from twin_gait.live.journal import Journal, next_free
+from twin_gait.live.journal import Journal, Piece, next_free
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
-from twin_gait.live.pieces import Piece
-from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import dump
+from twin_gait.live.realtime import undisturbed
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.simulation.problem import build_problem
@@ -91,21 +88,17 @@ class Inbox:
 
     def __init__(self, stream: IO[str]) -> None:
         """Start the thread that reads."""
-        self._commands: deque[Mapping[str, Any]] = deque()
+        self.commands: deque[Mapping[str, Any]] = deque()
         self.orphaned = False
         threading.Thread(target=self._read, args=(stream,), name="inbox", daemon=True).start()
 
-    def next(self) -> Mapping[str, Any] | None:
-        """The next command, or None."""
-        return self._commands.popleft() if self._commands else None
-
     def end(self, *signal: object) -> None:
         """Put a command to end in."""
-        self._commands.append({"command": "end"})
+        self.commands.append({"command": "end"})
 
     def _read(self, stream: IO[str]) -> None:
         for line in stream:
-            self._commands.append(json.loads(line))
+            self.commands.append(json.loads(line))
         self.orphaned = True
         self.end()
 
@@ -184,7 +177,7 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
         run,
         now=time.monotonic,
         sleep=time.sleep,
-        commands=inbox.next,
+        commands=lambda: inbox.commands.popleft() if inbox.commands else None,
         send=sender.send,
         keep=journals.keep,
         longest=experiment.n_ticks,

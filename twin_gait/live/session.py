@@ -19,12 +19,11 @@ from twin_gait.configuration.experiments import LoadedExperiment, presets
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.gait.table import GaitTable
-from twin_gait.live.actions import Actions
 from twin_gait.live.can_link import CanLink
-from twin_gait.live.events import EventBook
+from twin_gait.live.controls import Actions
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.handle import LoopProcess
-from twin_gait.live.news import WalkNews
+from twin_gait.live.news import EventBook, WalkNews
 from twin_gait.live.protocol import Action, DoAction, Event, Message, Response, SetControl, State
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
@@ -56,8 +55,8 @@ class LiveSession:
         pictures: bool = True,
         records: Path | None = None,
         can: str = "",
-        on_compile: Callable[[], None] | None = None,
-        on_step: Callable[[str], None] | None = None,
+        on_compile: Callable[[], None] = lambda: None,
+        on_step: Callable[[str], None] = lambda name: None,
     ) -> None:
         """Prepare the session; :meth:`start` starts the process.
 
@@ -69,26 +68,19 @@ class LiveSession:
         file before it is written.
         """
         self.folder = Path(folder).expanduser().absolute()
-        self._loaded, self._user = loaded, user
+        self._loaded, self._user, self._records = loaded, user, records
         self._setup = {
-            "document": loaded.document,
-            "folder": str(self.folder),
-            "force": force,
-            "pictures": pictures,
+            "document": loaded.document, "folder": str(self.folder), "force": force, "pictures": pictures,
             "can": can,
-        }
+        }  # fmt: skip
         self._link: CanLink | None = None
-        self._records = records
         self._book = EventBook()
         self.news = WalkNews(
-            self._book,
-            on_compile=on_compile or (lambda: None),
-            on_step=on_step or (lambda name: None),
+            self._book, on_compile=on_compile, on_step=on_step,
             on_rows=lambda block: None if self._link is None else self._link.take(block),
-        )
-        self._loop = LoopProcess(
-            on_frame=self.news.note_frame, on_message=self.news.hear, on_end=self.news.note_end
-        )
+        )  # fmt: skip
+        news = self.news
+        self._loop = LoopProcess(on_frame=news.note_frame, on_message=news.hear, on_end=news.note_end)
         self._tuning = Tuning(loaded, self._loop, self._book)
         self._actions = Actions(self._tuning.problem)
         self._action_specs = self._actions.specs()
@@ -120,28 +112,19 @@ class LiveSession:
         check_target(self.folder, RUN_DIRECTORY, force=bool(self._setup["force"]))
         if self._setup["can"]:
             self._link = CanLink(
-                str(self._setup["can"]),
-                self._tuning.problem,
-                book=self._book,
-                submit=self.submit,
+                str(self._setup["can"]), self._tuning.problem, book=self._book, submit=self.submit,
                 controls=lambda: self._tuning.controls,
-            )
+            )  # fmt: skip
         try:
             self._begin()
         except BaseException:
-            self._close_link()
-            self._loop.close()
-            self._tuning.close()
+            self._close_processes()
             raise
         self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
         self._worker.start()
         if self._link is not None:
             self._link.start()
         self._loop.ask({"command": "walk"})
-
-    def _close_link(self) -> None:
-        if self._link is not None:
-            self._link.close()
 
     def _begin(self) -> None:
         """Start the process; while it gets ready, check what the session begins with."""
@@ -152,14 +135,20 @@ class LiveSession:
             raise ParameterError(self.news.failure)
         self._tuning.start_forecaster()
         if self._records is not None:
+            name, document = self._loaded.experiment.name, self._loaded.document
             self._book.recorder = SessionRecorder(
-                self._records,
-                user=self._user,
-                experiment=self._loaded.experiment.name,
-                document=self._loaded.document,
+                self._records, user=self._user, experiment=name, document=document
             )
             self._tuning.record_table(0)
             self.news.record_folders()
+
+    def _close_processes(self) -> None:
+        if self._link is not None:
+            self._link.close()
+        self._loop.close()
+        if self._worker is not None:
+            self._worker.join()
+        self._tuning.close()
 
     @property
     def alive(self) -> bool:
@@ -181,11 +170,7 @@ class LiveSession:
                 return self.news.summary
             self._closing = True
             self._work.notify_all()
-        self._close_link()
-        self._loop.close()
-        if self._worker is not None:
-            self._worker.join()
-        self._tuning.close()
+        self._close_processes()
         # Those that the process left behind.
         complete_all(map(journal_of, self.news.walks), self.news.hear, pictures=True)
         if self._book.recorder is not None:
@@ -254,9 +239,11 @@ class LiveSession:
 
     def _refuse(self, message: Message, reason: str) -> None:
         value = message.value if isinstance(message, SetControl) else None
-        self._book.emit(
-            Response.REFUSED, reason, id=message.id, user=message.user, subject=_subject(message), value=value
-        )
+        self._emit(Response.REFUSED, message, reason, value=value)
+
+    def _emit(self, response: Response, message: Message, text: str, **rest: Any) -> None:
+        subject = message.control if isinstance(message, SetControl) else str(message.action)
+        self._book.emit(response, text, id=message.id, user=message.user, subject=subject, **rest)
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, SetControl):
@@ -266,19 +253,17 @@ class LiveSession:
         elif message.action is Action.SAVE:
             self._save(message)
         else:
-            self._restart(message)
+            note = {"user": message.user, "subject": str(message.action), "text": "a new walk"}
+            answer = self._loop.ask({"command": "restart", "note": note})
+            self._tell_answer(message, "a new walk from the start", answer)
 
     def _do_directly(self, message: DoAction) -> None:
-        values = self._actions.values_of(message)
+        values, text = self._actions.values_of(message), str(message.action)
         command: dict[str, Any] = {"command": str(message.action)}
-        text = str(message.action)
         if message.action is Action.PUSH:
             joint, torque, duration = str(values["joint"]), float(values["torque"]), float(values["duration"])
-            command |= {
-                "joint": self._actions.joint_names.index(joint),
-                "torque": torque,
-                "ticks": ticks(duration),
-            }
+            number = self._actions.joint_names.index(joint)
+            command |= {"joint": number, "torque": torque, "ticks": ticks(duration)}
             text = f"push {joint}: {torque:g} Nm for {duration:g} s"
         elif message.action is Action.REQUEST:
             command["request"] = text = str(values["request"])
@@ -288,21 +273,11 @@ class LiveSession:
         command["note"] = {"user": message.user, "subject": str(message.action), "text": text}
         self._loop.command(command, lambda answer: self._tell_answer(message, text, answer))
 
-    def _restart(self, message: DoAction) -> None:
-        note = {"user": message.user, "subject": str(message.action), "text": "a new walk"}
-        answer = self._loop.ask({"command": "restart", "note": note})
-        self._tell_answer(message, "a new walk from the start", answer)
-
     def _tell_answer(self, message: DoAction, text: str, answer: Mapping[str, Any]) -> None:
         if answer["refused"]:
             self._refuse(message, answer["refused"])
-            return
-        self._tell(message, answer.get("text", text), tick=answer["tick"])
-
-    def _tell(self, message: DoAction, text: str, **rest: Any) -> None:
-        self._book.emit(
-            Response.APPLIED, text, id=message.id, user=message.user, subject=_subject(message), **rest
-        )
+        else:
+            self._emit(Response.APPLIED, message, answer.get("text", text), tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
@@ -316,7 +291,8 @@ class LiveSession:
         names = (folder.with_name(f"{folder.name}-table-{number}.yaml") for number in itertools.count(1))
         path = write_new(names, dump_yaml({**document, "name": f"{self.table.name}_live"}))
         self._saved.append(str(path))
-        self._tell(message, f"saved {path}; run it with: {self._run_again(path)}", value=str(path))
+        text = f"saved {path}; run it with: {self._run_again(path)}"
+        self._emit(Response.APPLIED, message, text, value=str(path))
 
     def _run_again(self, path: Path) -> str:
         """The command that runs a saved table as it walks now."""
@@ -332,7 +308,3 @@ def _replaces(later: Message, message: Message) -> bool:
     if not isinstance(later, SetControl) or not isinstance(message, SetControl):
         return False
     return later.control == message.control and (message.trying or not later.trying)
-
-
-def _subject(message: Message) -> str:
-    return message.control if isinstance(message, SetControl) else str(message.action)

@@ -6,16 +6,15 @@ that a kill has cut short is left out. A session holds a lock on its file, which
 the dead: no end and no lock means killed.
 """
 
-from __future__ import annotations
-
+import contextlib
 import fcntl
 import hashlib
-import itertools
 import json
 import os
 import threading
+from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -59,10 +58,9 @@ class SessionRecorder:
         Raises SessionError if the record cannot be written.
         """
         self.failure = ""  # why nothing is recorded any more
-        self._tables = 0
-        self._last_table = ""
-        self._waiting: list[str] = []
-        self._lock, self._closed = threading.Lock(), threading.Event()
+        self._tables, self._last_table = 0, ""
+        self._waiting: deque[str] = deque()
+        self._closed = threading.Event()
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             self.session, self._descriptor = _make(folder)
@@ -75,19 +73,16 @@ class SessionRecorder:
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
-        row = {name: getattr(event, name) for name in _LOGGED}
-        self._put({"event": {**row, "response": str(row["response"]), "at": _now()}})
+        self._put({"event": {**{name: getattr(event, name) for name in _LOGGED}, "at": _now()}})
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
         """Record a version of the gait table and its first tick; one like the last is no new version."""
         text = json.dumps(document)
-        if text == self._last_table:
-            return
-        self._last_table, self._tables = text, self._tables + 1
-        sha256 = hashlib.sha256(text.encode()).hexdigest()
-        self._put(
-            {"table": {"version": self._tables, "tick": tick, "sha256": sha256, "document": dict(document)}}
-        )
+        if text != self._last_table:
+            self._last_table, self._tables = text, self._tables + 1
+            sha256 = hashlib.sha256(text.encode()).hexdigest()
+            entry = {"version": self._tables, "tick": tick, "sha256": sha256, "document": dict(document)}
+            self._put({"table": entry})
 
     def folders(self, folders: Sequence[str]) -> None:
         """Record the run folders, all so far."""
@@ -101,8 +96,7 @@ class SessionRecorder:
         os.close(self._descriptor)
 
     def _put(self, entry: Mapping[str, Any]) -> None:
-        with self._lock:
-            self._waiting.append(_line(entry))
+        self._waiting.append(_line(entry))
 
     def _write(self) -> None:
         try:
@@ -113,38 +107,28 @@ class SessionRecorder:
             self.failure = error.strerror or str(error)
 
     def _write_waiting(self) -> None:
-        with self._lock:
-            waiting, self._waiting = self._waiting, []
-        if waiting:
-            _append(self._descriptor, "".join(waiting))
+        rest = memoryview("".join(self._waiting.popleft() for _ in range(len(self._waiting))).encode())
+        if rest:
+            while rest:
+                rest = rest[os.write(self._descriptor, rest) :]
+            os.fsync(self._descriptor)
 
 
 def _make(folder: Path) -> tuple[int, int]:
     """File of a new session, locked: its number and descriptor."""
-    first = max(_numbers(folder), default=0) + 1
-    for number in itertools.count(first):  # another session may begin in this moment
-        try:
+    number = max(_numbers(folder), default=0)
+    while True:  # another session may begin in this moment
+        number += 1
+        with contextlib.suppress(FileExistsError):
             flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL
             descriptor = os.open(_file(folder, number), flags, 0o600)
-        except FileExistsError:
-            continue
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        return number, descriptor
-    raise AssertionError("unreachable")
-
-
-def _append(descriptor: int, text: str) -> None:
-    rest = memoryview(text.encode())
-    while rest:
-        rest = rest[os.write(descriptor, rest) :]
-    os.fsync(descriptor)
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            return number, descriptor
 
 
 def _end(status: str, tick: int, summary: Mapping[str, Any], folders: Sequence[str]) -> dict[str, Any]:
-    return {
-        "end": {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)},
-        "folders": list(folders),
-    }
+    end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
+    return {"end": end, "folders": list(folders)}
 
 
 def _file(folder: Path, session: int) -> Path:
@@ -166,7 +150,7 @@ class SessionEntry:
     ended: str | None  # when, in UTC, or None
     status: str  # how the last walk ended, ``going on``, or ``killed`` if nobody is there to end it
     tick: int  # last tick known of the last walk
-    folders: tuple[str, ...]  # run folders; of a session without an end also those to come
+    folders: list[str]  # run folders; of a session without an end also those to come
     changes: int  # how many changes were applied
     refusals: int  # how many were refused
     versions: int  # versions of the gait table
@@ -174,7 +158,9 @@ class SessionEntry:
 
 def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
     """All sessions of the record, the newest first. Raises SessionError if the record cannot be read."""
-    entries = [_read(folder, number)[0] for number in reversed(_known(folder))]
+    names = [item.name for item in fields(SessionEntry)]
+    found = [_read(folder, number) for number in reversed(_known(folder))]
+    entries = [SessionEntry(**{name: item[name] for name in names}) for item in found]
     return [item for item in entries if user is None or item.user == user]
 
 
@@ -184,9 +170,12 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
     Returns the entry's fields, ``document`` of the experiment, ``summary``, ``tables`` and ``log``: every
     event in order. Raises SessionError if there is no such session.
     """
-    _require(folder, session)
-    entry, rest = _read(folder, session)
-    return {**asdict(entry), "folders": list(entry.folders), **rest}
+    known = _known(folder)
+    if session not in known:
+        newest = ", ".join(str(number) for number in reversed(known[-10:]))
+        there = f"the newest are {newest}" if known else "it is empty"
+        raise SessionError(f"{folder}: no session {session}; {there}")
+    return _read(folder, session)
 
 
 def close_killed(
@@ -197,7 +186,7 @@ def close_killed(
     ``tick``: ticks that are kept of the last walk; ``text``: what happened, in one sentence; becomes the last
     entry of the session's log. Raises SessionError if the record cannot be written.
     """
-    serial = max((item["serial"] for item in _read(folder, session)[1]["log"]), default=0) + 1
+    serial = max((item["serial"] for item in _read(folder, session)["log"]), default=0) + 1
     note = dict.fromkeys(_LOGGED, "") | {"before": None, "value": None, "at": _now()}
     event = {**note, "serial": serial, "tick": tick, "response": "note", "text": text}
     path = _file(folder, session)
@@ -217,8 +206,7 @@ def delete_session(folder: Path, session: int) -> None:
 
     Raises SessionError if there is no such session, or it is still going on.
     """
-    _require(folder, session)
-    if _read(folder, session)[0].status == GOING_ON:
+    if read_session(folder, session)["status"] == GOING_ON:
         raise SessionError(f"{folder}: session {session} is going on; end it first")
     _file(folder, session).unlink(missing_ok=True)
 
@@ -227,14 +215,6 @@ def _known(folder: Path) -> list[int]:
     if not folder.is_dir():
         raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live makes one")
     return _numbers(folder)
-
-
-def _require(folder: Path, session: int) -> None:
-    known = _known(folder)
-    if session not in known:
-        newest = ", ".join(str(number) for number in reversed(known[-10:]))
-        there = f"the newest are {newest}" if known else "it is empty"
-        raise SessionError(f"{folder}: no session {session}; {there}")
 
 
 def _line(entry: Mapping[str, Any]) -> str:
@@ -249,8 +229,8 @@ def _is_held(descriptor: int) -> bool:
     return False
 
 
-def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
-    """Entry of a session, and what else is recorded of it."""
+def _read(folder: Path, session: int) -> dict[str, Any]:
+    """The fields of the entry of a session, and what else is recorded of it."""
     path = _file(folder, session)
     try:
         with path.open("rb") as file:
@@ -265,20 +245,21 @@ def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
         log = [item["event"] for item in entries if "event" in item]
         tables = [item["table"] for item in entries if "table" in item]
         end: dict[str, Any] = next((item["end"] for item in entries if "end" in item), {})
-        folders: list[str] = next((item["folders"] for item in reversed(entries) if "folders" in item), [])
         responses = [item["response"] for item in log]
-        entry = SessionEntry(
-            id=session,
+        return {
+            "id": session,
             **{key: first[key] for key in ("user", "experiment", "began")},
-            ended=end.get("ended"),
-            status=end.get("status") or (GOING_ON if held else KILLED),
-            tick=end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),
-            folders=tuple(folders),
-            changes=responses.count("applied"),
-            refusals=responses.count("refused"),
-            versions=len(tables),
-        )
+            "ended": end.get("ended"),
+            "status": end.get("status") or (GOING_ON if held else KILLED),
+            "tick": end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),
+            "folders": next((item["folders"] for item in reversed(entries) if "folders" in item), []),
+            "changes": responses.count("applied"),
+            "refusals": responses.count("refused"),
+            "versions": len(tables),
+            "document": first["document"],
+            "summary": end.get("summary", {}),
+            "tables": tables,
+            "log": log,
+        }
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SessionError(f"{path}: is not the record of a session; move it away") from error
-    rest = {"document": first["document"], "summary": end.get("summary", {}), "tables": tables, "log": log}
-    return entry, rest

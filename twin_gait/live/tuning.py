@@ -1,20 +1,90 @@
-"""Changes of the settings of a live session: held to the rules, handed to the walk, or looked ahead at."""
+"""Changes of live settings: held to the rules of ``twin-gait check``, handed to the walk, or tried ahead."""
 
-from __future__ import annotations
+from typing import NamedTuple
 
-from typing import Any
-
+from twin_gait.checking.check import build_case
+from twin_gait.checking.finding import Finding, Rule, Severity, waive
+from twin_gait.checking.leaving import cannot_leave
+from twin_gait.checking.sense import (
+    equilibrium_beyond_limits,
+    unusual_damping_ratio,
+    unusual_gain,
+    unusual_stiffness,
+)
+from twin_gait.checking.stability import effective_damping, unstable
+from twin_gait.checking.torques import stiffness_not_served, torque_jump
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterError
-from twin_gait.live.actions import EVERYTHING
-from twin_gait.live.controls import Panel
-from twin_gait.live.events import EventBook
+from twin_gait.live.controls import EVERYTHING, Panel
 from twin_gait.live.handle import LoopProcess
-from twin_gait.live.protocol import DoAction, MessageRefused, Response, SetControl, Value
-from twin_gait.live.rules import Checked, Place, check_settings, described, refusal, warnings
-from twin_gait.live.settings import Settings, effect_of, loop_numbers
+from twin_gait.live.news import EventBook
+from twin_gait.live.protocol import DoAction, Message, MessageRefused, Response, SetControl, Value
+from twin_gait.live.settings import Mode, Settings, effect_of, loop_numbers
 from twin_gait.simulation.problem import Problem
+
+# Rules that k, b, θ0 and G can break, quick ones first; an error of one of them refuses a change. The phases
+# of the monitor's controls are all alike: there is nothing to leave, and no switch to jump at.
+GATE: tuple[Rule, ...] = (unstable, cannot_leave, torque_jump)
+GATE_OF_MONITOR: tuple[Rule, ...] = (unstable,)
+# What these find is told after a change has been applied.
+TOLD: tuple[Rule, ...] = (
+    equilibrium_beyond_limits, unusual_gain, unusual_stiffness, unusual_damping_ratio, effective_damping,
+    stiffness_not_served,
+)  # fmt: skip
+TOLD_OF_MONITOR: tuple[Rule, ...] = (equilibrium_beyond_limits, unusual_gain, effective_damping)
+
+Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
+Known = frozenset[Place]  # errors that are there already, and so are not the fault of a change
+
+
+class Checked(NamedTuple):
+    """What refuses some settings."""
+
+    errors: tuple[Finding, ...]
+
+    @property
+    def places(self) -> Known:
+        """Rule and place of every error."""
+        return frozenset(place_of(item) for item in self.errors)
+
+
+def check_settings(settings: Settings, known: Known = frozenset()) -> Checked:
+    """Hold settings to the rules whose errors make them unsafe, up to the first with an error that is new."""
+    case = build_case(settings.driving.table, settings.driving)
+    errors: list[Finding] = []
+    for rule in GATE if settings.mode is Mode.WALK else GATE_OF_MONITOR:
+        errors += [item for item in rule(case) if item.severity is Severity.ERROR]
+        if any(place_of(item) not in known for item in errors):
+            break
+    return Checked(tuple(errors))
+
+
+def refusal(checked: Checked, known: Known) -> str:
+    """Why settings are refused, in one sentence; empty if they are not."""
+    new = [item for item in checked.errors if place_of(item) not in known]
+    return f"{described(new[0])}; {new[0].suggestion}" if new else ""
+
+
+def warnings(settings: Settings) -> dict[Place, str]:
+    """What the check warns of, where the table does not waive it."""
+    case = build_case(settings.driving.table, settings.driving)
+    rules = TOLD if settings.mode is Mode.WALK else TOLD_OF_MONITOR
+    found = waive(case.table, [finding for rule in rules for finding in rule(case)])
+    told = [item for item in found if item.severity is Severity.WARNING and not item.waived]
+    return {place_of(item): described(item) for item in told}
+
+
+def place_of(finding: Finding) -> Place:
+    """What tells one finding from another."""
+    side = None if finding.side is None else str(finding.side)
+    return finding.rule, finding.phase, finding.transition, side
+
+
+def described(finding: Finding) -> str:
+    """A finding in one sentence."""
+    where = finding.transition or finding.phase or ""
+    return f"{finding.rule}{f' ({where})' if where else ''}: {finding.reason}"
 
 
 class Tuning:
@@ -32,10 +102,10 @@ class Tuning:
         self.settings = self._panel.preset
         self.controls = self._panel.controls(self.settings)
         self._numbers = loop_numbers(self.settings)
-        self._known: frozenset[Place] = frozenset()
+        self._known: Known = frozenset()
         self._warned: dict[Place, str] = {}
-        self._checked: tuple[Settings, frozenset[Place], Checked] | None = None
-        self._forecaster = self._new_forecaster()
+        self._tried: tuple[Settings, Known, Checked] | None = None  # what was checked last
+        self._forecaster = LoopProcess("forecast")
 
     @property
     def problem(self) -> Problem:
@@ -45,13 +115,11 @@ class Tuning:
     def check_first(self) -> None:
         """Check what the session begins with."""
         checked = check_settings(self.settings)
-        self._known = checked.places
+        self._known, self._warned = checked.places, warnings(self.settings)
         if checked.errors:
             found = tuple(described(item) for item in checked.errors)
-            self._book.emit(
-                Response.NOTE, "the check finds errors in what the session begins with", warnings=found
-            )
-        self._warned = warnings(self.settings)
+            text = "the check finds errors in what the session begins with"
+            self._book.emit(Response.NOTE, text, warnings=found)
 
     def record_table(self, tick: int) -> None:
         """Record the gait table as it is from a tick on."""
@@ -67,120 +135,93 @@ class Tuning:
         """
         before = self._value_of(message.control)
         settings = self._panel.set(self.settings, message.control, message.value)
-        if message.trying:
-            self._foresee(settings, message, before)
-        else:
-            self._change(settings, message, message.control, message.value, before)
+        done = self._foresee if message.trying else self._change
+        done(settings, message, message.control, before, message.value)
 
     def revert(self, message: DoAction, name: str) -> None:
         """Set a control, or everything, to what the session began with.
 
         Raises MessageRefused if there is no such control, or the rules forbid it.
         """
-        before = None if name == EVERYTHING else self._value_of(name)
-        self._change(self._panel.revert(self.settings, name), message, name, None, before)
+        settings, value = self._panel.revert(self.settings, name), None
+        if name != EVERYTHING:
+            value = next(item.value for item in self._panel.controls(settings) if item.name == name)
+        self._change(settings, message, name, self._value_of(name), value)
 
     def _value_of(self, control: str) -> Value | None:
-        found = [item.value for item in self.controls if item.name == control]
-        return found[0] if found else None
+        return next((item.value for item in self.controls if item.name == control), None)
 
     def _change(
-        self,
-        settings: Settings,
-        message: SetControl | DoAction,
-        name: str,
-        value: Value | None,
-        before: Value | None,
+        self, settings: Settings, message: Message, name: str, before: Value | None, value: Value | None
     ) -> None:
         """Check new settings, hand them to the walk, and tell what they do."""
         checking = settings.driving != self.settings.driving
         known = self._check(settings).places if checking else self._known
-        numbers = loop_numbers(settings)
-        if value is None and name != EVERYTHING:
-            value = next(item.value for item in self._panel.controls(settings) if item.name == name)
-        text = _told(name, before, value)
-        note = {"user": message.user, "subject": name, "before": before, "value": value, "text": text}
+        numbers, text = loop_numbers(settings), _told(name, before, value)
+        change = {"subject": name, "before": before, "value": value}
         new_table = settings.table != self.settings.table
-        table = table_document(settings.table) if new_table else None
         answer = self._loop.ask(
-            {"command": "settings", "numbers": numbers.to_dict(), "table": table, "note": note}
+            {
+                "command": "settings",
+                "numbers": numbers.to_dict(),
+                "table": table_document(settings.table) if new_table else None,
+                "note": {"user": message.user, **change, "text": text},
+            }
         )
         effect = effect_of(self._numbers, numbers, self.problem)
         self.settings, self._numbers, self._known = settings, numbers, known
         self.controls = self._panel.controls(settings)
-        self._tell(
-            Response.APPLIED, text, message, answer["tick"], subject=name, value=value, before=before,
-            effect=effect,
-        )  # fmt: skip
+        who = {"id": message.id, "user": message.user}
+        self._book.emit(Response.APPLIED, text, tick=answer["tick"], **who, **change, effect=effect)
         if new_table:
             self.record_table(answer["tick"])
         if checking:
-            self._warn(settings)
-
-    def _tell(
-        self, response: Response, text: str, message: SetControl | DoAction, tick: int, **rest: Any
-    ) -> None:
-        self._book.emit(response, text, tick=tick, id=message.id, user=message.user, **rest)
+            found = warnings(settings)
+            new = tuple(text for place, text in found.items() if place not in self._warned)
+            self._warned = found
+            if new:
+                self._book.emit(Response.NOTE, "the check warns", warnings=new)
 
     def _check(self, settings: Settings) -> Checked:
         """Hold settings to the rules; those that have just been tried have been held to them."""
-        if self._checked is None or self._checked[:2] != (settings, self._known):
-            self._checked = (settings, self._known, check_settings(settings, self._known))
-        checked = self._checked[2]
-        reason = refusal(checked, self._known)
+        if self._tried is None or self._tried[:2] != (settings, self._known):
+            self._tried = (settings, self._known, check_settings(settings, self._known))
+        reason = refusal(self._tried[2], self._known)
         if reason:
             raise MessageRefused(reason)
-        return checked
-
-    def _warn(self, settings: Settings) -> None:
-        """Tell what the check warns of since the last change."""
-        found = warnings(settings)
-        new = [text for place, text in found.items() if place not in self._warned]
-        self._warned = found
-        if new:
-            self._book.emit(Response.NOTE, "the check warns", warnings=tuple(new))
+        return self._tried[2]
 
     # ------------------------------------------------------------------ looking ahead
-
-    def _new_forecaster(self) -> LoopProcess:
-        return LoopProcess(
-            "forecast",
-            on_frame=lambda line: None,
-            on_message=lambda message: None,
-            on_end=lambda status: None,
-        )
 
     def start_forecaster(self) -> None:
         """Start the process that looks ahead, or a new one."""
         self._forecaster.close()
-        self._forecaster = self._new_forecaster()
+        self._forecaster = LoopProcess("forecast")
         self._forecaster.start({"document": self._document, "numbers": self._numbers.to_dict()})
 
     def close(self) -> None:
         """End the process that looks ahead."""
         self._forecaster.close()
 
-    def _foresee(self, settings: Settings, message: SetControl, before: Value | None) -> None:
+    def _foresee(
+        self, settings: Settings, message: Message, name: str, before: Value | None, value: Value | None
+    ) -> None:
         """Forecast new settings; the walk goes on as it does."""
         if not self._forecaster.alive:
             self.start_forecaster()
-        moment = self._loop.ask({"command": "moment"})
-        request = {
-            "command": "forecast",
-            "moment": moment["moment"],
-            "numbers": loop_numbers(settings).to_dict(),
-        }
-        coming = self._forecaster.command(request, lambda answer: None)
+        now, numbers = self._loop.ask({"command": "moment"}), loop_numbers(settings).to_dict()
+        request = {"command": "forecast", "moment": now["moment"], "numbers": numbers}
+        coming = self._forecaster.command(request)
         if settings.driving != self.settings.driving:  # held to the rules in the meantime
             self._check(settings)
         try:
             forecast = self._forecaster.answer(coming)["forecast"]
         except ParameterError as error:
             raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
-        text = f"forecast of {_told(message.control, before, message.value)}: {forecast['text']}"
-        self._tell(
-            Response.FORECAST, text, message, moment["tick"], subject=message.control, value=message.value,
-            before=before, forecast=forecast,
+        text = f"forecast of {_told(name, before, value)}: {forecast['text']}"
+        self._book.emit(
+            Response.FORECAST, text, tick=now["tick"], id=message.id, user=message.user, subject=name,
+            value=value, before=before, forecast=forecast,
         )  # fmt: skip
 
 

@@ -1,11 +1,11 @@
 from .batch import overridden as overridden
+from .batch import run_episodes as run_episodes
 from .campaign import Campaign as Campaign
 from .campaign import PlannedTest as PlannedTest
 from .campaign import Protocol as Protocol
 from .campaign import TwoWayProtocol as TwoWayProtocol
 from .campaign import planned_tests as planned_tests
 from .campaign import run_campaign as run_campaign
-from .episodes import run_episodes as run_episodes
 from .fault_campaign import FaultCampaign as FaultCampaign
 from .fault_campaign import draw_faults as draw_faults
 from .fault_campaign import fault_row as fault_row
@@ -14,10 +14,8 @@ from .fault_campaign import simulate_faults as simulate_faults
 from .jobs import JobFailed as JobFailed
 from .jobs import Workers as Workers
 from .jobs import run_jobs as run_jobs
-from .processes import WorkersLost as WorkersLost
 from .sweep.spec import load_sweep as load_sweep
 from .sweep.sweep import run_sweep as run_sweep
 from .tune.parts import rate_walk as rate_walk
 from .tune.tune import tuned_table as tuned_table
-from .virtual_people import BodySizes as BodySizes
-from .virtual_people import cohort as cohort
+from .workers import WorkersLost as WorkersLost

@@ -7,27 +7,87 @@ columns that the row is made of.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 import pandas as pd
 
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiment_file import Converted, experiment_from_mapping
-from twin_gait.configuration.overrides import assign, parse_assignment
-from twin_gait.configuration.people import names_a_person, person_document
-from twin_gait.configuration.validation import converting
-from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.configuration.experiments import names_a_person, person_document
+from twin_gait.configuration.validation import assign, converting, parse_assignment
+from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise_in_brief
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.studies.episodes import run_episodes
-from twin_gait.studies.jobs import JobFailed, Progress, Stop, Workers
+from twin_gait.simulation.together import EpisodeFailed, block_size, compile_ahead, simulate_together
+from twin_gait.studies.jobs import JobFailed, Watch, Workers, run_blocks
+from twin_gait.studies.workers import Item, Result
 from twin_gait.vocabulary import JointName, Side
+
+
+def run_episodes(
+    experiment_of: Callable[[Item], Experiment],
+    measure: Callable[[Run], Result],
+    items: Sequence[Item],
+    *,
+    columns: tuple[str, ...] | None = None,
+    block: int | None = None,
+    workers: int | Workers = 1,
+    on_compile: Callable[[], None] | None = None,
+    **watch: Unpack[Watch],
+) -> list[Result]:
+    """Simulate the experiment of each item and measure the run; a log lives no longer than that.
+
+    Results, errors, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`.
+
+    Args:
+        experiment_of: Makes the experiment; like ``measure`` and the items it goes to the workers.
+        measure: What is kept of a run.
+        items: What the experiments are made of.
+        columns: What ``measure`` reads of a log, as
+            :func:`~twin_gait.simulation.together.simulate_together` takes it; everything by default.
+        block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
+        on_compile: Called if the engine has to be compiled first, which the workers then need not do.
+    """
+    if block is None:
+        block = block_ahead(lambda: experiment_of(items[0]), len(items), on_compile) if items else 1
+    walk = partial(measured, experiment_of, measure, columns)
+    return run_blocks(walk, items, block=block, workers=workers, **watch)
+
+
+def measured(
+    experiment_of: Callable[[Item], Experiment],
+    measure: Callable[[Run], Result],
+    columns: tuple[str, ...] | None,
+    items: Sequence[Item],
+) -> Iterator[tuple[int, Result]]:
+    """Position and measures of the episodes of a block, as :func:`twin_gait.studies.jobs.run_blocks` asks."""
+    try:
+        for place, run in simulate_together(map(experiment_of, items), columns=columns):
+            yield place, measure(run)
+    except EpisodeFailed as error:
+        raise JobFailed(error.index, error.problem) from error
+
+
+def block_ahead(
+    first: Callable[[], Experiment], total: int, on_compile: Callable[[], None] | None = None
+) -> int:
+    """Compile for ``total`` episodes before others need it, and tell how many of them to hand over at a time.
+
+    ``first`` makes the experiment of one; a mistake in it is told when its turn comes.
+    """
+    try:
+        experiment = first()
+    except TwinGaitError:
+        return 1
+    compile_ahead(experiment, total, on_compile)
+    return block_size(experiment, total)
+
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
 Override = Mapping[str, Any]
@@ -35,39 +95,17 @@ Flat = dict[str, float | str | bool | None]
 
 # Columns of a flat summary with their types, by what has them: the run, each leg, each joint.
 _RUN = {
-    **dict.fromkeys(("status", "outcome"), "object"),
-    "fell": "bool",
-    "seed": "UInt64",
-    **dict.fromkeys(
-        (
-            "duration_s",
-            "battery_power_mean_W",
-            "battery_power_peak_W",
-            "battery_energy_J",
-            "energy_residual_share",
-        ),
-        "float64",
-    ),
-}
+    "status": "object", "outcome": "object", "fell": "bool", "seed": "UInt64", "duration_s": "float64",
+    "battery_power_mean_W": "float64", "battery_power_peak_W": "float64", "battery_energy_J": "float64",
+    "energy_residual_share": "float64",
+}  # fmt: skip
 _SIDE = {
-    **dict.fromkeys(("strides", "strides_counted"), "Int64"),
-    **dict.fromkeys(
-        (
-            "stride_time_mean_s",
-            "stride_time_variation",
-            "swing_share",
-            "rmse_hip_by_contact_deg",
-            "rmse_knee_by_contact_deg",
-            "early_stance_lag_mean_s",
-            "toe_clearance_mean_m",
-            "toe_clearance_least_m",
-        ),
-        "float64",
-    ),
-    **dict.fromkeys(("further_contacts", "scuffs", "strides_by_phase"), "Int64"),
-    "phases_in_order": "boolean",
-    "time_outs": "Int64",
-}
+    "strides": "Int64", "strides_counted": "Int64", "stride_time_mean_s": "float64",
+    "stride_time_variation": "float64", "swing_share": "float64", "rmse_hip_by_contact_deg": "float64",
+    "rmse_knee_by_contact_deg": "float64", "early_stance_lag_mean_s": "float64",
+    "toe_clearance_mean_m": "float64", "toe_clearance_least_m": "float64", "further_contacts": "Int64",
+    "scuffs": "Int64", "strides_by_phase": "Int64", "phases_in_order": "boolean", "time_outs": "Int64",
+}  # fmt: skip
 _JOINT = dict.fromkeys(
     ("range_of_motion_deg", "saturated_share", "torque_peak_Nm", "torque_rms_Nm", "torque_continuous_share"),
     "float64",
@@ -97,37 +135,36 @@ def simulate_batch(
     overrides: Sequence[Override],
     *,
     workers: int | Workers = 1,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    **watch: Unpack[Watch],
 ) -> BatchResult:
     """Simulate one experiment once for each set of changes.
 
     All changes are checked before anything runs. The result does not depend on the number of workers or on
     the order in which they finish. With several workers a script must guard its own code, see
-    :func:`twin_gait.studies.run_jobs`, which also says what the other arguments are.
+    :func:`twin_gait.studies.run_jobs`, which also says what ``watch`` is.
 
     Raises WorkersLost if worker processes die again and again with the same episode. Raises
     ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
     ParameterError if the workers make no sense.
     """
-    base = Base.of(experiment)
-    episodes = list(enumerate(overrides))
+    base, episodes = Base.of(experiment), list(enumerate(overrides))
     for episode in episodes:
         _experiment_of(base, episode)
     try:
+        experiment_of = partial(_experiment_of, base)
         rows = run_episodes(
-            partial(_experiment_of, base),
-            flat_summary,
-            episodes,
-            columns=READ_IN_BRIEF,
-            workers=workers,
-            progress=progress,
-            should_stop=should_stop,
+            experiment_of, flat_summary, episodes, columns=READ_IN_BRIEF, workers=workers, **watch
         )
     except JobFailed as error:
         raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
     status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
-    return BatchResult(_table(rows, overrides), status)
+    names = setting_columns(key for row in overrides for key in row)
+    changes = [
+        {"episode": index, **{names[key]: value for key, value in overrides[index].items()}}
+        for index in range(len(rows))
+    ]
+    settings = pd.DataFrame(changes, columns=["episode", *names.values()]).astype({"episode": int})
+    return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
 
 
 class Base(NamedTuple):
@@ -194,16 +231,6 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
     except ParameterError as error:
         raise ParameterFileError(source, str(key), "there is no such place; join names by dots") from error
     raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
-
-
-def _table(rows: Sequence[Flat], overrides: Sequence[Override]) -> pd.DataFrame:
-    names = setting_columns(key for row in overrides for key in row)
-    changes = [
-        {"episode": index, **{names[key]: value for key, value in overrides[index].items()}}
-        for index in range(len(rows))
-    ]
-    settings = pd.DataFrame(changes, columns=["episode", *names.values()]).astype({"episode": int})
-    return pd.concat([settings, summary_table(rows)], axis=1)
 
 
 def setting_columns(keys: Iterable[str]) -> dict[str, str]:

@@ -39,6 +39,9 @@ AMPLITUDE_STEP = 5.0  # [counts]; "by 5 or 10", thesis appendix B
 REST_AT_STOP = 0.3  # [s] that a log goes on after the stop was hit
 SETTINGS_FILE = "campaign.json"
 CAMPAIGN = FolderKind("a campaign", SETTINGS_FILE)
+# Standard deviations between tests though nothing was changed, all assumptions: of the friction, relative,
+# and of the offset of the current measurement in [A].
+SPREAD = {"friction": 0.02, "current_offset": 0.005}
 _DIGITS = "%.9g"
 
 
@@ -79,19 +82,6 @@ class TwoWayProtocol(quantities.Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread(quantities.Parameters):
-    """What differs between tests though nothing was changed; all assumptions.
-
-    Attributes:
-        friction: Standard deviation of the friction, relative.
-        current_offset: Standard deviation of the offset of the current measurement in [A].
-    """
-
-    friction: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.02
-    current_offset: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.005
-
-
-@dataclass(frozen=True, kw_only=True)
 class Campaign(quantities.Parameters):
     """A campaign on one joint.
 
@@ -100,7 +90,6 @@ class Campaign(quantities.Parameters):
         protocol: How the joint is moved.
         seed: Of everything that chance decides.
         bench: The bench without weight and controller; None for that of the joint.
-        spread: Between tests.
         two_way: Motor-driven tests.
         longest: Of a drop in [s]; a joint that sticks is switched off then.
     """
@@ -109,7 +98,6 @@ class Campaign(quantities.Parameters):
     protocol: Protocol = Protocol.DROP
     seed: Annotated[int, quantities.WHOLE] = 0
     bench: BenchJoint | None = None
-    spread: Spread = field(default_factory=Spread)
     two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
     longest: Annotated[quantities.Time, quantities.Range(1.0, 600.0, words="1 to 600 s")] = 20.0
 
@@ -144,20 +132,16 @@ def planned_tests(campaign: Campaign) -> list[PlannedTest]:
     for place, seed in enumerate(seeds):
         mass, number = WEIGHTS[place // TESTS_PER_WEIGHT], place % TESTS_PER_WEIGHT + 1
         settings, test = (_drop if campaign.protocol is Protocol.DROP else _two_way)(campaign, mass, number)
-        name = f"{campaign.joint}_{mass:g}kg_{number}.log"
-        variation = _variation(campaign, np.random.default_rng(seed))
-        noise = int(seed.generate_state(1)[0])
+        rng = np.random.default_rng(seed)
+        variation = BenchVariation(
+            current_offset=SPREAD["current_offset"] * float(rng.standard_normal()),
+            friction_ratio=max(0.0, 1.0 + SPREAD["friction"] * float(rng.standard_normal())),
+            ripple_phase=float(rng.uniform(0.0, 2.0 * math.pi)),
+            duty_start=int(rng.integers(0, 1000)),
+        )
+        name, noise = f"{campaign.joint}_{mass:g}kg_{number}.log", int(seed.generate_state(1)[0])
         plans.append(PlannedTest(name, mass, number, settings, test, variation, noise))
     return plans
-
-
-def _variation(campaign: Campaign, rng: np.random.Generator) -> BenchVariation:
-    return BenchVariation(
-        current_offset=campaign.spread.current_offset * float(rng.standard_normal()),
-        friction_ratio=max(0.0, 1.0 + campaign.spread.friction * float(rng.standard_normal())),
-        ripple_phase=float(rng.uniform(0.0, 2.0 * math.pi)),
-        duty_start=int(rng.integers(0, 1000)),
-    )
 
 
 def drop_amplitude(mass: float, step: int) -> float:
@@ -227,20 +211,31 @@ def run_campaign(
     """
     if directory.exists():
         raise RunDirectoryError(f"{directory}: exists; choose another --out")
-    plans, lines, status = planned_tests(campaign), [], RunStatus.COMPLETED
+    plans, lines, status = planned_tests(campaign), list[dict[str, Any]](), RunStatus.COMPLETED
     with staged_directory(directory, CAMPAIGN) as staging:
-        for done, plan in enumerate(plans):
+        for done, plan in enumerate(plans, start=1):
             if should_stop is not None and should_stop():
                 status = RunStatus.INTERRUPTED
                 break
-            run = simulate_bench(
-                plan.test, seed=plan.noise_seed, variation=plan.variation, on_compile=on_compile
-            )
-            write_atomically(staging / plan.name, log_text(run, _header(campaign, plan)))
+            noise, variation = plan.noise_seed, plan.variation
+            run = simulate_bench(plan.test, seed=noise, variation=variation, on_compile=on_compile)
+            header = {
+                "joint": str(campaign.joint), "protocol": str(campaign.protocol), "mass_kg": f"{plan.mass:g}",
+                "test": plan.number, **{name: f"{value:g}" for name, value in plan.settings.items()},
+                "campaign_seed": campaign.seed,
+            }  # fmt: skip
+            write_atomically(staging / plan.name, log_text(run, header))
             lines.append(_line(plan, run))
             if progress is not None:
-                progress(done + 1, len(plans))
-        write_atomically(staging / SETTINGS_FILE, _settings(campaign, status, lines))
+                progress(done, len(plans))
+        document = {
+            "synthetic": True, "twin_gait_version": __version__, "joint": str(campaign.joint),
+            "protocol": str(campaign.protocol), "seed": campaign.seed, "status": str(status),
+            "columns": list(LOG_COLUMNS), "bench": asdict(campaign.plain_bench()), "spread": SPREAD,
+            "tests": lines,
+        }  # fmt: skip
+        text = json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False)
+        write_atomically(staging / SETTINGS_FILE, text + "\n")
     return CampaignResult(directory, status, tuple(lines))
 
 
@@ -253,17 +248,6 @@ def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
     return "\n".join(lines) + "\n" + run.log(truth=truth).to_csv(index=False, float_format=_DIGITS)
-
-
-def _header(campaign: Campaign, plan: PlannedTest) -> dict[str, object]:
-    return {
-        "joint": str(campaign.joint),
-        "protocol": str(campaign.protocol),
-        "mass_kg": f"{plan.mass:g}",
-        "test": plan.number,
-        **{name: f"{value:g}" for name, value in plan.settings.items()},
-        "campaign_seed": campaign.seed,
-    }
 
 
 def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
@@ -296,22 +280,6 @@ def summarise(run: BenchRun) -> dict[str, float | None]:
 
 def _first(mask: np.ndarray) -> float | None:
     return round(float(np.argmax(mask)) * 1e-3, 3) if mask.any() else None
-
-
-def _settings(campaign: Campaign, status: RunStatus, lines: list[dict[str, Any]]) -> str:
-    document = {
-        "synthetic": True,
-        "twin_gait_version": __version__,
-        "joint": str(campaign.joint),
-        "protocol": str(campaign.protocol),
-        "seed": campaign.seed,
-        "status": str(status),
-        "columns": list(LOG_COLUMNS),
-        "bench": asdict(campaign.plain_bench()),
-        "spread": asdict(campaign.spread),
-        "tests": lines,
-    }
-    return json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def _finite(value: Any) -> Any:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
@@ -13,8 +13,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.studies.episodes import run_episodes
-from twin_gait.studies.jobs import JobFailed, Progress, Stop, Workers
+from twin_gait.studies.batch import run_episodes
+from twin_gait.studies.jobs import JobFailed, Watch, Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -84,21 +84,15 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
     joints = experiment.joints
     joint = joints[int(generator.integers(len(joints)))]
     time = round(float(generator.uniform(FIRST_TIME, experiment.duration - REST)), 3)
-    magnitude = None
+    magnitude, placed = None, kind is not FaultKind.SUPPLY_DIP
     if kind in MAGNITUDES:
         least, most = MAGNITUDES[kind]
         magnitude = math.exp(float(generator.uniform(math.log(least), math.log(most))))
-        if kind is not FaultKind.SUPPLY_DIP and generator.random() < 0.5:
+        if placed and generator.random() < 0.5:
             magnitude = -magnitude
-    placed = kind is not FaultKind.SUPPLY_DIP
-    on_joint = placed and kind is not FaultKind.FOOT_LOAD_STUCK
-    return Fault(
-        kind=kind,
-        time=time,
-        side=side if placed else None,
-        joint=joint if on_joint else None,
-        magnitude=magnitude,
-    )
+    if kind in (FaultKind.SUPPLY_DIP, FaultKind.FOOT_LOAD_STUCK):
+        return Fault(kind=kind, time=time, side=side if placed else None, joint=None, magnitude=magnitude)
+    return Fault(kind=kind, time=time, side=side, joint=joint, magnitude=magnitude)
 
 
 def simulate_faults(
@@ -107,25 +101,17 @@ def simulate_faults(
     *,
     row: Callable[[Run], dict[str, Any]] | None = None,
     workers: int | Workers = 1,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
+    **watch: Unpack[Watch],
 ) -> FaultCampaign:
     """Simulate an experiment once for each fault, in place of faults of its own.
 
     What is told of each run is :func:`fault_row` by default. Other arguments and errors are those of
     :func:`twin_gait.studies.run_episodes`; a run that cannot be made is a ParameterError.
     """
+    experiment_of, told = partial(_with_fault, experiment), row or fault_row
     try:
-        rows = run_episodes(
-            partial(_with_fault, experiment),
-            row or fault_row,
-            faults,
-            workers=workers,
-            progress=progress,
-            should_stop=should_stop,
-            on_compile=on_compile,
-        )
+        rows = run_episodes(experiment_of, told, faults, workers=workers, on_compile=on_compile, **watch)
     except JobFailed as error:
         raise ParameterError(f"fault {faults[error.index]}: {error.problem}") from error
     status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED

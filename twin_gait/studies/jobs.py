@@ -14,13 +14,12 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, NamedTuple
+from typing import Any, Generic, NamedTuple, TypedDict, Unpack
 
 import twin_gait
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.parameters import require
-from twin_gait.studies.cluster import ClusterWorkers, connected
-from twin_gait.studies.processes import Item, Processes, Result, WorkersLost
+from twin_gait.studies.workers import ClusterWorkers, Item, Processes, Result, WorkersLost, connected
 
 # Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
 # script that makes the meshes, in urdf; a checkout keeps it outside of the package.
@@ -34,6 +33,18 @@ _ONE_AT_A_TIME = threading.RLock()
 Progress = Callable[[int, int], None]
 Stop = Callable[[], bool]
 BlockFunction = Callable[[Sequence[Item]], Iterable[tuple[int, Result]]]
+
+
+class Watch(TypedDict, total=False):
+    """Who looks on while many items are worked on.
+
+    Attributes:
+        progress: Called with items done and in all.
+        should_stop: Asked before each item; True lets those that run finish and ends the work.
+    """
+
+    progress: Progress | None
+    should_stop: Stop | None
 
 
 class JobFailed(TwinGaitError):
@@ -105,8 +116,7 @@ def run_jobs(
     items: Sequence[Item],
     *,
     workers: int | Workers = 1,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    **watch: Unpack[Watch],
 ) -> list[Result]:
     """Call a function with each of many items, on several processes or a cluster.
 
@@ -120,8 +130,7 @@ def run_jobs(
         function: The function.
         items: Its arguments.
         workers: Processes, or :class:`Workers` that stay from one call to the next, maybe those of a cluster.
-        progress: Called with items done and in all.
-        should_stop: Asked before each item; True lets those that run finish and ends the work.
+        **watch: ``progress`` and ``should_stop``, see :class:`Watch`.
 
     Returns:
         Results in the order of the items; of the first items only if it was stopped.
@@ -131,10 +140,7 @@ def run_jobs(
         ParameterError: If the workers are below 1.
         WorkersLost: If workers die again and again with the same item, or the cluster is lost.
     """
-    function_of_many = partial(one_by_one, function)
-    return run_blocks(
-        function_of_many, items, block=1, workers=workers, progress=progress, should_stop=should_stop
-    )
+    return run_blocks(partial(one_by_one, function), items, block=1, workers=workers, **watch)
 
 
 def run_blocks(
@@ -143,25 +149,25 @@ def run_blocks(
     *,
     block: int,
     workers: int | Workers = 1,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    **watch: Unpack[Watch],
 ) -> list[Result]:
     """:func:`run_jobs` with a function of up to ``block`` items at once.
 
     It gives position among them and result of each, in any order, and raises :class:`JobFailed` with the
     position of an item that failed.
     """
-    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
-        done: dict[int, Result] = {}
-        with closing(
-            portions(function, items, len(items), own, block=block, should_stop=should_stop)
-        ) as coming:
-            for portion in coming:
-                done |= portion.results
-                if portion.problem:
-                    raise JobFailed(*portion.problem)
-                if progress is not None:
-                    progress(len(done), len(items))
+    total, stop = len(items), watch.get("should_stop")
+    tell = watch.get("progress") or (lambda done, total: None)
+    done: dict[int, Result] = {}
+    with (
+        nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own,
+        closing(portions(function, items, total, own, block=block, should_stop=stop)) as coming,
+    ):
+        for portion in coming:
+            done |= portion.results
+            if portion.problem:
+                raise JobFailed(*portion.problem)
+            tell(len(done), total)
     return [done[index] for index in range(len(done))]
 
 
@@ -244,7 +250,9 @@ def sources_hash() -> str:
     """
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()
-    for path in sorted([*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml")]):
+    for path in sorted(
+        [*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml"), *root.glob("studies/tune/*.yaml")]
+    ):
         place = path.relative_to(root)
         if place.parts[0] not in SHOWN_ONLY:
             digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes())

@@ -88,7 +88,7 @@ def _check_options(tables: list[str], approved: list[str], approve: bool, in_c: 
 
 
 def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
-    from twin_gait.configuration.mode_table_file import load_state_table
+    from twin_gait.configuration.gait_table_file import load_state_table
     from twin_gait.exceptions import TwinGaitError
     from twin_gait.gait.program import compile_guards
 

@@ -3,12 +3,12 @@
 The shape of a limb is drawn by eye for a body of 1.75 m and 70 kg and scaled; it carries no data.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
+import yaml
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.wearer import FOOT_HEIGHT, FOOT_LENGTH, TRUNK_LENGTH
@@ -29,34 +29,8 @@ _HIP_CENTRE = 0.055  # half the distance between the hip centres, share of the b
 # How far the limb lies inside the device at knee and ankle, share of the distance at the hip.
 _KNEE_INSIDE, _ANKLE_INSIDE = 0.62, 0.42
 
-# Rings: share of the segment below its upper joint, centre forward, half axis forward and sideways [m].
-_THIGH = (
-    (-0.03, -0.004, 0.080, 0.074), (0.08, -0.002, 0.088, 0.080), (0.30, 0.006, 0.081, 0.075),
-    (0.55, 0.009, 0.068, 0.064), (0.80, 0.007, 0.056, 0.053), (0.95, 0.006, 0.053, 0.050),
-    (1.02, 0.004, 0.050, 0.047),
-)  # fmt: skip
-_SHANK = (
-    (-0.02, 0.005, 0.047, 0.045), (0.08, 0.000, 0.050, 0.048), (0.28, -0.010, 0.056, 0.053),
-    (0.50, -0.010, 0.048, 0.046), (0.75, -0.005, 0.036, 0.035), (0.93, -0.003, 0.033, 0.032),
-    (1.00, -0.004, 0.034, 0.031),
-)  # fmt: skip
-# Share of the foot length from the heel, centre height over the sole, half height and half width, the
-# last three as shares of the foot height.
-_FOOT = (
-    (0.10, 0.52, 0.48, 0.42), (0.24, 0.68, 0.64, 0.50), (0.36, 0.66, 0.64, 0.52), (0.52, 0.48, 0.46, 0.58),
-    (0.70, 0.34, 0.33, 0.66), (0.84, 0.25, 0.24, 0.64), (0.92, 0.20, 0.19, 0.54),
-)  # fmt: skip
-# Height over the hips as a share of the trunk length, centre forward, half axes forward and sideways [m].
-_TRUNK = (
-    (-0.17, -0.006, 0.066, 0.095), (-0.06, -0.014, 0.106, 0.150), (0.06, -0.016, 0.112, 0.166),
-    (0.20, -0.002, 0.098, 0.150), (0.36, 0.010, 0.090, 0.134), (0.55, 0.012, 0.104, 0.148),
-    (0.72, 0.008, 0.115, 0.168), (0.86, -0.004, 0.106, 0.182), (0.95, -0.012, 0.082, 0.172),
-    (1.02, -0.014, 0.060, 0.116), (1.08, -0.008, 0.052, 0.060), (1.20, 0.006, 0.050, 0.051),
-)  # fmt: skip
-_HEAD = (
-    (1.16, 0.020, 0.046, 0.044), (1.22, 0.030, 0.070, 0.060), (1.33, 0.024, 0.092, 0.074),
-    (1.46, 0.012, 0.099, 0.077), (1.55, 0.004, 0.086, 0.069), (1.59, 0.002, 0.066, 0.054),
-)  # fmt: skip
+# Rings of the limbs, see there.
+RINGS = yaml.safe_load(Path(__file__).with_name("body.yaml").read_text(encoding="utf-8"))
 _STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the limb
 
 
@@ -75,15 +49,17 @@ def draw_wearer(
         else:
             shank = figure.segment(leg.knee, leg)
         steps = (inside, _KNEE_INSIDE * inside, _ANKLE_INSIDE * inside)
-        _draw_segment(figure, leg.hip, "thigh", thigh, _THIGH, steps[0], steps[1], patient)
-        _draw_segment(figure, leg.knee, "shank", shank, _SHANK, steps[1], steps[2], patient)
+        _draw_segment(figure, leg.hip, "thigh", thigh, RINGS["thigh"], steps[0], steps[1], patient)
+        _draw_segment(figure, leg.knee, "shank", shank, RINGS["shank"], steps[1], steps[2], patient)
         if leg.ankle is not None:
             foot = shapes.moved(_foot(patient), _axes(-shank, steps[2]))
             figure.draw(leg.ankle, "wearer_foot", foot, SKIN)
     if trunk_joint is not None:
         axes = trunk_axes(figure)
-        figure.draw(trunk_joint, "wearer_trunk", shapes.moved(_torso(_TRUNK, patient, rows=20), axes), CLOTH)
-        figure.draw(trunk_joint, "wearer_head", shapes.moved(_torso(_HEAD, patient), axes), SKIN)
+        figure.draw(
+            trunk_joint, "wearer_trunk", shapes.moved(_torso(RINGS["trunk"], patient, rows=20), axes), CLOTH
+        )
+        figure.draw(trunk_joint, "wearer_head", shapes.moved(_torso(RINGS["head"], patient), axes), SKIN)
 
 
 def trunk_axes(figure: Figure) -> np.ndarray:
@@ -174,7 +150,7 @@ def _foot(patient: Patient) -> Shape:
     length, height = FOOT_LENGTH * patient.height, FOOT_HEIGHT * patient.height
     rings = [
         ((share - 0.25) * length, (centre - 1.0) * height, 0.0, a * height, b * height)
-        for share, centre, a, b in _FOOT
+        for share, centre, a, b in RINGS["foot"]
     ]
     # The rings stand along x: turn the limb's z into x and its x into z.
     turn = np.eye(4)
@@ -188,7 +164,7 @@ def trunk_rings(patient: Patient) -> np.ndarray:
     Returns height over the hips, centre forward, centre to the left, half axes forward and sideways, all in
     [m], from the lowest up, shape ``(n, 5)``.
     """
-    return np.array(_rings(_TRUNK, patient))
+    return np.array(_rings(RINGS["trunk"], patient))
 
 
 def _rings(table: Sequence[Sequence[float]], patient: Patient) -> list[tuple[float, ...]]:

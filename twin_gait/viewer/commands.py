@@ -6,8 +6,6 @@ case of property names, and names every object after its place in the scene, so 
 gives the same bytes.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -181,12 +179,14 @@ def _array(values: np.ndarray, item_size: int, code: int, decimals: int | None =
 
 
 def _surface(material: Material, shape: Shape) -> Command:
+    # Without a graphics card the gloss of a pixel costs more than everything else: chalk does without.
+    chalk = material.roughness >= _CHALK
     surface: Command = {
-        "type": _shading(material),
+        "type": "MeshLambertMaterial" if chalk else "MeshStandardMaterial",
         "color": _integer(material.colour),
         "side": 2 if material.two_sided else 0,
     }
-    if surface["type"] == "MeshStandardMaterial":
+    if not chalk:
         surface |= {"roughness": material.roughness, "metalness": 0.0}
     if material.glow > 0.0:
         surface["emissive"] = _integer(tuple(material.glow * value for value in material.colour))
@@ -196,11 +196,6 @@ def _surface(material: Material, shape: Shape) -> Command:
     if shape.opacity is not None or shape.colours is not None:
         surface["vertexColors"] = True
     return surface
-
-
-def _shading(material: Material) -> str:
-    # Without a graphics card the gloss of a pixel costs more than everything else: chalk does without.
-    return "MeshLambertMaterial" if material.roughness >= _CHALK else "MeshStandardMaterial"
 
 
 def _integer(colour: Sequence[float]) -> int:

@@ -1,7 +1,5 @@
 """The articulated figure: one group per joint, so that a posture is one rotation per joint."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -11,7 +9,7 @@ import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
-from twin_gait.viewer.arcs import LEVELS, TorqueArc, arc_arrow, arc_material
+from twin_gait.viewer.arrows import LEVELS, TorqueArc, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals

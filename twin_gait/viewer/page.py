@@ -41,6 +41,7 @@ SCRIPTS = (
     "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "joints.js",
     "start.js",
 )  # fmt: skip
+_PANEL = ("css", "html", "js")
 FOOTNOTE = "Simulation, not a medical device"
 # A recorded page may run what it holds and load nothing.
 RECORDED_POLICY = (
@@ -152,8 +153,8 @@ def _ink_on(colour: str) -> str:
 
 
 def _luminance(colour: str) -> float:
-    shares = (s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour))
-    return float(np.dot([0.2126, 0.7152, 0.0722], list(shares)))
+    shares = [s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour)]
+    return float(np.dot([0.2126, 0.7152, 0.0722], shares))
 
 
 def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -200,12 +201,9 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
     )
 
 
-def live_page(*, style: str, panel: str, script: str) -> str:
-    """The page of a live walk.
-
-    ``panel``: further HTML, between the curves and the bar; ``script``: further script, after the page's own;
-    it brings the data to ``window.twinGait``.
-    """
+def live_page() -> str:
+    """The page of a live walk, with a panel; its script brings the data to ``window.twinGait``."""
+    style, panel, script = ((PAGE_FOLDER / f"panel.{kind}").read_text(encoding="utf-8") for kind in _PANEL)
     return _fill(
         policy=LIVE_POLICY, title="twin_gait", data=embedded_json({"mode": "live"}),
         bundle=_inside_script(_bundle().decode()), more_style=style, panel=panel,

@@ -1,7 +1,5 @@
 """A page as a picture, drawn by a Chromium that is on this machine."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
@@ -84,8 +82,10 @@ def take_picture(
         source.write_text(page, encoding="utf-8")
         shade = "dark" if dark else "light"
         address = f"{source.as_uri()}#t={time:.3f}&theme={shade}&picture=1"
+        # Chromium refuses to start as root with its sandbox; the page it gets here is our own.
+        sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         command = [
-            browser, *_FLAGS, *_sandbox(), f"--user-data-dir={folder}/profile",
+            browser, *_FLAGS, *sandbox, f"--user-data-dir={folder}/profile",
             f"--window-size={size.width},{size.height}", f"--screenshot={drawn}", address,
         ]  # fmt: skip
         said = _run(command, timeout)
@@ -93,11 +93,6 @@ def take_picture(
     _check(content, size, said, browser)
     write_atomically(path, content)
     return path
-
-
-def _sandbox() -> list[str]:
-    # Chromium refuses to start as root with its sandbox; the page it gets here is our own.
-    return ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
 
 
 def _run(command: list[str], timeout: float) -> str:

@@ -1,10 +1,9 @@
 """A scene that has been drawn, and what changes in it: posture, forces, colours of phases, belt."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,21 +11,29 @@ import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
-from twin_gait.viewer import surroundings, trail
-from twin_gait.viewer.arcs import TorqueArc
+from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer.aids import ROPE, ROPES, Rope, rope_shape
+from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
 from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_lightly, rgb, set_property
 from twin_gait.viewer.figure import Figure, Motor
-from twin_gait.viewer.forces import arrow_state, draw_arrow
-from twin_gait.viewer.harness import ROPE, ROPES, Rope, rope_shape
-from twin_gait.viewer.motion import Motion
-from twin_gait.viewer.trail import StrideTrail
+from twin_gait.viewer.motion import Motion, PhaseSpells
+from twin_gait.viewer.props import Trolley, draw_rail
+from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import Visuals
-from twin_gait.viewer.walkway import Trolley, draw_rail
 from twin_gait.vocabulary import Side
 
 _IDLE = (0.55, 0.60, 0.66)  # covers of motors before a phase is known
 _FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
 RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
+TRAILS = "/meshcat/trail"
+LONGEST_TRAIL = 60  # points; a stride with more frames is thinned
+MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
+FEWEST_POINTS = 4
+LOWEST_TRAIL = 0.008  # height of the path over the belt [m], so that it is seen
+_TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
+_RADIUS = 0.006  # [m]
+_COLUMNS = 5
+_SHORTEST_STEP = 1e-3  # [m]
 
 State = dict[tuple[str, str], Any]
 
@@ -111,17 +118,17 @@ class Scene:
         self.apply({(stride.path, "visible"): False for stride in self.trails})
         self.trails = []
         for side, leg in motion.legs.items():
-            spans = trail.strides(leg.phases, motion.duration)
+            spans = strides(leg.phases, motion.duration)
             ends = [end for _, end in spans[1:]] + [math.inf]
-            for number, (span, following) in enumerate(zip(spans[: trail.MOST_STRIDES], ends, strict=False)):
+            for number, (span, following) in enumerate(zip(spans[:MOST_STRIDES], ends, strict=False)):
                 frames = np.flatnonzero((motion.times >= span[0]) & (motion.times <= span[1]))
-                if leg.phases is None or len(frames) < trail.FEWEST_POINTS:
+                if leg.phases is None or len(frames) < FEWEST_POINTS:
                     continue
                 points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
-                shape = trail.trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
+                shape = trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
                 if shape is not None:
-                    path = f"{trail.ROOT}/{side}_{number}"
-                    draw_lightly(self._window, path, shape, trail.MATERIAL)
+                    path = f"{TRAILS}/{side}_{number}"
+                    draw_lightly(self._window, path, shape, _TRAIL)
                     self.apply({(path, "visible"): False})
                     self.trails.append(StrideTrail(path, span[1], following))
 
@@ -138,7 +145,7 @@ class Scene:
         leg = self.legs[side]
         if leg.contact_frames:
             point = np.mean([self.figure.frame_point(q, frame) for frame in leg.contact_frames], axis=0)
-            return np.asarray(np.maximum(point, [-np.inf, -np.inf, trail.LOWEST]))
+            return np.asarray(np.maximum(point, [-np.inf, -np.inf, LOWEST_TRAIL]))
         last = leg.items()[-1][1]
         return self.figure.world_point(q, last, self.figure.segment(last, leg))
 
@@ -190,3 +197,58 @@ class Scene:
             if self._shown.get((path, name)) != value:
                 self._window.send(set_property(path, name, value))
                 self._shown[path, name] = value
+
+
+@dataclass(frozen=True)
+class StrideTrail:
+    """The path of a stride, shown until the next stride is complete."""
+
+    path: str  # its place in the scene
+    begin: float  # time at which the stride was complete in [s]
+    end: float  # time at which the next one is, in [s]
+
+    def state(self, time: float) -> dict[tuple[str, str], bool]:
+        """Whether the path is shown at a time in [s], by place and property."""
+        return {(self.path, "visible"): self.begin <= time < self.end}
+
+
+def strides(phases: PhaseSpells | None, duration: float) -> list[tuple[float, float]]:
+    """Strides from one entry into the first phase of the table to the next.
+
+    ``phases``: phases of a leg, or None if they are not known; ``duration`` of the motion in [s]. Returns
+    start and end of each complete stride in [s].
+    """
+    if phases is None:
+        return []
+    entries = [float(start) for start, code in zip(*phases, strict=True) if code == 0 and start > 0.0]
+    return [(start, end) for start, end in pairwise(entries) if end <= duration]
+
+
+def trail_shape(
+    times: np.ndarray, points: np.ndarray, phases: PhaseSpells, names: Sequence[str]
+) -> Shape | None:
+    """Make the tube along a path.
+
+    ``times`` of the frames in [s], shape ``(n,)``; ``points`` of the path in [m], shape ``(n, 3)``;
+    ``names``: phases in the order of their codes. Returns the mesh with the colour of the phase at each
+    point, or None if the point hardly moves.
+    """
+    keep = np.unique(np.linspace(0, len(times) - 1, min(len(times), LONGEST_TRAIL)).round().astype(int))
+    keep = keep[_steps_apart(points[keep])]
+    if len(keep) < FEWEST_POINTS:
+        return None
+    tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
+    codes = [phases.at(float(time)) for time in times[keep]]
+    colours = np.array([rgb(phase_colour(names[code], code)) for code in codes])
+    rings = np.repeat(colours, _COLUMNS + 1, axis=0)
+    ends = np.repeat(colours[[0, -1]], _COLUMNS + 2, axis=0)
+    return tube._replace(colours=np.concatenate((rings, ends)))
+
+
+def _steps_apart(points: np.ndarray) -> np.ndarray:
+    """Positions of points that are not at the place of the one before."""
+    kept = [0]
+    for index in range(1, len(points)):
+        if np.linalg.norm(points[index] - points[kept[-1]]) > _SHORTEST_STEP:
+            kept.append(index)
+    return np.array(kept)

@@ -1,7 +1,5 @@
 """Smooth triangle meshes from a few numbers: rounded boxes, turned parts, limbs, arrows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Draw a leg model, or any URDF, with what belongs around it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,19 +9,16 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints, LegModel
-from twin_gait.parameters import CrutchParameters, Patient
+from twin_gait.parameters import ChairParameters, CrutchParameters, Patient
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.bench import draw_bench
+from twin_gait.viewer.aids import DrawnCrutches, draw_harness
+from twin_gait.viewer.arrows import FORCE_ROOT
 from twin_gait.viewer.body import draw_wearer
-from twin_gait.viewer.chair import Chair, DrawnChair
 from twin_gait.viewer.commands import Window, set_transform
-from twin_gait.viewer.crutches import DrawnCrutches
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.forces import FORCE_ROOT
-from twin_gait.viewer.harness import draw_harness
+from twin_gait.viewer.props import DrawnChair, DrawnWalkway, draw_bench
 from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
-from twin_gait.viewer.walkway import DrawnWalkway
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 
 _BAR_ABOVE_HEAD = 0.08  # [m]
@@ -49,7 +44,7 @@ class Setting(TypedDict, total=False):
     slope: float
     ropes: bool
     crutches: CrutchParameters | None
-    chair: Chair | None
+    chair: ChairParameters | None
 
 
 def build_scene(

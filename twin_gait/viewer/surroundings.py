@@ -1,7 +1,5 @@
 """What stands around the figure: light, floor, treadmill, the mast of the ropes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

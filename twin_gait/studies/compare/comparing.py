@@ -3,15 +3,17 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import yaml
 from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
-from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.simulation import Run
@@ -56,36 +58,8 @@ class Controller:
         return replace(experiment, control=control)
 
 
-_AS_NEEDED = "the table; from stride to stride as much of it as the tracking error asks for"
-_CARRIED = "no spring; the gear's friction and the leg's weight in swing are carried"
-_CONTROLLERS = (
-    Controller("table", "five-phase table", "spring and damper of the gait table", "impedance"),
-    Controller(
-        "position", "position tracking", "a stiff spring that follows a predetermined path", "position"
-    ),
-    Controller("assist_as_needed", "assist as needed", _AS_NEEDED, "impedance", adaptive=True),
-    Controller(
-        "twincare",
-        "partial assistance",
-        "the table, a fixed share of it per joint",
-        "impedance",
-        partial=True,
-    ),
-    Controller("transparent", "friction compensation only", _CARRIED, "transparent"),
-    Controller(
-        "gravity",
-        "gravity compensation",
-        "no spring; friction and the leg's whole weight are carried",
-        "gravity",
-    ),
-    Controller(
-        "constant",
-        "constant impedance",
-        "one spring for the whole stride, the mean of the table's",
-        "constant",
-    ),
-)
-CONTROLLERS = {item.name: item for item in _CONTROLLERS}
+_ROWS = yaml.safe_load(Path(__file__).with_name("controllers.yaml").read_text(encoding="utf-8"))
+CONTROLLERS = {name: Controller(name=name, **row) for name, row in _ROWS.items()}
 
 
 def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
@@ -98,10 +72,6 @@ def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
         if name in names[:place]:
             raise ParameterError(f"controllers: {name} is named twice; leave one out")
     return tuple(CONTROLLERS[name] for name in names)
-
-
-class ComparisonInterrupted(TwinGaitError):
-    """The comparison was stopped before it was done."""
 
 
 class Interval(NamedTuple):
@@ -161,10 +131,10 @@ def compare(
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
-) -> Comparison:
+) -> Comparison | None:
     """Run every controller on every day; all controllers meet the same days.
 
-    What cannot be compared is a ParameterError; one that was stopped, a ComparisonInterrupted.
+    Returns the comparison, or None if it was stopped; what cannot be compared is a ParameterError.
     """
     _check(experiment, seeds)
     days = [varied(experiment, seed) for seed in range(seeds)]
@@ -177,19 +147,16 @@ def compare(
             name, seed = asked[place][0].name, asked[place][1]
             if seed == 0:
                 nominal[name] = run
-            trip = (
-                ""
-                if run.trip is None
-                else f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
-            )
-            ending = {"status": str(run.status), "trip": trip}
+            ending = {"status": str(run.status), "trip": ""}
+            if run.trip is not None:
+                ending["trip"] = f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
             rows[place] = {"controller": name, "seed": seed, **ending, **run_measures(run)}
             if progress is not None:
                 progress(len(rows), len(asked))
     except EpisodeFailed as error:
         raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
     if len(rows) < len(asked):
-        raise ComparisonInterrupted("interrupted; nothing was written")
+        return None
     table = pd.DataFrame([rows[place] for place in range(len(asked))])
     return Comparison(experiment, tuple(controllers), seeds, table, nominal)
 

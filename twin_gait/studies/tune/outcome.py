@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -20,12 +20,19 @@ from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
-from twin_gait.studies.jobs import Progress, Stop, Workers
-from twin_gait.studies.tune.cases import check_walker, departures, search_cases
+from twin_gait.studies.jobs import Watch, Workers
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, errors_of, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import standing, table_of, walk_all, walker
+from twin_gait.studies.tune.walks import (
+    check_walker,
+    departures,
+    search_cases,
+    standing,
+    table_of,
+    walk_all,
+    walker,
+)
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
@@ -42,27 +49,21 @@ def write_tuning(
     *,
     wearer: str,
     workers: Workers | None = None,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    **watch: Unpack[Watch],
 ) -> dict[str, Any] | None:
     """Choose the table, see how it degrades, and write everything beside the state, for a wearer in words.
 
     Returns content of ``tune.json``; None if it was stopped before. Raises ParameterError if no table passes
     the check.
     """
-    directory = directory.expanduser().absolute()
-    assert tuning.before is not None  # a completed tuning has it
     chosen = choose(tuning, experiment)
-    table = final_table(chosen, experiment, wearer)
-    start = tuning.before.table
-    work = workers or Workers()
-    departed = walk_departures(
-        start, table, experiment, settings, work, progress=progress, should_stop=should_stop
-    )
+    table, start = final_table(chosen, experiment, wearer), tuning.before.table
+    departed = walk_departures(start, table, experiment, settings, workers or Workers(), **watch)
     if departed is None:
         return None
     result = outcome(tuning, chosen, experiment, settings, wearer, departed)
-    _write(directory, table, result, gait_curves(start, table, experiment, settings))
+    curves = gait_curves(start, table, experiment, settings)
+    _write(directory.expanduser().absolute(), table, result, curves)
     return result
 
 
@@ -92,7 +93,7 @@ def outcome(
 ) -> dict[str, Any]:
     """Content of ``tune.json``; ``departed`` is from :func:`walk_departures`."""
     before = tuning.before
-    assert before is not None and tuning.state.start_cost is not None  # a completed tuning has both
+    assert tuning.state.start_cost is not None  # a completed tuning has it
     speed = settings.reference_speed or check_walker(experiment)[0].speed
     after, generations = chosen.finalist, tuning.state.generations
     return {
@@ -142,9 +143,7 @@ def walk_departures(
     experiment: Experiment,
     settings: Settings,
     workers: Workers,
-    *,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
+    **watch: Unpack[Watch],
 ) -> dict[str, Any] | None:
     """How two tables degrade as the world departs from what one of them was tuned for.
 
@@ -157,8 +156,7 @@ def walk_departures(
     walks = [
         case.change(replace(walked, table=table)) for item in found for table in tables for case in item.cases
     ]
-    speed = settings.reference_speed
-    results = walk_all(walks, workers, reference_speed=speed, progress=progress, should_stop=should_stop)
+    results = walk_all(walks, workers, reference_speed=settings.reference_speed, **watch)
     if results is None:
         return None
     rest = iter(results)
@@ -201,18 +199,14 @@ def gait_curves(
 
 def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
     """Named parts side by side, each with its verdict."""
-    costs = part_costs(before.values, before.joints), part_costs(after.values, after.joints)
-    return [
-        {
-            **asdict(part),
-            "before": (first := before.values[part.name]),
-            "after": (second := after.values[part.name]),
-            "cost_before": costs[0][part.name],
-            "cost_after": costs[1][part.name],
-            "verdict": verdict(first, second, part.goal),
-        }
-        for part in before.parts
-    ]
+    first, second = (part_costs(walk.values, walk.joints) for walk in (before, after))
+    found = []
+    for part in before.parts:
+        was, now = before.values[part.name], after.values[part.name]
+        costs = {"cost_before": first[part.name], "cost_after": second[part.name]}
+        told = verdict(was, now, part.goal)
+        found.append({**asdict(part), "before": was, "after": now, **costs, "verdict": told})
+    return found
 
 
 def verdict(before: float | None, after: float | None, goal: float) -> str:
@@ -227,17 +221,12 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
 def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict[str, Any]:
     """Standings of all candidates of the search, and of the table before and the chosen one in its cases."""
     names = [case.name for case in search_cases(experiment)]
-
-    def of(finalist: Finalist) -> list[float | None]:
-        return standing([walk for name, walk in finalist.walks if name in names])
-
-    assert tuning.before is not None  # a completed tuning has it
-    return {
-        "cases": names[1:],
-        "candidates": [item for generation in tuning.state.generations for item in generation.tried],
-        "before": of(tuning.before),
-        "after": of(after),
-    }
+    before, after_it = (
+        standing([walk for name, walk in finalist.walks if name in names])
+        for finalist in (tuning.before, after)
+    )
+    candidates = [item for generation in tuning.state.generations for item in generation.tried]
+    return {"cases": names[1:], "candidates": candidates, "before": before, "after": after_it}
 
 
 def _walk(walk: Rating) -> dict[str, Any]:
@@ -245,25 +234,17 @@ def _walk(walk: Rating) -> dict[str, Any]:
 
 
 def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
-    def of(name: str) -> list[float | None]:
-        return [None if walk.fell else walk.values[name] for walk in walks]
-
-    return {
-        **{part.name: of(part.name) for part in errors_of(walks[0].joints)},
-        "fell": [walk.fell for walk in walks],
-    }
+    errors = [part.name for part in errors_of(walks[0].joints)]
+    found = {name: [None if walk.fell else walk.values[name] for walk in walks] for name in errors}
+    return {**found, "fell": [walk.fell for walk in walks]}
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
     points = chosen.points or tuple(item.start_coordinate for item in tuning.parameters)
     return [
         {
-            "name": item.name,
-            "unit": item.unit,
-            "start": item.start,
-            "tuned": item.value(point),
-            "lower": item.lower,
-            "upper": item.upper,
+            "name": item.name, "unit": item.unit, "start": item.start, "tuned": item.value(point),
+            "lower": item.lower, "upper": item.upper,
         }
         for item, point in zip(tuning.parameters, points, strict=True)
-    ]
+    ]  # fmt: skip

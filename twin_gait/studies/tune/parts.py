@@ -14,9 +14,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 
 from twin_gait.experiment import Experiment
 from twin_gait.files import finite_or_none
@@ -57,32 +59,10 @@ class Part:
 
 
 SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
-_TOE = f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by"
-_PROPULSION, _YIELD = "propulsion, lacking to the healthy", "yield of the knee under load, lacking"
-# 60 N m is the motors' limit. Forces are over the weight that the legs carry.
 ERROR_GOALS = {JointName.HIP: 4.0, JointName.KNEE: 6.5, JointName.ANKLE: 7.0}
-_OTHERS = (
-    Part("knee_at_contact_deg", "knee at foot contact", "°", goal=9.0, weight=0.25),
-    Part("yield_lack_deg", _YIELD, "°", goal=4.0, weight=0.25),
-    Part("stride_time_error_pct", "stride time, off the healthy", "%", goal=10.0, weight=0.5),
-    Part("stride_variation_pct", "stride variation", "%", goal=2.0, weight=0.25),
-    Part("load_peak_pct", "peak load, above the weight", "%", goal=20.0, weight=0.5),
-    Part("trough_pct", "load in midstance, below the weight", "%", goal=30.0, weight=0.5),
-    Part("slow_loading_pct", "load at 6 to 20 %, below the weight", "%", goal=60.0, weight=0.5),
-    Part("fore_aft_pct", "mean fore-aft force of the feet", "%", goal=1.4, weight=0.5),
-    Part("propulsion_lack_pct", _PROPULSION, "%", goal=50.0, weight=0.25),
-    Part("second_contacts_per_stride", "second contacts", "per stride", goal=0.25, weight=0.25),
-    Part("scuffs_per_stride", "toe scuffs", "per stride", goal=0.25, weight=0.25),
-    Part("saturated_pct", "time at a motor limit", "%", goal=4.0, weight=0.5),
-    Part("torque_change_Nm", "torque change over a blend", "N m", goal=60.0, weight=0.25),
-    Part("torque_jump_Nm", "torque jump in 1 ms", "N m", goal=6.0, weight=0.25),
-    Part("clearance_lack_mm", _TOE, "mm", goal=3.0, weight=0.25),
-    Part("asymmetry_pct", "difference of the legs", "%", goal=10.0, weight=0.25),
-)
-# Beside them, where the trunk is free: what a walk that resembles the healthy one may still lack.
-_FREE = (
-    Part("slowness_pct", "speed over the ground, lacking", "%", goal=10.0, weight=1.0),
-    Part("crutch_load_pct", "mean load of a crutch", "% of weight", goal=10.0, weight=0.5),
+_OTHERS, _FREE = (
+    tuple(Part(name, **row) for name, row in rows.items())
+    for rows in yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8")).values()
 )
 
 
@@ -115,6 +95,7 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     sides = [_leg(run, leg) for leg in legs]
     joints = [joint for side in sides for joint in side["joints"].values()]
     walks = list(run.walk_measures().values())
+    least = [side["toe_clearance_least_m"] for side in sides]
     # Contacts of a foot that has just landed; further contacts in swing are scuffs.
     bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
     return {
@@ -133,7 +114,9 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
         "saturated_pct": _percent(_largest(joint["saturated_share"] for joint in joints)),
         "torque_change_Nm": _largest(joint["switch_torque_change_Nm"] for joint in joints),
         "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
-        "clearance_lack_mm": _clearance_lack(sides),
+        "clearance_lack_mm": None
+        if None in least
+        else max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least))),
         "asymmetry_pct": _percent(_asymmetry(sides)),
         **_of_free_trunk(run),
     }
@@ -371,8 +354,3 @@ def _asymmetry(sides: Sequence[Mapping[str, Any]]) -> float | None:
     for joint in sides[0]["joints"]:
         pairs.append([side["joints"][joint]["range_of_motion_deg"] for side in sides])
     return _largest(None if None in pair else abs(symmetry_index(*pair)) for pair in pairs)
-
-
-def _clearance_lack(sides: Sequence[Mapping[str, Any]]) -> float | None:
-    least = [side["toe_clearance_least_m"] for side in sides]
-    return None if None in least else max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least)))

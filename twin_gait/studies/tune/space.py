@@ -8,13 +8,14 @@ import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.overrides import assign
+from twin_gait.configuration.validation import assign
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison
 from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable
@@ -34,7 +35,7 @@ BLENDING_MS = (15.0, 120.0)
 _SIGNIFICANT = 12  # digits that survive the way from degrees to radians and back
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Parameter:
     """One number of a gait table."""
 
@@ -104,7 +105,7 @@ def parameters_of(
     if blending and table.blending.law is not BlendingLaw.NONE:
         lower, upper = BLENDING_MS
         start = float(table.blending.duration_ticks)
-        found.append(_parameter(("blending", "duration_ms"), "ms", start, lower, upper, 0))
+        found.append(_parameter(("blending", "duration_ms"), start, "ms", lower, upper, 0))
     if thresholds:
         found += _thresholds(table)
     return tuple(found)
@@ -142,45 +143,30 @@ def _tidy(value: float) -> float:
 def _impedances(
     phases: Mapping[str, Any], joints: Sequence[str], path: tuple[str, ...]
 ) -> Iterator[Parameter]:
-    for phase, entries in phases.items():
-        for joint in joints:
-            entry, place = entries[joint], (*path, phase, str(joint))
-            stiffness, angle = entry["stiffness_Nm_per_deg"], entry["equilibrium_deg"]
-            bounds: dict[str, tuple[str, float, float, int]] = {
-                "equilibrium_deg": ("deg", angle - ANGLE_REACH, angle + ANGLE_REACH, 1),
-                "damping_ratio": ("", *DAMPING_RATIOS, 2),
-                "damping_Nms_per_rad": ("Nm s/rad", *DAMPINGS, 1),
-                "friction_compensation_gain": ("", GAIN_RANGE.least, GAIN_RANGE.most, 2),
-            }
-            if stiffness > 0.0:  # steps by ratios never leave zero
-                soft, stiff = SOFTEST, STIFFEST[JointName(joint)]
-                name = (*place, "stiffness_Nm_per_deg")
-                yield _parameter(name, "Nm/deg", stiffness, soft, stiff, 2, logarithmic=True)
-            for key, (unit, lower, upper, digits) in bounds.items():
-                if key in entry and not (key == "damping_Nms_per_rad" and "damping_ratio" in entry):
-                    yield _parameter((*place, key), unit, entry[key], lower, upper, digits)
+    for phase, joint in product(phases, joints):
+        entry, place = phases[phase][joint], (*path, phase, str(joint))
+        stiffness, angle = entry["stiffness_Nm_per_deg"], entry["equilibrium_deg"]
+        bounds: dict[str, tuple[str, float, float, int]] = {
+            "stiffness_Nm_per_deg": ("Nm/deg", SOFTEST, STIFFEST[JointName(joint)], 2),
+            "equilibrium_deg": ("deg", angle - ANGLE_REACH, angle + ANGLE_REACH, 1),
+            "damping_ratio": ("", *DAMPING_RATIOS, 2),
+            "damping_Nms_per_rad": ("Nm s/rad", *DAMPINGS, 1),
+            "friction_compensation_gain": ("", GAIN_RANGE.least, GAIN_RANGE.most, 2),
+        }
+        if stiffness == 0.0:  # steps by ratios never leave zero
+            del bounds["stiffness_Nm_per_deg"]
+        if "damping_ratio" in entry:
+            del bounds["damping_Nms_per_rad"]
+        for key in filter(entry.__contains__, bounds):
+            yield _parameter((*place, key), entry[key], *bounds[key])
 
 
 def _parameter(
-    path: tuple[str | int, ...],
-    unit: str,
-    start: float,
-    lower: float,
-    upper: float,
-    digits: int,
-    *,
-    logarithmic: bool = False,
+    path: tuple[str | int, ...], start: float, unit: str, lower: float, upper: float, digits: int
 ) -> Parameter:
-    return Parameter(
-        name=".".join(str(step) for step in path if step != "phases"),
-        path=path,
-        unit=unit,
-        start=start,
-        lower=min(lower, start),
-        upper=max(upper, start),
-        digits=digits,
-        logarithmic=logarithmic,
-    )
+    name, stiff = ".".join(str(step) for step in path if step != "phases"), path[-1] == "stiffness_Nm_per_deg"
+    least, most = min(lower, start), max(upper, start)
+    return Parameter(name, path, unit, start, least, most, digits, logarithmic=stiff)
 
 
 def _thresholds(table: GaitTable) -> Iterator[Parameter]:
@@ -198,14 +184,6 @@ def _comparisons(whole: AllOf | AnyOf, path: tuple[str | int, ...], cause: str) 
             yield from _comparisons(guard, (*path, index), cause)
         elif isinstance(guard, Comparison) and signal_of(guard.signal) is ANGLE:
             left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
-            start, reach = guard.threshold, THRESHOLD_REACH
-            yield Parameter(
-                name=f"{cause}: {left} {guard.operator}",
-                path=(*path, index),
-                unit="deg",
-                start=start,
-                lower=start - reach,
-                upper=start + reach,
-                digits=1,
-                guard=guard,
-            )
+            name, start = f"{cause}: {left} {guard.operator}", guard.threshold
+            lower, upper = start - THRESHOLD_REACH, start + THRESHOLD_REACH
+            yield Parameter(name, (*path, index), "deg", start, lower, upper, 1, guard=guard)

@@ -18,7 +18,6 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
 from twin_gait.runs.folders import FolderKind, check_target
-from twin_gait.simulation import RunStatus
 from twin_gait.studies.jobs import sources_hash
 from twin_gait.studies.tune.parts import AIM, FALL, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, parts_of
 from twin_gait.studies.tune.search import Descent, Generation
@@ -126,10 +125,9 @@ class Finalist:
 class Tuning:
     """Result of a tuning."""
 
-    status: RunStatus  # ``COMPLETED``, or ``INTERRUPTED``: then only the state is kept
     parameters: tuple[Parameter, ...]  # all numbers that were searched for
     state: State  # with all generations
-    before: Finalist | None  # the table that was to be bettered
+    before: Finalist  # the table that was to be bettered
     ranked: tuple[Finalist, ...]  # all finalists, the best first; ``before`` is one of them
 
 

@@ -1,31 +1,244 @@
 """Tune a gait table to a wearer: search, robust set, and the choice of the table."""
 
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from twin_gait.checking.check import build_case, check
 from twin_gait.checking.finding import Finding, Severity
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.together import compile_ahead
 from twin_gait.studies.jobs import Stop, Workers
-from twin_gait.studies.tune.cases import check_walker
-from twin_gait.studies.tune.space import with_own_sides
-from twin_gait.studies.tune.stages import Stages, Stopped
+from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
+from twin_gait.studies.tune.search import Descent, Generation
+from twin_gait.studies.tune.space import editable_document, parameters_of, table_with, with_own_sides
 from twin_gait.studies.tune.state import (
     Finalist,
     Progress,
     Settings,
+    State,
     Tuning,
     identity,
     open_state,
     write_state,
 )
-from twin_gait.studies.tune.walks import table_of
+from twin_gait.studies.tune.walks import (
+    Case,
+    check_walker,
+    corner_cases,
+    quick_errors,
+    robust_cases,
+    search_cases,
+    standing,
+    table_of,
+    walk_all,
+    walker,
+    weighted_cost,
+)
 from twin_gait.worlds.scenario import BELT_SPEED
+
+# Share of the minutes for the search; the robust set, the departures and the report take the rest.
+SEARCH_SHARE = 0.75
+SEARCH_WALKS = 1000  # or more, for which loops are compiled
+RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
+FINALISTS = 5  # of the search, beside the table that is to be bettered
+
+
+class Stopped(Exception):  # not an error: somebody asked for it
+    """The tuning was asked to stop."""
+
+
+class Stages:
+    """One call of :func:`twin_gait.studies.tune.tune.tune`: what its stages share."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        settings: Settings,
+        workers: Workers,
+        state: State,
+        directory: Path,
+        progress: Callable[[Progress], None] | None,
+        should_stop: Stop | None,
+    ) -> None:
+        """Begin; nothing is walked. The arguments are those of :func:`twin_gait.studies.tune.tune.tune`."""
+        self._settings, self._workers, self._state = settings, workers, state
+        self._directory, self._should_stop = directory, should_stop
+        self._progress = progress or (lambda step: None)
+        self._began, self._before = time.perf_counter(), state.elapsed
+        self._experiment = replace(experiment, seed=settings.seed)
+        self._table = editable_document(experiment.table)
+        self._parameters = parameters_of(
+            experiment.table, thresholds=settings.thresholds, blending=settings.blending
+        )
+        self._best: tuple[float, Mapping[str, float | None]] = (float("inf"), {})
+        corners = corner_cases() if settings.everyone else ()
+        self._search_cases = (*search_cases(self._experiment), *corners)
+        self._robust_cases = (*robust_cases(self._experiment), *corners)
+
+    def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
+        """Run all stages, unless somebody asks to stop."""
+        self._compile(on_compile)
+        self._search(self._started())
+        finalists = self._finalists()
+        ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
+        self.keep()
+        return Tuning(self._parameters, self._state, finalists[0], tuple(ranked))
+
+    def keep(self) -> None:
+        """Write the state."""
+        self._state.elapsed = self._elapsed()
+        write_state(self._state, self._directory)
+
+    def _elapsed(self) -> float:
+        return self._before + time.perf_counter() - self._began
+
+    def _tell(self, stage: str, done: int, total: int | None) -> None:
+        start = float("inf") if self._state.start_cost is None else self._state.start_cost
+        self._progress(Progress(stage, done, total, self._elapsed(), start, *self._best))
+
+    def _compile(self, on_compile: Callable[[], None] | None) -> None:
+        """Compile here what no worker has to, before all of them would."""
+        cases, duration = self._robust_cases, self._settings.search_duration
+        for number, case in enumerate(cases):
+            self._tell("compiling", number, len(cases))
+            for quick in (False, True):
+                walked = case.change(walker(self._experiment, duration=duration, quick=quick))
+                try:
+                    build_problem(walked)
+                except TwinGaitError as error:
+                    raise ParameterError(f"{case.name}: {error}") from error
+                walks = SEARCH_WALKS if quick else (FINALISTS + 1) * len(cases)
+                compile_ahead(walked, walks, on_compile)
+
+    def _walk(
+        self, tables: Sequence[GaitTable], cases: Sequence[Case], *, last: bool = False
+    ) -> list[Rating]:
+        """Walks of each table in each case: short and quick ones, or the last ones."""
+        settings = self._settings
+        duration = settings.robust_duration if last else settings.search_duration
+        walked = walker(self._experiment, duration=duration, quick=not last)
+        results = walk_all(
+            [case.change(replace(walked, table=table)) for table in tables for case in cases],
+            self._workers,
+            reference_speed=settings.reference_speed,
+            progress=(lambda done, total: self._tell("robust set", done, total)) if last else None,
+            should_stop=self._should_stop,
+        )
+        if results is None:
+            raise Stopped
+        return results
+
+    def _started(self) -> Descent:
+        """Walk the table that is to be bettered, or go on."""
+        walks = self._walk([self._experiment.table], self._search_cases)
+        cost, nominal = weighted_cost(walks), walks[0]
+        self._state.start_cost = cost
+        self._best = cost, nominal.values
+        if self._state.descent is None:
+            point = [item.start_coordinate for item in self._parameters]
+            self._state.descent = Descent(point, cost, _listed(nominal), [])
+            first = Generation(point, cost, nominal_cost(nominal), [standing(walks)])
+            self._state.generations.append(first)
+        self.keep()
+        return self._state.descent
+
+    def _search(self, descent: Descent) -> None:
+        if descent.cost < self._best[0]:
+            self._best = (descent.cost, {})  # found before the tuning was stopped; its parts were not kept
+        while not self._over(descent):
+            self._tell("search", descent.generation, self._settings.generations)
+            self._state.generations.append(self._generation(descent))
+            self.keep()
+
+    def _generation(self, descent: Descent) -> Generation:
+        """Walk one generation and go on from its best candidate."""
+        first, *corners = self._search_cases
+        points = descent.neighbours()
+        tables = [self._table_at(point) for point in points]
+        walks = self._walk(tables, [first])
+        slopes = replace(descent)  # as long as the generation may be stopped, the state is that before it
+        slopes.learn(points, [residuals(walk) for walk in walks])
+        steps = slopes.steps()
+        dampings = [None] * len(points) + [damping for damping, _ in steps]
+        points += [point for _, point in steps]
+        tables += [self._table_at(point) for _, point in steps]
+        walks += self._walk(tables[len(walks) :], [first])
+        nominal = [nominal_cost(walk) for walk in walks]
+        raced = sorted(range(len(points)), key=lambda place: (nominal[place], place))[:RACED]
+        others = self._walk([tables[place] for place in raced], corners)
+        size = len(corners)
+        known = {place: [walk] for place, walk in enumerate(walks)}
+        for number, place in enumerate(raced):
+            known[place] += others[number * size : (number + 1) * size]
+        costs = {place: weighted_cost(known[place]) for place in raced}
+        descent.slopes = slopes.slopes
+        for place in sorted(costs, key=lambda place: costs[place]):
+            if costs[place] >= descent.cost:
+                descent.stay()
+                break
+            if not quick_errors(replace(self._experiment, table=tables[place])):
+                descent.go_to(points[place], costs[place], _listed(walks[place]), dampings[place])
+                self._best = costs[place], walks[place].values
+                break
+        else:
+            descent.stay()
+        tried = [standing(item) for item in known.values()]
+        return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
+
+    def _table_at(self, point: Sequence[float]) -> GaitTable:
+        return table_of(table_with(self._table, self._parameters, point))
+
+    def _over(self, descent: Descent) -> bool:
+        """Whether the search has come to its end, or had its generations or time; one it always gets."""
+        done, wanted = descent.generation, self._settings.generations
+        if descent.has_ended:
+            return True
+        if wanted is not None:
+            return done >= wanted
+        return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self._settings.minutes
+
+    def _finalists(self) -> list[Finalist]:
+        """What was to be bettered, and where the search stood, over the robust set."""
+        start_cost = self._state.start_cost
+        assert start_cost is not None  # walked before
+        chosen: list[tuple[tuple[float, ...] | None, float, dict[str, Any]]] = [
+            (None, start_cost, self._table)
+        ]
+        for item in leaders(self._state.generations, FINALISTS):
+            table = table_with(self._table, self._parameters, item.point)
+            if all(table != other for _, _, other in chosen):
+                chosen.append((tuple(item.point), item.cost, table))
+        cases = self._robust_cases
+        results = self._walk([table_of(table) for _, _, table in chosen], cases, last=True)
+        names = [case.name for case in cases]
+        return [
+            Finalist(table, points, cost, tuple(zip(names, results[i * len(cases) :], strict=False)))
+            for i, (points, cost, table) in enumerate(chosen)
+        ]
+
+
+def _listed(walk: Rating) -> list[float]:
+    found = residuals(walk)
+    return [] if found is None else found.tolist()
+
+
+def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
+    """Where the search stood at the end of each of so many stretches, the latest first; at last its start.
+
+    What lies side by side in the last generations falls over the same case.
+    """
+    ends = np.linspace(len(generations) - 1, 0, count).round().astype(int)
+    points = {tuple(generations[place].point): generations[place] for place in ends.tolist()}
+    return list(points.values())
 
 
 def tune(
@@ -39,7 +252,7 @@ def tune(
     progress: Callable[[Progress], None] | None = None,
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
-) -> Tuning:
+) -> Tuning | None:
     """Search and rank, keeping the state in a folder after every step.
 
     The result depends on the experiment, the settings and the number of generations, neither on the workers
@@ -50,6 +263,9 @@ def tune(
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
+
+    Returns:
+        The tuning; None if it was stopped.
 
     Raises:
         ParameterError: If there is nothing to tune, or the settings make no sense.
@@ -73,7 +289,7 @@ def tune(
         return work.everything(on_compile)
     except Stopped:
         work.keep()
-        return work.unfinished()
+        return None
 
 
 def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **settings: Any) -> GaitTable:
@@ -91,6 +307,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     """
     with tempfile.TemporaryDirectory() as folder:
         tuning = tune(experiment, Path(folder) / "tuning", Settings(**settings), workers=workers)
+        assert tuning is not None  # nobody stops it
         chosen = choose(tuning, experiment)
     return table_of(chosen.finalist.table)
 

@@ -1,17 +1,156 @@
-"""What a page hears: the panel, frames of the walk, and events."""
+"""What a page says to the simulation and what it hears back, as plain values.
+
+Everything that comes from a page is JSON text and becomes one of two messages, or a refusal; nothing else is
+ever read from the network. Everything that goes to a page is a mapping with a ``kind``:
+
+* ``state``: the panel: all controls and actions with ranges, units and present values;
+* ``frame``: one moment of the walk, some thirty times a second; the newest is the one that counts;
+* ``event``: what became of a message, or what the simulation did by itself; none of them is dropped.
+"""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeGuard
 
+from twin_gait.exceptions import TwinGaitError
 from twin_gait.files import finite_or_none
-from twin_gait.live.protocol.from_page import Action, MessageRefused, Value
 
+LARGEST_MESSAGE = 4096  # [bytes]; the longest sensible message has some 300
+LONGEST_NAME = 64  # characters of an id, a user, a control
+LONGEST_TEXT = 200  # characters of any other text
+MOST_VALUES = 8  # values of an action
+
+
+class MessageRefused(TwinGaitError, ValueError):
+    """A message of a page cannot be understood, or asks for something that is not allowed."""
+
+
+class Action(StrEnum):
+    """What a page can have done, beside setting a control."""
+
+    WALK = "walk"
+    PAUSE = "pause"
+    STEP = "step"
+    REQUEST = "request"
+    PUSH = "push"
+    FAULT = "fault"
+    REVERT = "revert"
+    RESTART = "restart"
+    SAVE = "save"
+    STOP = "stop"
+
+
+Value = float | str | bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetControl:
+    """A page sets a control."""
+
+    id: str  # by which the page recognises the answer
+    user: str  # who
+    control: str  # name of the control
+    value: Value  # in the unit of the control
+    trying: bool = False  # whether only a forecast is wanted
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoAction:
+    """A page asks for an action."""
+
+    id: str  # by which the page recognises the answer
+    user: str  # who
+    action: Action  # what to do
+    # of the fields of the action; those left out take their defaults
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+
+Message = SetControl | DoAction
+
+
+def read_message(text: str | bytes) -> Message:
+    """Read a message of a page.
+
+    ``text``: JSON: ``{"kind": "set", "id", "user", "control", "value"}``, the same with ``try`` for a
+    forecast of it, or ``{"kind": "do", "id", "user", "action", "values"}``. Raises MessageRefused if it is
+    anything else; the text says why.
+    """
+    size = len(text.encode("utf-8", "replace")) if isinstance(text, str) else len(text)
+    if size > LARGEST_MESSAGE:
+        raise MessageRefused(f"message: {size} bytes, at most {LARGEST_MESSAGE} are read")
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        raise MessageRefused("message: expected JSON") from None
+    if not isinstance(data, dict):
+        raise MessageRefused("message: expected an object with kind, id and user")
+    kind = data.get("kind")
+    if kind not in ("set", "try", "do"):
+        raise MessageRefused(f"kind: expected set, try or do, got {_short(kind)}")
+    readers = _DO if kind == "do" else _SET
+    for key in data:
+        if key != "kind" and key not in readers:
+            known = ", ".join(("kind", *readers))
+            raise MessageRefused(f"{_short(key)}: unknown; a message of this kind has {known}")
+    found = {
+        key: read(key, data[key] if key in data else _LEFT_OUT.get(key)) for key, read in readers.items()
+    }
+    return DoAction(**found) if kind == "do" else SetControl(**found, trying=kind == "try")
+
+
+def id_of(text: str | bytes) -> str:
+    """Id of a message that was refused, so that the page can tell which; empty if it has none."""
+    try:
+        found = json.loads(text).get("id") if len(text) <= LARGEST_MESSAGE else None
+    except (ValueError, AttributeError, RecursionError):
+        return ""
+    return found if _is_text(found, LONGEST_NAME) else ""
+
+
+def _is_text(value: Any, longest: int) -> TypeGuard[str]:
+    return isinstance(value, str) and len(value) <= longest and value.isprintable()
+
+
+def _name(key: str, value: Any) -> str:
+    if not _is_text(value, LONGEST_NAME) or not (value or key == "user"):
+        raise MessageRefused(f"{key}: expected a text of 1 to {LONGEST_NAME} characters, got {_short(value)}")
+    return value
+
+
+def _value(key: str, value: Any) -> Value:
+    if isinstance(value, bool) or _is_text(value, LONGEST_TEXT):
+        return value
+    if isinstance(value, int | float) and abs(value) < 1e300 and math.isfinite(value):
+        return float(value)
+    raise MessageRefused(f"{key}: expected a number, a short text or true or false, got {_short(value)}")
+
+
+def _action(key: str, value: Any) -> Action:
+    if not isinstance(value, str) or value not in list(Action):
+        raise MessageRefused(f"{key}: no {_short(value)}; there are {', '.join(Action)}")
+    return Action(value)
+
+
+def _values(key: str, value: Any) -> dict[str, Value]:
+    if not isinstance(value, dict) or len(value) > MOST_VALUES:
+        raise MessageRefused(f"{key}: expected an object with at most {MOST_VALUES} values")
+    return {name: _value(name, item) for name, item in value.items()}
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 40 else text[:37] + "…"
+
+
+# What a message has, with who reads it, and what is meant where it is left out.
+_SET: dict[str, Callable[[str, Any], Any]] = {"id": _name, "user": _name, "control": _name, "value": _value}
+_DO: dict[str, Callable[[str, Any], Any]] = {"id": _name, "user": _name, "action": _action, "values": _values}
+_LEFT_OUT: dict[str, Any] = {"user": "", "values": {}}
 PROTOCOL_VERSION = 1
 
 
@@ -60,7 +199,7 @@ class Control:
 
     def to_dict(self) -> dict[str, Any]:
         """The control as JSON takes it, with ``changed``."""
-        return {**asdict(self), "choices": list(self.choices), "changed": self.changed}
+        return {**asdict(self), "changed": self.changed}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +248,7 @@ class Frame:
         """The frame as JSON takes it; numbers that are not finite become null."""
         log = {key: _finite(value) for key, value in self.log.items()}
         numbers = {"q": [_finite(item) for item in self.q], "log": log, "deadlines": asdict(self.deadlines)}
-        return {"kind": "frame", **vars(self), "events": list(self.events), **numbers}
+        return {"kind": "frame", **vars(self), **numbers}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Frame:
@@ -143,13 +282,7 @@ class Event:
 
     def to_dict(self) -> dict[str, Any]:
         """The event as JSON takes it."""
-        return {"kind": "event", **asdict(self), "warnings": list(self.warnings)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Event:
-        """The event of :meth:`to_dict`."""
-        rest = {key: item for key, item in data.items() if key not in ("kind", "response", "warnings")}
-        return cls(response=Response(data["response"]), warnings=tuple(data["warnings"]), **rest)
+        return {"kind": "event", **asdict(self)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,12 +301,9 @@ class State:
 
     def to_dict(self) -> dict[str, Any]:
         """The state as JSON takes it, with the differences from the preset."""
-        entries = {
-            key: list(value) if isinstance(value, tuple) else value for key, value in vars(self).items()
-        }
         return {
             "kind": "state",
-            **entries,
+            **vars(self),
             "controls": [item.to_dict() for item in self.controls],
             "actions": [item.to_dict() for item in self.actions],
             "differences": [item.name for item in self.controls if item.changed],
@@ -194,22 +324,20 @@ def checked(control: Control, value: Value) -> Value:
 
     Raises MessageRefused if it is of the wrong kind or out of range.
     """
-    if control.kind is ControlKind.SWITCH:
-        return _of(control, value, isinstance(value, bool), "true or false")
-    if control.kind is ControlKind.CHOICE:
-        return _of(control, value, value in control.choices, " or ".join(map(repr, control.choices)))
-    if control.kind is ControlKind.TEXT:
-        return _of(control, value, isinstance(value, str), "a text")
-    assert control.least is not None and control.largest is not None  # numbers have ranges
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    slack = 1e-9 * (control.largest - control.least)
-    inside = number and control.least - slack <= float(value) <= control.largest + slack
-    unit = f" {control.unit}" if control.unit else ""
-    wanted = f"{control.least:.6g} to {control.largest:.6g}{unit}"
-    return min(max(float(_of(control, value, inside, wanted)), control.least), control.largest)
-
-
-def _of(control: Control, value: Value, fits: bool, wanted: str) -> Value:
+    match control.kind:
+        case ControlKind.SWITCH:
+            fits, wanted = isinstance(value, bool), "true or false"
+        case ControlKind.CHOICE:
+            fits, wanted = value in control.choices, " or ".join(map(repr, control.choices))
+        case ControlKind.TEXT:
+            fits, wanted = isinstance(value, str), "a text"
+        case ControlKind.NUMBER:
+            assert control.least is not None and control.largest is not None  # numbers have ranges
+            slack = 1e-9 * (control.largest - control.least)
+            fits = isinstance(value, int | float) and not isinstance(value, bool)
+            fits = fits and control.least - slack <= float(value) <= control.largest + slack
+            wanted = f"{control.least:.6g} to {control.largest:.6g} {control.unit}".rstrip()
+            value = min(max(float(value), control.least), control.largest) if fits else value
     if not fits:
         shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
         raise MessageRefused(f"{control.name}: expected {wanted}, got {shown}")

@@ -1,6 +1,11 @@
-"""How a loop in blocks of 10 ms keeps to the clock, and how well it does."""
+"""How a loop in blocks of 10 ms keeps to the clock, how well it does, and who goes before others."""
 
-from __future__ import annotations
+import contextlib
+import gc
+import os
+import sys
+import threading
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,6 +18,8 @@ LATE = PERIOD  # [s]; a block that is finished later than this after its time co
 CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
 _BINS = 10_000  # of 0.1 ms, so that a session of hours needs no more memory than one of seconds
 _BIN = 1e-4  # [s]
+SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
+REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
 
 
 class BlockClock:
@@ -78,3 +85,37 @@ class BlockClock:
             worst_ms=1e3 * self._worst,
             lost_s=self._lost,
         )
+
+
+@contextlib.contextmanager
+def undisturbed(*, alone: bool = False) -> Iterator[None]:
+    """Keep garbage collection, other threads and other processes out of the way.
+
+    ``alone``: whether it is this thread only that has to be in time. The others then go on as they do, and
+    leave garbage that is collected; what there is at the start is left out of it.
+    """
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    gc.collect()
+    gc.freeze()
+    if not alone:
+        gc.disable()
+    _real_time(True, alone=alone)
+    try:
+        yield
+    finally:
+        _real_time(False, alone=alone)
+        gc.enable()
+        gc.unfreeze()
+        sys.setswitchinterval(interval)
+
+
+def _real_time(wanted: bool, *, alone: bool) -> None:
+    """Let this thread, or all of this process, go before those of others, where the system allows it."""
+    if sys.platform != "linux":
+        return
+    policy, priority = (os.SCHED_RR, REAL_TIME_PRIORITY) if wanted else (os.SCHED_OTHER, 0)
+    threads = [threading.current_thread()] if alone else threading.enumerate()
+    with contextlib.suppress(OSError):  # not for every user: see ulimit -r
+        for thread in threads:
+            os.sched_setscheduler(thread.native_id or 0, policy, os.sched_param(priority))

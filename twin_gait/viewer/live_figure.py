@@ -1,9 +1,7 @@
-"""The scene of the live page: one moment of a walk at a time."""
-
-from __future__ import annotations
+"""The scene of the live page: whole for new pages, its changes for open ones."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
@@ -12,7 +10,7 @@ from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.live.window import LiveWindow
+from twin_gait.viewer.commands import Command, Recorder, pack
 from twin_gait.viewer.motion import (
     MODE,
     Footing,
@@ -23,11 +21,54 @@ from twin_gait.viewer.motion import (
     leg_columns,
 )
 from twin_gait.viewer.page import leg_entry, page_data
+from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
+
+
+class LiveWindow:
+    """Window that keeps the whole scene and collects the changes of a frame."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._recorder = Recorder()
+        self._changes: dict[Hashable, Command] = {}
+        self._notes: dict[str, Command] = {}
+        self._samples = 0
+
+    def send(self, command: Command) -> None:
+        """Take a drawing command."""
+        self._recorder.send(command)
+        self._changes[command["type"], command["path"], command.get("property", "")] = command
+
+    def describe(self, page: Command) -> None:
+        """Take the description of the page."""
+        self._note("page", page, "page")
+
+    def sample(self, sample: Command) -> None:
+        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
+        self._samples += 1
+        self._note("sample", sample, ("sample", self._samples))
+
+    def _note(self, kind: str, content: Command, key: Hashable) -> None:
+        command = {"type": kind, "path": "", kind: content}
+        self._notes[kind] = command
+        self._changes[key] = command
+
+    def changes(self) -> list[Change]:
+        """What has changed since the last call: a key each, and the packed command."""
+        packed = [(key, pack(command)) for key, command in self._changes.items()]
+        self._changes.clear()
+        return packed
+
+    def everything(self) -> list[Change]:
+        """The whole scene for a page that has just been opened: description, drawing, last numbers."""
+        page, sample = self._notes.get("page"), self._notes.get("sample")
+        commands = [page, *self._recorder.commands(), sample]
+        return [(index, pack(command)) for index, command in enumerate(commands) if command is not None]
 
 
 class Trace(NamedTuple):

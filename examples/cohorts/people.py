@@ -7,12 +7,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Annotated
 
 import numpy as np
 
-from twin_gait.parameters import HEAVIEST_WEARER, Patient
-from twin_gait.parameters.quantities import COUNT, POSITIVE, WHOLE, Length, Mass, Parameters, Ratio, require
+from twin_gait.parameters import HEAVIEST_WEARER, Patient, require
 from twin_gait.vocabulary import Sex
 
 HIGHEST_SHARE = 0.95  # 5th to 95th percentile (thesis, table 2.1)
@@ -20,7 +18,7 @@ _REACH = NormalDist().inv_cdf(HIGHEST_SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodySizes(Parameters):
+class BodySizes:
     """Stature and body mass of the people of one sex.
 
     Attributes:
@@ -31,15 +29,11 @@ class BodySizes(Parameters):
         correlation: Of stature and mass.
     """
 
-    stature_mean: Annotated[Length, POSITIVE]
-    stature_deviation: Annotated[Length, POSITIVE]
-    mass_mean: Annotated[Mass, POSITIVE]
-    mass_deviation: Annotated[Mass, POSITIVE]
-    correlation: Ratio
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(-1.0 < self.correlation < 1.0, "correlation", "a number between -1 and 1", self.correlation)
+    stature_mean: float
+    stature_deviation: float
+    mass_mean: float
+    mass_deviation: float
+    correlation: float
 
 
 # G. Heinz, L. J. Peterson, R. W. Johnson, C. J. Kerk: Exploring relationships in body dimensions, Journal of
@@ -69,8 +63,7 @@ def cohort(
     them share; the default wearer is mass alone. ``sizes``: of the population. Raises ParameterError if
     count, seed or sizes make no sense.
     """
-    COUNT.require("count", count, whole=True)
-    WHOLE.require("seed", seed, whole=True)
+    require(count >= 1, "count", "1 or more", count)
     require(set(sizes) == set(Sex), "sizes", "those of both sexes", sorted(sizes))
     for sex, size in sizes.items():
         lightest = _lognormal(size.mass_mean, size.mass_deviation, -_REACH)

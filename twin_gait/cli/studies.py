@@ -1,0 +1,258 @@
+"""``twin-gait sweep``, ``compare``, ``tune`` and ``faults``: many runs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import textwrap
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
+from twin_gait.exceptions import ParameterError
+
+if TYPE_CHECKING:
+    from twin_gait.experiment import Experiment
+    from twin_gait.studies.sweep.sweep import SweepResult
+
+# [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
+COMPARED = 60.0
+FAULTY = 8.0  # [s] of each run: the gait is under way after one, and a fault shows within two
+COMPARISONS = Path("compare")
+NAMES = "table, position, assist_as_needed, twincare, transparent, gravity, constant"
+_WIDTH = 100
+
+
+def add_parser(commands: Any) -> None:
+    """Add the commands to the parser."""
+    parser = options.add_command(commands, "sweep", sweep)
+    parser.add_argument("spec", type=Path, metavar="SPEC", help="YAML file, such as examples/sweep.yaml")
+    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder of the sweep")
+    options.add_settings(parser)
+    options.add(parser, "--unchecked", "--workers", "--scheduler", "--no-pictures", "--json")
+
+    parser = options.add_command(commands, "compare", compare)
+    options.add_experiment(parser, seconds=f"{COMPARED:g}")
+    text = f"names with commas between them (all that suit: {NAMES})"
+    parser.add_argument("--controllers", metavar="NAME,…", help=text)
+    text = "days that differ in weight, friction, belt and effort; from 2 on, means with intervals (1)"
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help=text)
+    options.add_out(parser, "DIR", f"folder to make ({COMPARISONS}/NAME)")
+    options.add(parser, "--json")
+
+    parser = options.add_command(commands, "tune", tune)
+    add = parser.add_argument
+    options.add_experiment(parser, seconds=None)
+    options.add_out(parser, "DIR", "folder of the tuning", required=True)
+    add("--resume", action="store_true", help="go on with a tuning that was stopped")
+    add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
+    add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
+    add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
+    text = "leave the transitions as they are"
+    add("--keep-thresholds", action="store_false", dest="thresholds", help=text)
+    add("--keep-blending", action="store_false", dest="blending", help="leave the blend as it is")
+    add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
+    add("--everyone", action="store_true", help="a table for other wearers, supports and belts too")
+    options.add(parser, "--seed", "--workers", "--scheduler", "--json")
+
+    parser = options.add_command(commands, "faults", faults)
+    options.add_experiment(parser, seconds=f"{FAULTY:g}")
+    parser.add_argument("--count", type=int, default=100, metavar="N", help="faults (100)")
+    options.add(parser, "--seed", "--workers")
+    options.add_out(parser, "FILE", "also write one row per fault as CSV")
+    options.add(parser, "--json")
+
+
+def sweep(arguments: argparse.Namespace) -> int:
+    """Simulate an experiment over any of its parameters.
+
+    Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. The same
+    command goes on with a sweep that was stopped or killed.
+    """
+    from twin_gait.simulation import RunStatus
+    from twin_gait.studies import Workers, WorkersLost, load_sweep, run_sweep
+
+    options.workers_of(arguments)
+    spec = load_sweep(arguments.spec, arguments.settings)
+    if not arguments.unchecked:
+        options.check_table(spec.experiment)
+    again = f"the same command goes on from there: {arguments.out}"
+    pictures = not arguments.no_pictures
+    try:
+        with (
+            Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+            terminal.progress_bar("checking", "episode") as checking,
+            terminal.watched("sweeping", "episode") as watch,
+        ):
+            result = run_sweep(
+                spec, arguments.out, workers=workers, pictures=pictures, checking=checking, **watch
+            )
+    except WorkersLost as error:
+        return terminal.lost(error, again)
+    document = {"status": str(result.status), **result.summary, "directory": result.directory}
+    terminal.answer(arguments, report_sweep(result), lambda: document)
+    return terminal.interrupted(again) if result.status is RunStatus.INTERRUPTED else DONE
+
+
+def report_sweep(result: SweepResult) -> Iterator[str]:
+    """Results in a few lines."""
+    summary, last = result.summary, result.summary["last_call"]
+    yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes"
+    if result.resumed:
+        yield f"  {result.resumed} were there already"
+    yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
+    if last["episodes"]:
+        yield f"  {last['wall_s']:.1f} s for {last['episodes']} of them"
+    if result.not_drawn:
+        yield f"  not drawn, because no completed episode has it: {', '.join(result.not_drawn)}"
+    yield f"  {result.directory}"
+
+
+def compare(arguments: argparse.Namespace) -> int:
+    """Compare controllers on one wearer: one report.
+
+    Simulate one wearer on the ground with several controllers and write a folder with one HTML page, its
+    figure, and the numbers as CSV and JSON.
+    """
+    from twin_gait.runs.folders import check_target
+    from twin_gait.studies.compare import comparing, writing
+
+    names = list(comparing.CONTROLLERS)
+    if arguments.controllers is not None:
+        names = [name.strip() for name in arguments.controllers.split(",") if name.strip()]
+    controllers = list(comparing.find_controllers(names))
+    person = options.person_of(arguments.settings)
+    who = person or "the wearer of the experiment"
+    out: Path = arguments.out or COMPARISONS / (person or "wearer")
+    check_target(out, writing.COMPARISON, force=arguments.force)
+    experiment = options.experiment_of(arguments, f"duration_s={COMPARED:g}").experiment
+    if arguments.controllers is None:
+        controllers = [item for item in controllers if item.suits(experiment)]
+    with terminal.watched("compare", "run") as watch:
+        comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
+    if comparison is None:
+        return terminal.interrupted("nothing was written")
+    writing.write_comparison(comparison, who, out, force=arguments.force)
+    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
+    lines = [text, "", str(out / writing.PAGE_FILE)]
+    found = json.loads(writing.summary_text(comparison, who))
+    terminal.answer(arguments, lines, lambda: {**found, "directory": out})
+    return DONE
+
+
+def tune(arguments: argparse.Namespace) -> int:
+    """Tune a gait table to one person.
+
+    Search for the numbers of a gait table, try the best tables on a robust set, and write the best with a
+    report. It can be stopped at any time and goes on with --resume.
+    """
+    from twin_gait.report.tune import summary
+    from twin_gait.studies import Workers, WorkersLost
+    from twin_gait.studies.tune import outcome, tune
+    from twin_gait.studies.tune.state import Progress, Settings
+
+    options.workers_of(arguments)
+    if arguments.resume and arguments.force:
+        raise ParameterError("--resume: does not go with --force, which begins anew")
+    experiment = options.experiment_of(arguments).experiment
+    given = {item.name: vars(arguments)[item.name] for item in fields(Settings) if item.name in arguments}
+    settings = Settings(reference_speed=_reference_speed(arguments.reference), **given)
+    out, again = arguments.out, f"the same command with --resume goes on from there: {arguments.out}"
+
+    def note(step: Progress) -> None:
+        terminal.note_line(_stage(experiment.joints, step))
+
+    found = None
+    try:
+        with (
+            Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+            terminal.stop_on_interrupt() as should_stop,
+        ):
+            tuning = tune.tune(
+                experiment, out, settings, workers=workers, resume=arguments.resume, force=arguments.force,
+                progress=note, should_stop=should_stop, on_compile=terminal.note_compilation,
+            )  # fmt: skip
+            terminal.clear_line()
+            if tuning is not None:
+                wearer = _wearer(options.person_of(arguments.settings), experiment)
+                with terminal.progress_bar("departures", "walk") as progress:
+                    found = outcome.write_tuning(
+                        tuning, experiment, settings, out, wearer=wearer, workers=workers,
+                        progress=progress, should_stop=should_stop,
+                    )  # fmt: skip
+    except WorkersLost as error:
+        return terminal.lost(error, again)
+    if found is None:
+        return terminal.interrupted(again)
+    terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
+    return DONE
+
+
+def _reference_speed(text: str | None) -> float | None:
+    """Speed of the reference in [m] / [s]."""
+    from twin_gait.measures.reference import KILOMETRES_PER_HOUR
+
+    if text is None:
+        return None
+    name, _, speed = text.partition("@")
+    expected = "koopman@SPEED in km/h, for example koopman@1.5"
+    if name != "koopman":
+        raise ParameterError(f"--reference {text!r}: expected {expected}")
+    return options.number(f"--reference {text!r}", speed, expected) / KILOMETRES_PER_HOUR
+
+
+def _wearer(person: str | None, experiment: Experiment) -> str:
+    patient = experiment.patient
+    size = "" if patient is None else f"{patient.mass:g} kg, {patient.height:g} m, {patient.sex}"
+    return size if person is None else f"{person} ({size})"
+
+
+def _stage(joints: tuple[str, ...], step: Any) -> str:
+    """The stage and the best gait so far in one line."""
+    total = "" if step.total is None else f" of {step.total}"
+    line = f"{step.elapsed / 60.0:4.1f} min  {step.stage} {step.done}{total}"
+    if step.best_cost < float("inf"):
+        line += f"  best: cost {step.best_cost:.2f} (from {step.start_cost:.2f})"
+    errors = {joint: step.best_values.get(f"{joint}_error_deg") for joint in joints}
+    return line + "".join(f", {joint} {error:.1f}°" for joint, error in errors.items() if error is not None)
+
+
+def faults(arguments: argparse.Namespace) -> int:
+    """Inject seeded faults and tabulate the outcomes.
+
+    Simulate an experiment once for each of many seeded faults of encoders, motors, controller, load sensors
+    and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, or a
+    trip did not end in the hold.
+    """
+    from twin_gait.files import write_atomically
+    from twin_gait.simulation import RunStatus
+    from twin_gait.studies import draw_faults, outcome_table, simulate_faults
+    from twin_gait.studies.fault_campaign import limit_lines
+
+    workers, seed = options.workers_of(arguments), arguments.seed
+    if arguments.out is not None:
+        options.check_file("--out", arguments.out, force=arguments.force)
+    base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
+    drawn = draw_faults(base, arguments.count, seed)
+    with terminal.watched("faults", "fault") as watch:
+        campaign = simulate_faults(base, drawn, workers=workers, **watch)
+    table = campaign.table
+    violations = list(campaign.violations["fault"]) if len(table) else []
+    lines = [f"{base.name}, {base.duration:g} s each, {len(table)} faults, seed {seed}"]
+    if len(table):
+        lines += [outcome_table(table).to_string(index=False), *limit_lines(table)]
+    if violations:
+        lines.append(f"broken: {', '.join(violations[:5])}")
+    document = {
+        "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(campaign.status),
+        "violations": violations, "faults": table.to_dict("records"),
+    }  # fmt: skip
+    terminal.answer(arguments, lines, lambda: document)
+    if len(table) and arguments.out is not None:
+        write_atomically(arguments.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
+    if campaign.status is RunStatus.INTERRUPTED:
+        return INTERRUPTED
+    return FAILED if violations else DONE
