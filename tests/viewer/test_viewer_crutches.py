@@ -11,8 +11,8 @@ import pytest
 from synthetic_floor import SPEED, floor_walk
 
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
-from twin_gait.report.figures import draw_figure
 from twin_gait.parameters import ChairParameters
+from twin_gait.report.figures import draw_figure
 from twin_gait.report.run_figures import draw_crutches
 from twin_gait.runs.run_page import setting_of
 from twin_gait.simulation.run import Run
