@@ -181,7 +181,8 @@ def with_results(page: str) -> str:
 
 def pages() -> list[Path]:
     """The README and all pages."""
-    return [DOCS.parent / "README.md", *sorted(DOCS.glob("**/*.md"))]
+    written = (path for path in DOCS.glob("**/*.md") if not {"_build", "gallery", "api"} & set(path.parts))
+    return [DOCS.parent / "README.md", *sorted(written)]
 
 
 def main() -> int:
