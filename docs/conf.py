@@ -6,6 +6,7 @@ Built so, no script of the gallery and no cell of a tutorial runs: their pages h
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import sys
@@ -13,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).parent
-sys.path[:0] = [str(DOCS / "extensions"), str(DOCS.parent / "examples")]
+sys.path[:0] = [str(DOCS), str(DOCS / "extensions"), str(DOCS.parent / "examples")]
 
 import api_pages
+import declared
 import gallery_pages
 
 import twin_gait
@@ -151,8 +153,25 @@ def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
     source[0] = re.sub(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)]*)?\)", inside, source[0])
 
 
+def _fields_with_their_comments(
+    _: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]
+) -> None:
+    """The comments beside the fields of a record are their documentation."""
+    if what != "class" or not (dataclasses.is_dataclass(thing) or hasattr(thing, "_fields")):
+        return
+    if any(line.startswith((":ivar", ".. attribute")) for line in lines):
+        return
+    try:
+        found = list(declared.fields_of(thing))
+    except (OSError, TypeError):  # no source
+        return
+    told = [f":ivar {name}: {meaning}" for name, _type, meaning in found if meaning]
+    lines += ["", *told, ""] if told else []
+
+
 def setup(app: Any) -> None:
     """Prepare what is generated, before Sphinx looks for it."""
     api_pages.prepare(DOCS / "reference" / "api")
     gallery_pages.prepare(GENERATED, run=bool(RUN))
+    app.connect("autodoc-process-docstring", _fields_with_their_comments)
     app.connect("source-read", _links_inside_the_site)
