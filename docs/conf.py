@@ -153,9 +153,7 @@ def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
     source[0] = re.sub(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)]*)?\)", inside, source[0])
 
 
-def _fields_with_their_comments(
-    _: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]
-) -> None:
+def _fields_with_their_comments(_: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]) -> None:
     """The comments beside the fields of a record are their documentation."""
     if what != "class" or not (dataclasses.is_dataclass(thing) or hasattr(thing, "_fields")):
         return

@@ -17,6 +17,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, get_args
 
+
 def fields(path: str) -> list[dict[str, Any]]:
     """Fields of a dataclass or named tuple with the comments beside them."""
     module, _, name = path.rpartition(".")

@@ -43,7 +43,8 @@ import declared  # noqa: E402 -- beside this file
 
 _WORD = r"(?: ((?!-->)\S+))?"
 QUOTED = re.compile(
-    rf"<!-- (value|table|columns|signals|keys|fields|assumptions|rules|commands|licences) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL
+    rf"<!-- (value|table|columns|signals|keys|fields|assumptions|rules|commands|licences) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->",
+    re.DOTALL,
 )
 
 
