@@ -1,7 +1,8 @@
 """The site: ``python -m sphinx -W docs docs/_build/html``.
 
-Built so, no script of the gallery and no cell of a tutorial runs: their pages have the code and the kept figures. With
-``TWIN_GAIT_SITE=run`` they run; ``TWIN_GAIT_SITE=first_gait`` runs the one page whose name has that in it.
+Built so, no script of the gallery and no cell of a tutorial runs: their pages have the code and the kept
+figures. With ``TWIN_GAIT_SITE=run`` they run; ``TWIN_GAIT_SITE=first_gait`` runs the one page whose name has
+that in it.
 """
 
 from __future__ import annotations
@@ -131,7 +132,7 @@ INCLUDED = {
 
 
 def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
-    """A link to a file of the repository leads to its page; a folder is named, and a link only in the repository."""
+    """A link to a file of the repository leads to its page; a folder is a link only in the repository."""
     page = DOCS / f"{name}.md"
     origin = page
     for path, place in INCLUDED.items():

@@ -170,7 +170,7 @@ def licences(extra: str) -> list[dict[str, Any]]:
     """Licence of what the package requires by the metadata of what is installed.
 
     Args:
-        extra: ``package``, the name of an extra, or ``closure``: what the requirements of the package require.
+        extra: ``package``, an extra, or ``closure``: what the requirements of the package require.
     """
     direct = {_name(text) for text in _requirements("package" if extra == "closure" else extra)}
     wanted = _closure(direct) - direct if extra == "closure" else direct

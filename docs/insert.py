@@ -15,7 +15,8 @@ with a format as in Python, or none, and a list of mappings with the same keys a
 ``<!-- signals battery -->`` one of the signals of a message in ``urdf/twin.dbc``,
 ``<!-- keys plant.battery -->`` one of the keys of a section of an experiment file or a gait table,
 ``<!-- fields twin_gait.live.protocol.Frame -->`` one of the fields of a record with the comments beside them,
-``<!-- rules all -->`` one of the rules of the check, ``<!-- assumptions all -->`` one of the keys that are assumptions,
+``<!-- rules all -->`` one of the rules of the check, ``<!-- assumptions all -->`` one of the keys that are
+assumptions,
 ``<!-- commands all -->`` all commands with their options,
 ``<!-- licences package -->`` (or an extra) one of the licences of what is required.
 
@@ -42,10 +43,8 @@ sys.path.insert(0, str(DOCS))
 import declared  # noqa: E402 -- beside this file
 
 _WORD = r"(?: ((?!-->)\S+))?"
-QUOTED = re.compile(
-    rf"<!-- (value|table|columns|signals|keys|fields|assumptions|rules|commands|licences) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->",
-    re.DOTALL,
-)
+_KINDS = "value|table|columns|signals|keys|fields|assumptions|rules|commands|licences"
+QUOTED = re.compile(rf"<!-- ({_KINDS}) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
 
 
 @cache

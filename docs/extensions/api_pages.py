@@ -8,8 +8,9 @@ from pathlib import Path
 import twin_gait
 
 PACKAGES = (
-    "configuration", "experiment", "parameters", "worlds", "gait", "control", "leg_model", "simulation", "measures",
-    "runs", "report", "checking", "testing", "replay", "identification", "studies", "export", "firmware", "core",
+    "configuration", "experiment", "parameters", "worlds", "gait", "control", "leg_model", "simulation",
+    "measures", "runs", "report", "checking", "testing", "replay", "identification", "studies", "export",
+    "firmware", "core",
 )  # fmt: skip
 
 

@@ -1,8 +1,9 @@
 """Prepare the scripts of ``examples/`` for sphinx-gallery.
 
-A script there is Markdown in percent cells, begins with a sentence, and keeps the results of its full form in
-git. sphinx-gallery wants reStructuredText and a title, and shows what it has run. So every script is copied with
-a title, its kept figures above the code, and its headings in the other markup; what it says is left alone.
+A script there is Markdown in percent cells, begins with a sentence, and keeps the results of its full form
+in git. sphinx-gallery wants reStructuredText and a title, and shows what it has run. So every script is
+copied with a title, its kept figures above the code, and its headings in the other markup; what it says is
+left alone.
 """
 
 from __future__ import annotations

@@ -4,8 +4,13 @@ import numpy as np
 
 from twin_gait import load_experiment, simulate
 
-law = "plant.friction.knee={law: churning, coulomb_friction_Nm: 3.2, transition_velocity_rad_per_s: 0.02, drag_Nm: 1.5}"
-settings = [law, "plant.friction_ratio={knee: 1}", "plant.actuators.knee.gear_efficiency=1", "duration_s=3"]
+law = "law: churning, coulomb_friction_Nm: 3.2, transition_velocity_rad_per_s: 0.02, drag_Nm: 1.5"
+settings = [
+    f"plant.friction.knee={{{law}}}",
+    "plant.friction_ratio={knee: 1}",
+    "plant.actuators.knee.gear_efficiency=1",
+    "duration_s=3",
+]
 log = simulate(load_experiment("bench_leg", settings).experiment).log
 
 omega = log["right_knee_velocity_rad_per_s"].to_numpy()
