@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from twin_gait import load_experiment, simulate
 from twin_gait.cli.program import ProgramParser, build_parser
 
 ROOT = Path(__file__).parent.parent
@@ -43,19 +42,6 @@ def test_the_fifteen_lines_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "README.md", "exec"), {})
     assert (tmp_path / "stride.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.slow
-def test_the_wearer_walks_with_the_controller_of_the_page():
-    sessions = re.findall(r"```pycon\n(.*?)```", PAGES["docs/reference/python.md"], flags=re.DOTALL)
-    session = next(text for text in sessions if "def " in text)
-    code = "".join(line[4:] + "\n" for line in session.splitlines())
-    names = {"simulate": simulate, "experiment": load_experiment("treadmill").experiment}
-    exec(compile(code, "docs/reference/python.md", "exec"), names)
-    run = names["run"]
-    assert run.status == "completed" and run.trip is None
-    entries = [item.tick for item in run.switches if (item.side, item.target) == ("left", "early_stance")]
-    assert len(entries) >= run.duration // 2.5  # a stride every two seconds or so
 
 
 @pytest.mark.parametrize("page", PAGES)

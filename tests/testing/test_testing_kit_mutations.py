@@ -1,7 +1,7 @@
 """Every single mutation of a machine, while the kit reads the table as it is.
 
-``python tests/testing/test_testing_kit_mutations.py`` writes the counts into ``docs/reference/test_kit.md``; a test
-here fails when they are no longer true.
+``python tests/testing/test_testing_kit_mutations.py`` writes the counts into
+``docs/reference/test_kit.md``; a test here fails when they are no longer true.
 """
 
 from __future__ import annotations
