@@ -46,6 +46,19 @@ IN_FULL = frozenset(
 )  # fmt: skip
 # What the site cannot run: a bus needs multicast.
 NOT_RUN = frozenset({"can_monitor"})
+# Pictures of scripts that draw none, from docs/images.
+THUMBNAILS = {
+    "bench_leg": "bench_leg.png",
+    "change_the_table": "gait_cycle.png",
+    "shipped_people": "treadmill_phone.png",
+    "cohort": "treadmill.png",
+    "tuned_cohort": "tune.png",
+    "default_walk": "gait_cycle.png",
+    "start_stop": "live_phone.png",
+    "firmware": "live.png",
+    "validation": "treadmill_dark.png",
+    "identification_coverage": "identification.png",
+}
 KEPT = """
 .. admonition:: Results that are kept
 
@@ -110,11 +123,10 @@ def prepared(path: Path, *, run: bool) -> str:
             f".. image:: /../examples/results/{path.stem}/{figure.name}",
             f"   :alt: {title}, {figure.stem}",
         ]
-    thumbnail = (
-        f"# sphinx_gallery_thumbnail_path = '../examples/results/{path.stem}/{figures[0].name}'\n"
-        if figures
-        else "# sphinx_gallery_thumbnail_path = '_static/no_figure.png'\n"
+    picture = (
+        f"../examples/results/{path.stem}/{figures[0].name}" if figures else f"images/{THUMBNAILS[path.stem]}"
     )
+    thumbnail = f"# sphinx_gallery_thumbnail_path = '{picture}'\n"
     lines = "\n".join(header).replace("\\", "\\\\")
     return f'"""\n{lines}\n"""\n{code}\n\n{thumbnail}'
 
