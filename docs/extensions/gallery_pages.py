@@ -144,6 +144,8 @@ def prepare(folder: Path, *, run: bool) -> None:
         place.mkdir(parents=True, exist_ok=True)
         files = {"GALLERY_HEADER.rst": f"{heading}\n{'-' * len(heading)}\n"}
         files |= {f"{name}.py": prepared(EXAMPLES / f"{name}.py", run=run) for name in names}
+        # What scripts read beside them.
+        files |= {data.name: data.read_text(encoding="utf-8") for data in EXAMPLES.glob("*.yaml")}
         for name, text in files.items():
             path = place / name
             wanted.add(path)
