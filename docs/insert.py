@@ -13,7 +13,12 @@ with a format as in Python, or none, and a list of mappings with the same keys a
 
 ``<!-- columns JointRow -->`` is a table of the columns that a class of ``twin_gait.simulation.log`` declares,
 ``<!-- signals battery -->`` one of the signals of a message in ``urdf/twin.dbc``,
-``<!-- keys plant.battery -->`` one of the keys of a section of an experiment file or a gait table.
+``<!-- keys plant.battery -->`` one of the keys of a section of an experiment file or a gait table,
+``<!-- fields twin_gait.live.protocol.Frame -->`` one of the fields of a record with the comments beside them,
+``<!-- rules all -->`` one of the rules of the check, ``<!-- assumptions all -->`` one of the keys that are
+assumptions,
+``<!-- commands all -->`` all commands with their options,
+``<!-- licences package -->`` (or an extra) one of the licences of what is required.
 
 ``python docs/insert.py`` brings all pages up to date, ``--check`` only says which are not.
 """
@@ -26,7 +31,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args
@@ -34,10 +39,12 @@ from typing import Any, get_args
 from twin_gait.parameters.quantities import Parameters, declarations
 
 DOCS = Path(__file__).parent
+sys.path.insert(0, str(DOCS))
+import declared  # noqa: E402 -- beside this file
+
 _WORD = r"(?: ((?!-->)\S+))?"
-QUOTED = re.compile(
-    rf"<!-- (value|table|columns|signals|keys) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL
-)
+_KINDS = "value|table|columns|signals|keys|fields|assumptions|rules|commands|licences"
+QUOTED = re.compile(rf"<!-- ({_KINDS}) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
 
 
 @cache
@@ -164,16 +171,35 @@ def _classes(hint: Any) -> Iterator[Any]:
         yield from _classes(inner)
 
 
-def with_results(page: str) -> str:
-    """A page with every quoted number and table as the results have them."""
+MAKERS: dict[str, Callable[[str], list[dict[str, Any]] | str]] = {
+    "columns": columns,
+    "signals": signals,
+    "keys": keys,
+    "fields": declared.fields,
+    "assumptions": declared.assumptions,
+    "rules": declared.rules,
+    "commands": declared.commands,
+    "licences": declared.licences,
+}
+
+
+def with_results(page: str, *, licences: bool = True) -> str:
+    """A page with every quoted number and table as the results have them.
+
+    Args:
+        page: Its text.
+        licences: Whether those of what is installed are wanted too; they differ from version to version.
+    """
 
     def current(match: re.Match[str]) -> str:
         kind, name, key, spec, old = match.groups()
+        if kind == "licences" and not licences:
+            return match.group()
         if kind == "value":
             text = format(looked_up(name, key), spec or "")
         else:
-            declared = {"columns": columns, "signals": signals, "keys": keys}.get(kind)
-            text = f"\n{table_of(declared(name) if declared else looked_up(name, key))}\n"
+            made = MAKERS[kind](name) if kind in MAKERS else looked_up(name, key)
+            text = f"\n{made if isinstance(made, str) else table_of(made)}\n"
         return match.group().replace(f"-->{old}<!-- / -->", f"-->{text}<!-- / -->")
 
     return QUOTED.sub(current, page)
@@ -181,7 +207,8 @@ def with_results(page: str) -> str:
 
 def pages() -> list[Path]:
     """The README and all pages."""
-    return [DOCS.parent / "README.md", *sorted(DOCS.glob("**/*.md"))]
+    written = (path for path in DOCS.glob("**/*.md") if not {"_build", "gallery", "api"} & set(path.parts))
+    return [DOCS.parent / "README.md", *sorted(written)]
 
 
 def main() -> int:
@@ -194,7 +221,7 @@ def main() -> int:
     stale = []
     for path in pages():
         page = path.read_text(encoding="utf-8")
-        current = with_results(page)
+        current = with_results(page, licences=not check)
         if current != page:
             stale.append(str(path.relative_to(DOCS.parent)))
             if not check:

@@ -3,7 +3,7 @@
 Optimal control of half a symmetric stride over the engine's own equations of motion (direct collocation,
 casadi and ipopt), with and without what we ask of a walk beside its angles; every solution replayed in the
 engine; the walks of our gait tables beside it. Ten minutes on one core; needs the extra `floor`; page:
-docs/attainable_floor.md.
+docs/background/attainable_floor.md.
 """
 
 # %%

@@ -3,7 +3,7 @@
 The default walk with parameters that step, fade linearly, or along the minimum-jerk polynomial, for several
 durations: jumps of the commanded torque, jerk, energy put into the virtual springs, tracking error, and how
 many of 16 wearers, speeds and supports walk with each. The walks take ten seconds, those of the robustness
-a minute on one core; page: docs/blending.md.
+a minute on one core; page: docs/background/blending.md.
 """
 
 # %% [markdown]

@@ -1,7 +1,7 @@
 """A table for anybody: who walks with the shipped table.
 
 Two cohorts of 200 virtual people walk a minute each, with the table as its scaling law adapts it to them.
-Some minutes on two cores; page: docs/cohort.md.
+Some minutes on two cores; page: docs/background/cohort.md.
 """
 
 # %% [markdown]

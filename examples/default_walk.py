@@ -2,7 +2,7 @@
 
 Each gait table on the default treadmill against what human walking asks for; combined draws of wearer,
 support and speed; speeds of the belt; small moves of support and mass. A minute on two cores; page:
-docs/default_walk.md.
+docs/background/default_walk.md.
 """
 
 # %%

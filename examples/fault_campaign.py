@@ -2,7 +2,7 @@
 
 Faults of encoders, motors, controller, load sensors and supply, drawn over kind, joint, time and magnitude;
 every log is checked against the bounds of the safety monitor by other means than the monitor's own. Three
-minutes on two cores; page: docs/faults.md.
+minutes on two cores; page: docs/reference/faults.md.
 """
 
 # %% [markdown]

@@ -1,7 +1,7 @@
 """What does the printed firmware weigh, how long is its longest tick, and is it the simulation's controller?
 
 Every shipped table is printed, built for this machine and for a Cortex-M4F, and compared over 20 s and over
-faults. Some minutes, with gcc, gcc-arm-none-eabi and qemu-system-arm; page: docs/firmware.md.
+faults. Some minutes, with gcc, gcc-arm-none-eabi and qemu-system-arm; page: docs/reference/firmware.md.
 """
 
 # %% [markdown]

@@ -3,7 +3,7 @@
 The bench leg, its motors idle. A hand moves the knee to and fro by less than it takes to slide, a weak spring
 drags it along, and it is let go where its weight is less than its friction. Coulomb and viscous friction are
 those of table 3.1; break-away torque, Stribeck velocity and bristles of TWIN have not been measured: they are
-assumptions. Page: docs/model.md.
+assumptions. Page: docs/background/model.md.
 """
 
 # %% [markdown]

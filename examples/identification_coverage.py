@@ -3,7 +3,7 @@
 Campaigns on the simulated bench, each with a seed of its own: 45 motor-driven tests in both directions,
 identified from their logs alone with the rotational law, and compared with the law that the bench had. The
 logs are smoothed once without delay and once as in the thesis. 200 campaigns of each joint take about half
-an hour on one core; page: docs/identification.md.
+an hour on one core; page: docs/reference/identification.md.
 """
 
 # %% [markdown]

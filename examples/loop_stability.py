@@ -3,7 +3,7 @@
 `twin-gait check` multiplies out what firmware and leg do in a frame of ten ticks into one matrix, hip and
 knee coupled. Here its spectral radius is held against the compiled engine on 128 settings of k, b and G of
 the bench leg, with linear friction and with the true one. Two minutes on one core; page:
-docs/loop_stability.md.
+docs/background/loop_stability.md.
 """
 
 # %% [markdown]

@@ -2,7 +2,7 @@
 
 The default walk over a bus with 0 to 20 ms of further delay and 0 to 20 % of the frames lost, with virtual
 springs and dampers on the boards of the joints, as in the thesis, and on the central unit (CCU). Then why:
-the loop of one phase, linearised. Two minutes on two cores; page: docs/network.md.
+the loop of one phase, linearised. Two minutes on two cores; page: docs/background/network.md.
 """
 
 # %% [markdown]

@@ -2,7 +2,7 @@
 
 The preset ``overground`` for wearers of 55 to 95 kg and 1.60 to 1.90 m with noise on the encoders, with steps
 that a therapist asks for and with steps by trunk lean; what the arms give beside published ranges; and the
-walk without arms. A minute; page: docs/overground.md.
+walk without arms. A minute; page: docs/background/overground.md.
 """
 
 # %%

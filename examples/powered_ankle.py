@@ -2,7 +2,7 @@
 
 Power of the ankle over the stride and its work, of the presets ``treadmill_ankle`` and ``treadmill``, beside
 Winter's healthy walkers; both walks with other wearers. The motor is data alone: a URDF with a drive, a
-preset and a gait table. Half a minute; page: docs/powered_ankle.md.
+preset and a gait table. Half a minute; page: docs/background/powered_ankle.md.
 """
 
 # %%

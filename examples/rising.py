@@ -2,7 +2,7 @@
 
 The presets ``sit_to_stand`` and ``stand_to_sit`` beside published values, and the least push of the arms with
 which wearers of 55 to 95 kg and 1.60 to 1.90 m get up from seats of 0.40 to 0.50 m, and down. Some minutes;
-page: docs/overground.md.
+page: docs/background/overground.md.
 """
 
 # %%

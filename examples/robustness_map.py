@@ -1,7 +1,7 @@
 """Robustness map of the shipped gait table: which wearers, belt speeds and supports it walks with.
 
 The sweep of examples/sweep.yaml: 320 walks over mass, height, belt speed and supported share of the weight.
-Two minutes on two cores; page: docs/robustness_map.md.
+Two minutes on two cores; page: docs/background/robustness_map.md.
 """
 
 # %% [markdown]

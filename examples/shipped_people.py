@@ -1,7 +1,7 @@
 """Do the people who ship walk with the shipped table, and in what braces?
 
 Each of them walks half a minute at two supports, and the default wearer walks in braces from a third to ten
-times as stiff as the default ones. One minute; page: docs/people.md.
+times as stiff as the default ones. One minute; page: docs/background/people.md.
 """
 
 # %% [markdown]

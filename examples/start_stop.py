@@ -1,7 +1,7 @@
 """From standing to walking and back: for whom and how fast `treadmill_start_stop` works.
 
 One thing is changed at a time, and the command to stand comes at moments spread evenly over a stride of the
-steady walk. Two minutes on two cores; page: docs/start_stop.md.
+steady walk. Two minutes on two cores; page: docs/background/start_stop.md.
 """
 
 # %% [markdown]

@@ -2,8 +2,8 @@
 
 Motions are imposed by hand on the simulated knee with friction compensation, alone and on a virtual spring;
 besides the motor's torque, which the thesis logs, the bench shows that of the hand. Claims stand in
-thesis/claims.yaml, what they come to in docs/reproduction.md. 5 s on one core; exits with 1 if a predicted
-number leaves its band.
+thesis/claims.yaml, what they come to in docs/background/reproduction.md.
+5 s on one core; exits with 1 if a predicted number leaves its band.
 """
 
 # %%

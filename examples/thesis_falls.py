@@ -2,8 +2,8 @@
 
 A weight falls from 90° to the stop at 125° under the duty-based transparency control of equations (2.1a) and
 (2.1b). How the falls look was calibrated; the order of their roughness, what A makes up for and what decides
-when the joint breaks away were not. Claims in thesis/claims.yaml, what they come to in docs/reproduction.md.
-3 s on one core; exits with 1 if a predicted number leaves its band.
+when the joint breaks away were not. Claims in thesis/claims.yaml, what they come to in
+docs/background/reproduction.md. 3 s on one core; exits with 1 if a predicted number leaves its band.
 """
 
 # %%

@@ -3,8 +3,8 @@
 Two campaigns per joint are simulated on the bench with the friction of table 3.1, the falls of the thesis and
 motor-driven tests in both directions, and identified as the thesis does it and without delay. What each
 claim states, and why its band is as wide as it is, stands in thesis/claims.yaml; what they come to in
-docs/reproduction.md. 35 s on one core, ``--quick`` figure 3.1 alone; exits with 1 if a predicted number
-leaves its band.
+docs/background/reproduction.md. 35 s on one core, ``--quick`` figure 3.1 alone; exits with 1 if a predicted
+number leaves its band.
 """
 
 # %%

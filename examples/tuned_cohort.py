@@ -1,7 +1,7 @@
 """Tables tuned one by one: what a short search gains on the scaled table, for thirty virtual people.
 
 Each person of a cohort gets a table found by a short search (12 generations) and walks a minute with it,
-beside the shipped table as its scaling law adapts it. Page: docs/cohort.md.
+beside the shipped table as its scaling law adapts it. Page: docs/background/cohort.md.
 """
 
 # %% [markdown]

@@ -2,7 +2,7 @@
 
 A knee whose friction is compensated by a factor G of a model is pushed and let go, while G, the ratio s of
 true friction to model, the delay of the velocity filter and the load vary: rest, limit cycle or runaway. All
-of it is simulated on the joint bench. One to two minutes on one core; page: docs/whatif.md.
+of it is simulated on the joint bench. One to two minutes on one core; page: docs/background/whatif.md.
 """
 
 # %%

@@ -3,7 +3,7 @@
 How much of the knee's inertia can be compensated by a differentiated encoder, a gyroscope or an
 accelerometer: over source, delay and share, for a rigid and a compliant gear, by simulation on the joint
 bench and by eigenvalues; and the noise of the torque beside the apparent inertia. One to two minutes on one
-core; page: docs/whatif.md.
+core; page: docs/background/whatif.md.
 """
 
 # %%

@@ -2,7 +2,7 @@
 
 The compensator's model is the knee's true friction law, identified exactly, as new, unloaded and at one
 temperature. The knee is then moved by hand, and pushed, under other conditions. All of it is simulated on
-the joint bench. One minute on one core; page: docs/whatif.md.
+the joint bench. One minute on one core; page: docs/background/whatif.md.
 """
 
 # %%

@@ -11,7 +11,10 @@ Not a medical device.
 
 import lazy_loader
 
-__version__ = "0.1.0"
+try:
+    from twin_gait._version import __version__  # type: ignore[import-not-found, unused-ignore]  # by the build
+except ImportError:  # a checkout that nothing was built from
+    __version__ = "0.1.0.dev0"
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ += ["__version__"]

@@ -80,7 +80,7 @@ def test_powers_of_a_wearer_add_up_to_their_work() -> None:
 
 
 def test_the_page_is_about_the_people_who_ship() -> None:
-    text = (ROOT / "docs" / "people.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "background" / "people.md").read_text(encoding="utf-8")
     for name, description in people().items():
         assert f"| `{name}` | {description} |" in text
     assert {row["who"] for row in results_of("shipped_people")["people"]} > set(people())

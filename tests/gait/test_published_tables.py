@@ -354,14 +354,14 @@ def test_the_leg_has_no_ankle_drive_and_says_so_in_one_line(name: str) -> None:
     assert len(str(caught.value).splitlines()) == 1
 
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "images"
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_page_of_the_published_machines_shows_the_tables_as_they_are(name: str) -> None:
     """If this fails, write the tables into the page again: twin-gait diagram NAME --format truth."""
     table = load_gait_table(name)
-    page = (DOCS / "published_machines.md").read_text("utf-8").splitlines()
+    page = (DOCS.parent / "background" / "published_machines.md").read_text("utf-8").splitlines()
     for text in (transition_table(table), truth_table(table)):
         lines = [line for line in text.splitlines() if line.startswith(("| ", "- ", "Blending", "Gravity"))]
         assert [line for line in lines if line not in page] == []
@@ -375,7 +375,7 @@ def drawn_texts(svg: str) -> list[str]:
 
 @pytest.mark.parametrize("path", sorted(DOCS.glob("*.svg")), ids=lambda path: path.stem)
 def test_drawings_in_the_documentation_are_those_of_the_shipped_tables(path: Path) -> None:
-    """If this fails, draw it again: twin-gait diagram NAME --format svg --out docs --force."""
+    """If this fails, draw it again: twin-gait diagram NAME --format svg --out docs/images --force."""
     if path.stem not in packaged_gait_tables():
         pytest.skip("not the drawing of a gait table")
     expected = state_diagram_svg(load_gait_table(path.stem))
@@ -387,5 +387,7 @@ def test_the_page_shows_what_the_check_says(name, capsys):
     from twin_gait.cli import main
 
     assert main(["check", name]) == 0
-    page = (Path(__file__).parents[2] / "docs" / "published_machines.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "background" / "published_machines.md").read_text(
+        encoding="utf-8"
+    )
     assert capsys.readouterr().out.rstrip() in page

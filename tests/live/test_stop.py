@@ -120,7 +120,7 @@ def test_no_fault_but_a_runaway_makes_the_wearer_fall(walk, kind):
 
 
 def test_a_controller_that_runs_away_with_a_knee_makes_the_wearer_fall_unnoticed_at_one_moment_of_four(walk):
-    """What happens, not what should: the knee gives way inside every bound of the monitor (docs/faults.md).
+    """What happens, not what should: the knee gives way inside every bound of the monitor (page faults).
 
     At the others the trip finds the knee bent by 50 to 110 deg. The wearer hangs in the harness, and the
     other foot, behind and with a tenth of the weight, creeps for longer before it rests.

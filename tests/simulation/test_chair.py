@@ -179,7 +179,7 @@ def ends_as_asked(preset: str, case: tuple[float, float, float], angle: float, s
     ("preset", "angle", "sign", "least"), [("sit_to_stand", 35.0, -1, 20), ("stand_to_sit", 60.0, 1, 20)]
 )
 def test_most_wearers_reach_the_posture_on_most_chairs(preset, angle, sign, least):
-    """Ninety per cent are wanted; docs/overground.md says how many there are."""
+    """Ninety per cent are wanted; docs/background/overground.md says how many there are."""
     assert sum(ends_as_asked(preset, case, angle, sign) for case in CASES) >= least
 
 

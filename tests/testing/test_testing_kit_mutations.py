@@ -1,7 +1,7 @@
 """Every single mutation of a machine, while the kit reads the table as it is.
 
-``python tests/testing/test_testing_kit_mutations.py`` writes the counts into ``docs/test_kit.md``; a test
-here fails when they are no longer true.
+``python tests/testing/test_testing_kit_mutations.py`` writes the counts into
+``docs/reference/test_kit.md``; a test here fails when they are no longer true.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from twin_gait.testing.compiled import compiled_machines
 
 pytestmark = pytest.mark.slow  # it grades the kit, not a table
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "test_kit.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "test_kit.md"
 BEGIN, END = "<!-- mutations: begin -->\n", "<!-- mutations: end -->\n"
 TABLES = packaged_gait_tables()
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.control.controller import Controller, checked, require_controller
-from twin_gait.core.friction import ASYMMETRIC, BRISTLE
+from twin_gait.core.friction import ROTATIONAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.episode import (
@@ -152,7 +152,7 @@ def _key(episode: np.dtype[Any], structure: str) -> str:
 
 def _structure(episode: BenchEpisode, acting: Controller) -> dict[str, int]:
     """Constants that a loop is bound to; the laws beside (3.1) slow the others down."""
-    return {"OTHER_LAWS": episode.friction.law in (ASYMMETRIC, BRISTLE), **acting.constants()}
+    return {"OTHER_LAWS": episode.friction.law > ROTATIONAL, **acting.constants()}
 
 
 @lru_cache(maxsize=8)

@@ -1,0 +1,176 @@
+"""The site: ``python -m sphinx -W docs docs/_build/html``.
+
+Built so, no script of the gallery and no cell of a tutorial runs: their pages have the code and the kept
+figures. With ``TWIN_GAIT_SITE=run`` they run; ``TWIN_GAIT_SITE=first_gait`` runs the one page whose name has
+that in it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+sys.path[:0] = [str(DOCS), str(DOCS / "extensions"), str(DOCS.parent / "examples")]
+
+import api_pages
+import declared
+import gallery_pages
+
+import twin_gait
+
+RUN = os.environ.get("TWIN_GAIT_SITE", "")  # nothing, "run", or the part of a name
+GENERATED = DOCS / "_build" / "gallery_source"
+
+project = "twin_gait"
+author = "The twin_gait developers"
+copyright = "The twin_gait developers. BSD-3-Clause. Not a medical device"
+version = release = twin_gait.__version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
+    "sphinx-mathjax-offline",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = [
+    "_build",
+    "gallery_header.rst",
+    "**/GALLERY_HEADER.rst",
+    "**.ipynb",
+    "gallery/**/*.py",
+    "gallery/**/*.json",
+]
+default_role = "literal"
+nitpicky = False
+# Tables that the program prints bring their own levels of headings (published_machines).
+suppress_warnings = ["myst.header"]
+
+# Markdown
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_block"]
+myst_heading_anchors = 4
+myst_dmath_double_inline = True
+nb_execution_mode = "off" if RUN in ("", "none") else "cache"
+nb_execution_cache_path = str(DOCS / "_build" / "tutorials")
+nb_execution_timeout = 600
+nb_execution_raise_on_error = True
+nb_execution_in_temp = True
+nb_execution_excludepatterns = (
+    []
+    if RUN in ("", "run")
+    else [str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md") if RUN not in path.stem]
+)
+nb_merge_streams = True
+
+# Docstrings
+autodoc_typehints = "signature"
+autodoc_member_order = "groupwise"
+autodoc_class_signature = "separated"
+autodoc_preserve_defaults = True
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+
+# Gallery
+sphinx_gallery_conf = {
+    "examples_dirs": [str(GENERATED)],
+    "gallery_dirs": ["gallery"],
+    "filename_pattern": "/" if RUN == "run" else re.escape(RUN) if RUN else "(?!)",
+    "ignore_pattern": r"(?!)",
+    "plot_gallery": bool(RUN),
+    "abort_on_example_error": True,
+    "reset_argv": "gallery_run.arguments",
+    "image_scrapers": (),
+    "reset_modules": ("gallery_run.fresh",),
+    "download_all_examples": False,
+    "show_memory": False,
+    "remove_config_comments": True,
+    "nested_sections": False,
+    "within_subsection_order": "gallery_run.Order",
+    "copyfile_regex": r"(?!)",
+    "show_signature": False,
+}
+
+# Pages
+html_theme = "pydata_sphinx_theme"
+html_title = "twin_gait"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options: dict[str, Any] = {
+    "logo": {"text": "twin_gait"},
+    "header_links_before_dropdown": 7,
+    "navbar_align": "left",
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "footer_start": ["copyright"],
+    "footer_end": ["theme-version"],
+    "secondary_sidebar_items": ["page-toc"],
+    "show_prev_next": True,
+}
+html_sidebars = {"index": [], "glossary": [], "start/index": []}
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
+
+
+# Files of the repository that are pages of the site too: what stands in their place below docs/ is replaced.
+INCLUDED = {
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "urdf/README.md": "background/urdf.md",
+}
+
+
+def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
+    """A link to a file of the repository leads to its page; a folder is a link only in the repository."""
+    page = DOCS / f"{name}.md"
+    origin = page
+    for path, place in INCLUDED.items():
+        if DOCS / place == page:
+            origin = DOCS.parent / path
+            source[0] = origin.read_text(encoding="utf-8")
+
+    def inside(match: re.Match[str]) -> str:
+        text, target, anchor = match.groups()
+        if "://" in target:
+            return match.group()
+        path = (origin.parent / target).resolve()
+        place = str(path.relative_to(DOCS.parent)) if path.is_relative_to(DOCS.parent) else ""
+        if path.is_dir():
+            return text
+        to = DOCS / INCLUDED[place] if place in INCLUDED else path
+        return f"[{text}]({os.path.relpath(to, page.parent)}{anchor or ''})"
+
+    source[0] = re.sub(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)]*)?\)", inside, source[0])
+
+
+def _fields_with_their_comments(_: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]) -> None:
+    """The comments beside the fields of a record are their documentation."""
+    if what != "class" or not (dataclasses.is_dataclass(thing) or hasattr(thing, "_fields")):
+        return
+    if any(line.startswith((":ivar", ".. attribute")) for line in lines):
+        return
+    try:
+        found = list(declared.fields_of(thing))
+    except (OSError, TypeError):  # no source
+        return
+    told = [f":ivar {name}: {meaning}" for name, _type, meaning in found if meaning]
+    lines += ["", *told, ""] if told else []
+
+
+def setup(app: Any) -> None:
+    """Prepare what is generated, before Sphinx looks for it."""
+    api_pages.prepare(DOCS / "reference" / "api")
+    gallery_pages.prepare(GENERATED, run=bool(RUN))
+    app.connect("autodoc-process-docstring", _fields_with_their_comments)
+    app.connect("source-read", _links_inside_the_site)

@@ -1,0 +1,157 @@
+"""Prepare the scripts of ``examples/`` for sphinx-gallery.
+
+A script there is Markdown in percent cells, begins with a sentence, and keeps the results of its full form
+in git. sphinx-gallery wants reStructuredText and a title, and shows what it has run. So every script is
+copied with a title, its kept figures above the code, and its headings in the other markup; what it says is
+left alone.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+
+# Scripts by the heading under which the gallery shows them. A test holds that none is missing.
+SECTIONS = {
+    "first_steps": ("First steps", ("first_gait", "change_the_table", "bench_leg")),
+    "thesis": ("The thesis", ("thesis_friction", "thesis_control", "thesis_falls", "thesis_limits")),
+    "what_if": (
+        "What if",
+        ("whatif_friction_map", "whatif_inertia", "whatif_temperature", "friction_presliding"),
+    ),
+    "people": ("People", ("shipped_people", "cohort", "tuned_cohort")),
+    "walk": (
+        "The walk: goals, robustness, ground forces",
+        ("default_walk", "robustness_map", "start_stop", "attainable_floor"),
+    ),
+    "controllers": ("Controllers compared", ("blending", "powered_ankle")),
+    "crutches": ("Crutches and chair", ("overground", "rising")),
+    "faults": (
+        "Faults, bus and the sampled loop",
+        ("fault_campaign", "network_map", "can_monitor", "loop_stability"),
+    ),
+    "device": ("Firmware and proofs", ("firmware", "validation", "identification_coverage")),
+}
+# Scripts whose full form takes seconds, so that the site runs that one; of the others it runs the quick form.
+IN_FULL = frozenset(
+    {
+        "first_gait", "change_the_table", "bench_leg", "thesis_control", "thesis_falls", "thesis_limits",
+        "validation", "friction_presliding",
+    }
+)  # fmt: skip
+# What the site cannot run: a bus needs multicast.
+NOT_RUN = frozenset({"can_monitor"})
+# Pictures of scripts that draw none, from docs/images.
+THUMBNAILS = {
+    "bench_leg": "bench_leg.png",
+    "change_the_table": "gait_cycle.png",
+    "shipped_people": "treadmill_phone.png",
+    "cohort": "treadmill.png",
+    "tuned_cohort": "tune.png",
+    "default_walk": "gait_cycle.png",
+    "start_stop": "live_phone.png",
+    "firmware": "live.png",
+    "validation": "treadmill_dark.png",
+    "identification_coverage": "identification.png",
+}
+KEPT = """
+.. admonition:: Results that are kept
+
+   The figures below are those of the script's full form, kept in git. {ran}
+"""
+RAN_QUICK = "What it printed when this site was built is that of its quick form, ``--quick``."
+RAN_NOT = "It was not run when this site was built."
+
+
+def title_of(name: str, docstring: str) -> tuple[str, str]:
+    """Title and the rest of a script's docstring: what stands before the first colon or stop is the title."""
+    first, _, rest = docstring.partition("\n\n")
+    first = " ".join(first.split())
+    head = re.split(r"(?<=\w)[:.?](?:\s|$)", first, maxsplit=1)[0]
+    if len(head) > 70:
+        head = name.replace("_", " ").capitalize()
+        return head, f"{first}\n\n{rest}".strip()
+    after = first[len(head) :]
+    if after[:1] == "?":
+        head, after = f"{head}?", after[1:]
+    after = after.lstrip(":. ").strip()
+    return head, f"{after[:1].upper()}{after[1:]}\n\n{rest}".strip()
+
+
+def _figures(name: str) -> list[Path]:
+    return sorted((EXAMPLES / "results" / name).glob("*.png"))
+
+
+def _in_the_other_markup(code: str) -> str:
+    """Headings of Markdown cells, and links, as reStructuredText has them."""
+
+    def heading(match: re.Match[str]) -> str:
+        text = match.group(1)
+        return f"# {text}\n# {'-' * len(text)}\n#"
+
+    code = re.sub(r"^# ## (.*)$", heading, code, flags=re.MULTILINE)
+    return re.sub(r"^# %% \[markdown\]$", "# %%", code, flags=re.MULTILINE)
+
+
+def prepared(path: Path, *, run: bool) -> str:
+    """Text of a script as sphinx-gallery takes it.
+
+    Args:
+        path: The script.
+        run: Whether the site runs what it shows.
+    """
+    text = path.read_text(encoding="utf-8")
+    module = ast.parse(text)
+    docstring = ast.get_docstring(module) or ""
+    title, rest = title_of(path.stem, docstring)
+    end = module.body[0].end_lineno or 1
+    code = _in_the_other_markup("\n".join(text.splitlines()[end:]))
+    figures = _figures(path.stem)
+    header = [title, "=" * len(title), "", *_linked(rest).splitlines()]
+    ran = run and path.stem not in NOT_RUN
+    if figures and not (ran and path.stem in IN_FULL):
+        header += KEPT.format(ran=RAN_QUICK if ran else RAN_NOT).splitlines()
+    for figure in figures:
+        # sphinx-gallery writes into docs/gallery/SECTION, from where the picture is found.
+        header += [
+            "",
+            f".. image:: /../examples/results/{path.stem}/{figure.name}",
+            f"   :alt: {title}, {figure.stem}",
+        ]
+    picture = (
+        f"../examples/results/{path.stem}/{figures[0].name}" if figures else f"images/{THUMBNAILS[path.stem]}"
+    )
+    thumbnail = f"# sphinx_gallery_thumbnail_path = '{picture}'\n"
+    lines = "\n".join(header).replace("\\", "\\\\")
+    return f'"""\n{lines}\n"""\n{code}\n\n{thumbnail}'
+
+
+def _linked(text: str) -> str:
+    """Pages that a docstring names, as links."""
+    return re.sub(r"docs/((?:background|reference)/\w+)\.md", r":doc:`/\1`", text)
+
+
+def prepare(folder: Path, *, run: bool) -> None:
+    """Write the scripts of all sections into a folder; what has not changed keeps its time."""
+    wanted = set()
+    for order, (section, (heading, names)) in enumerate(SECTIONS.items()):
+        place = folder / f"{order}_{section}"
+        place.mkdir(parents=True, exist_ok=True)
+        files = {"GALLERY_HEADER.rst": f"{heading}\n{'-' * len(heading)}\n"}
+        files |= {f"{name}.py": prepared(EXAMPLES / f"{name}.py", run=run) for name in names}
+        # What scripts read beside them.
+        files |= {data.name: data.read_text(encoding="utf-8") for data in EXAMPLES.glob("*.yaml")}
+        for name, text in files.items():
+            path = place / name
+            wanted.add(path)
+            if not path.is_file() or path.read_text(encoding="utf-8") != text:
+                path.write_text(text, encoding="utf-8")
+    for path in folder.rglob("*"):
+        if path.is_file() and path.parent != folder and path not in wanted:
+            path.unlink()
+    shutil.copy(Path(__file__).parents[1] / "gallery_header.rst", folder / "GALLERY_HEADER.rst")

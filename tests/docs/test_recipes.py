@@ -1,0 +1,83 @@
+"""Every recipe of the documentation is a diff that applies to this tree, and does what its page says."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+RECIPES = ROOT / "docs" / "recipes"
+NAMES = sorted(path.stem for path in RECIPES.glob("*.diff"))
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    """Copy of what the diffs change; a folder of its own for every recipe."""
+    folder = tmp_path_factory.mktemp("recipes")
+
+    def changed(name: str) -> Path:
+        place = folder / name
+        if not place.is_dir():
+            ignored = shutil.ignore_patterns("__pycache__")
+            for part in ("twin_gait", "urdf"):
+                shutil.copytree(ROOT / part, place / part, ignore=ignored)
+            applied = subprocess.run(
+                ["git", "apply", "--recount", str(RECIPES / f"{name}.diff")],
+                cwd=place,
+                capture_output=True,
+                text=True,
+                env={**os.environ, "GIT_CEILING_DIRECTORIES": str(folder)},
+            )
+            assert applied.returncode == 0, f"{applied.stderr}write the diff anew"
+        return place
+
+    return changed
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_diff_of_a_recipe_applies(name, tree):
+    changed = re.findall(r"^\+\+\+ b/(.*)$", (RECIPES / f"{name}.diff").read_text(), flags=re.MULTILINE)
+    place = tree(name)
+    for path in changed:
+        before = ROOT / path
+        after = (place / path).read_text(encoding="utf-8")
+        assert not before.is_file() or before.read_text(encoding="utf-8") != after
+        if path.endswith(".py"):
+            compile(after, path, "exec")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recipe_has_a_page_and_touches_as_many_files_as_it_says(name):
+    page = (RECIPES / f"{name}.md").read_text(encoding="utf-8")
+    assert f"```{{literalinclude}} {name}.diff" in page and f"```{{literalinclude}} try_{name}.py" in page
+    diff = (RECIPES / f"{name}.diff").read_text(encoding="utf-8")
+    (said,) = re.findall(r"^Files: (\d+)", page, flags=re.MULTILINE)
+    assert int(said) == diff.count("\ndiff --git") + diff.startswith("diff --git")
+
+
+@pytest.mark.slow
+@pytest.mark.compile
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recipe_does_what_its_page_says(name, tree, tmp_path):
+    place = tree(name)
+    environment = {**os.environ, "PYTHONPATH": str(place), "TWIN_GAIT_CACHE": str(tmp_path / "cache")}
+    script = str(RECIPES / f"try_{name}.py")
+    done = subprocess.run(
+        [sys.executable, script], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_index_counts_the_files_of_every_recipe():
+    rows = re.findall(
+        r"^\| \[.*\]\((\w+)\.md\) \| (\d+) \|$", (RECIPES / "index.md").read_text(), flags=re.MULTILINE
+    )
+    said = {name: int(count) for name, count in rows}
+    counted = {name: (RECIPES / f"{name}.diff").read_text().count("diff --git a/") for name in NAMES}
+    assert said == counted

@@ -1,0 +1,88 @@
+"""The site: scripts have places and titles, tutorials run, the page of the summary is whole."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from twin_gait import load_experiment, simulate, summarise
+from twin_gait.vocabulary import JointName, Side
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+sys.path.insert(0, str(DOCS / "extensions"))
+import gallery_pages  # noqa: E402 -- of the site, not of the package
+
+SCRIPTS = sorted(path.stem for path in (ROOT / "examples").glob("*.py") if path.stem != "gallery")
+PAGES = [DOCS / "start" / "index.md", *sorted((DOCS / "tutorials").glob("*.md"))]
+RUN = [path for path in PAGES if "{code-cell}" in path.read_text(encoding="utf-8")]
+
+
+def test_every_script_has_a_place_in_the_gallery():
+    placed = [name for _, names in gallery_pages.SECTIONS.values() for name in names]
+    assert sorted(placed) == SCRIPTS
+    assert gallery_pages.IN_FULL | gallery_pages.NOT_RUN <= set(SCRIPTS)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_is_prepared_with_a_title_and_its_code_as_it_is(name):
+    path = ROOT / "examples" / f"{name}.py"
+    text = gallery_pages.prepared(path, run=False)
+    title, line, *_ = (ast.get_docstring(ast.parse(text)) or "").splitlines()
+    assert 3 < len(title) <= 72 and line == "=" * len(title)
+    before, after = (ast.parse(source).body[1:] for source in (path.read_text(encoding="utf-8"), text))
+    assert [ast.dump(node) for node in before] == [ast.dump(node) for node in after]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", RUN, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_the_cells_of_a_page_run_as_a_notebook(path, tmp_path, monkeypatch):
+    """In a kernel of Jupyter, as a reader has it; commands are those of this environment."""
+    jupytext, nbclient = pytest.importorskip("jupytext"), pytest.importorskip("nbclient")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    notebook = jupytext.read(path, fmt="md:myst")
+    where = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(notebook, timeout=900, kernel_name="python3", resources=where).execute()
+
+
+def keys_of(summary: dict, before: str = "") -> set[str]:
+    """Dotted keys, with SIDE, JOINT and PHASE for the names of those."""
+    found = set()
+    for key, value in summary.items():
+        name = "SIDE" if key in tuple(Side) else "JOINT" if key in tuple(JointName) else key
+        name = "PHASE" if before.endswith("phase_duration_mean_s.") else name
+        name = re.sub(r"(?<=^rmse_)(hip|knee|ankle)|^(hip|knee|ankle)(?=_motor)", "JOINT", name)
+        found |= keys_of(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}"}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("preset", "settings"),
+    [
+        ("treadmill", ["interface=brace"]),
+        ("treadmill", ["network={}"]),
+        ("overground", []),
+        ("bench_leg", []),
+    ],
+    ids=["braces", "bus", "overground", "bench"],
+)
+def test_every_key_of_a_summary_is_in_its_page(preset, settings):
+    page = (DOCS / "reference" / "summary.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w.*]+)`", page))
+    wild = tuple(name.removesuffix("*") for name in named if name.endswith("*"))
+    # Measures of the ground stand in a table of fields, without the unit of the key.
+    measures = {name for name in re.findall(r"^\| `(\w+)` \| `", page, flags=re.MULTILINE)}
+    run = simulate(load_experiment(preset, [*settings, "duration_s=4"]).experiment)
+    unsaid = set()
+    for key in keys_of(summarise(run)):
+        ends = {key, key.rpartition(".")[2], ".".join(key.split(".")[-2:]), ".".join(key.split(".")[-3:])}
+        short = re.sub(r"_(deg|m|Ns|N|W|per_min)$", "", key.rpartition(".")[2]).removeprefix("JOINT_")
+        of_walk = key.startswith(("sides.SIDE.walk.", "walk_reference.", "power."))
+        if not (ends & named or key.startswith(wild) or (of_walk and short in measures)):
+            unsaid.add(key)
+    assert not unsaid
