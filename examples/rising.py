@@ -122,8 +122,8 @@ def at_stop(run: Run, rows: int) -> bool:
 
 
 def risen(run: Run) -> bool:
-    """Whether the person has come to stand, whatever happens as the crutches are brought forwards."""
-    row = arrival(run, "stand")
+    """Whether the person has come up, whatever happens as the crutches are brought forwards."""
+    row = arrival(run, "upright")
     if row == len(run.log) or at_stop(run, row):
         return False
     return bool(run.log["pelvis_height_m"].iloc[row] > STANDS * standing_height(run))
@@ -193,8 +193,8 @@ def columns_of(motion: Motion, case: Case) -> dict[str, str]:
 
 
 def during(motion: Motion, run: Run) -> slice:
-    """Rows from the request until the person has come to stand or to sit, and a second more."""
-    phase = "stand" if motion is RISING else "sit"
+    """Rows from the request until the person has come up, or to sit and a second more."""
+    phase = "upright" if motion is RISING else "sit"
     return slice(round(motion.asked * 1000), arrival(run, phase) + 1000 * (motion is SITTING))
 
 

@@ -176,10 +176,10 @@ def ends_as_asked(preset: str, case: tuple[float, float, float], angle: float, s
 
 @pytest.mark.slow  # 54 runs of 16 s
 @pytest.mark.parametrize(
-    ("preset", "angle", "sign", "least"), [("sit_to_stand", 35.0, -1, 20), ("stand_to_sit", 60.0, 1, 20)]
+    ("preset", "angle", "sign", "least"), [("sit_to_stand", 35.0, -1, 25), ("stand_to_sit", 60.0, 1, 25)]
 )
 def test_most_wearers_reach_the_posture_on_most_chairs(preset, angle, sign, least):
-    """Ninety per cent are wanted; docs/background/overground.md says how many there are."""
+    """Nine of ten are asked for; the page on walking overground says how many there are."""
     assert sum(ends_as_asked(preset, case, angle, sign) for case in CASES) >= least
 
 
@@ -199,3 +199,22 @@ def test_wearer_of_the_preset_sits_down_on_a_chair_that_is_put_there():
     for joint in (f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee")):
         assert log[f"{joint}_stop_torque_Nm"].abs().max() == 0.0
         assert log[f"{joint}_motor_command_torque_Nm"].abs().max() < 80.0
+
+
+def test_a_day_goes_from_the_chair_over_ten_metres_to_the_chair():
+    run = simulate(load_experiment("day").experiment)
+    log, modes = run.log, list(run.experiment.modes.phase_names)
+    weight = run.experiment.build_world().body_weight
+    assert run.reason == "" and run.trip is None
+    assert not any(answer.refused for answer in run.answers)
+    told = [modes[int(mode)] for mode in log["mode"][log["mode"].diff() != 0.0]]
+    steps = [mode for mode in told if mode in ("walk_automatic", "automatic_step")]
+    assert told == ["sitting", "sit_up", "standing", *steps, "stopping", "standing", "sit_down", "sitting"]
+    assert len(steps) > 30
+    assert np.ptp(log["pelvis_forward_m"]) > 10.0
+    assert log["seat_force_N"].iloc[0] > 0.5 * weight and log["seat_force_N"].iloc[-1] > 0.5 * weight
+    swinging = [log[f"{side}_phase"].map(run.table.is_swing) for side in SIDES]
+    assert not (swinging[0] & swinging[1]).any()
+    for joint in (f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee")):
+        assert log[f"{joint}_stop_torque_Nm"].abs().max() == 0.0
+        assert log[f"{joint}_motor_torque_Nm"].abs().max() <= 80.0
