@@ -185,7 +185,7 @@ def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect(
     supervisor, machine = new_supervisor(), ModeMachine(TWIN)
     visited, refused, anew = set(), 0, 1
     for tick in range(1, 200_000):
-        # Rising takes six seconds without another word, standing three before a request for the chair is heard.
+        # Rising takes six seconds without another word, a request for the chair is heard after three.
         often = {"sit_up": 1e-4, "standing": 5e-4}.get(machine.phase, 0.005)
         if tick == anew:  # held for a while, so that debounces may end
             anew += 7000 if machine.phase == "sit_up" else 600
