@@ -17,6 +17,7 @@ from .simulation import simulate as simulate
 from .studies.batch import simulate_batch as simulate_batch
 from .vocabulary import GaitPhase as GaitPhase
 from .vocabulary import JointName as JointName
+from .vocabulary import Sex as Sex
 from .vocabulary import Side as Side
 
 __version__: str

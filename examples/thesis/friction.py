@@ -35,7 +35,7 @@ from twin_gait.identification import (
     process_log,
     read_log,
 )
-from twin_gait.studies import Campaign, Protocol, planned_tests, run_campaign
+from twin_gait.studies import SPREAD, Campaign, Protocol, planned_tests, run_campaign
 from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 
 HIP = JointName.HIP
@@ -250,8 +250,8 @@ def chance_of_torque(joint: JointName, torque: float, speed: float) -> float:
     """
     campaign, actuator = Campaign(joint=joint, protocol=DRIVEN), BENCH_ACTUATORS[joint]
     tests = sum(plan.settings["peak_speed_rad_per_s"] >= speed for plan in planned_tests(campaign))
-    offset = campaign.spread.current_offset * actuator.torque_constant * actuator.gear_ratio
-    return DEVIATIONS * math.hypot(campaign.spread.friction * torque, offset) / math.sqrt(tests)
+    offset = SPREAD["current_offset"] * actuator.torque_constant * actuator.gear_ratio
+    return DEVIATIONS * math.hypot(SPREAD["friction"] * torque, offset) / math.sqrt(tests)
 
 
 def dip_velocity(values: Mapping[str, float]) -> float:

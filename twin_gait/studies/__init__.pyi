@@ -1,5 +1,6 @@
 from .batch import overridden as overridden
 from .batch import run_episodes as run_episodes
+from .campaign import SPREAD as SPREAD
 from .campaign import Campaign as Campaign
 from .campaign import PlannedTest as PlannedTest
 from .campaign import Protocol as Protocol
