@@ -165,7 +165,7 @@ def test_codes_are_those_of_the_program():
     assert [state["left_phase"][phase] for phase in GaitPhase] == list(range(5))
     tables = {phase for preset in presets() for phase in load_experiment(preset).experiment.table.phases}
     # Four bits hold no more; these are sent as another one.
-    assert tables - set(state["left_phase"]) == {"straighten", "reach_back", "lower", "gravity"}
+    assert tables - set(state["left_phase"]) == {"straighten", "upright", "reach_back", "lower", "gravity"}
     assert state["left_phase"] == state["right_phase"] and state["left_phase"]["other"] == 15
 
 
