@@ -338,7 +338,7 @@ def test_pictures_are_drawn_for_the_share_and_the_measures(swept):
         "main_effects_walked.png",
     ]
     page = (swept[1] / "report.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png") == 2 * len(names)
+    assert page.count("data:image/png") == len(names)
 
 
 def test_cells_are_the_means_of_their_episodes():
