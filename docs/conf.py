@@ -7,10 +7,14 @@ that in it.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import enum
+import inspect
 import os
 import re
 import sys
+import typing
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +77,6 @@ nb_merge_streams = True
 # Docstrings
 autodoc_typehints = "signature"
 autodoc_member_order = "groupwise"
-autodoc_class_signature = "separated"
 autodoc_preserve_defaults = True
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
@@ -168,9 +171,26 @@ def _fields_with_their_comments(_: Any, what: str, __: str, thing: Any, ___: Any
     lines += ["", *told, ""] if told else []
 
 
+def _hints_without_ranges(_: Any, thing: Any, __: bool) -> None:
+    """A signature has the types of parameters; units and ranges are in the page of keys."""
+    if inspect.isfunction(thing):
+        with contextlib.suppress(NameError, TypeError):
+            thing.__annotations__ = typing.get_type_hints(thing)
+
+
+def _members_need_no_call(
+    _: Any, what: str, __: str, thing: Any, ___: Any, signature: str, returned: str
+) -> tuple[str, str | None]:
+    """Nobody makes a member of an enumeration."""
+    enumeration = what == "class" and issubclass(thing, enum.Enum)
+    return ("", None) if enumeration else (signature, returned)
+
+
 def setup(app: Any) -> None:
     """Prepare what is generated, before Sphinx looks for it."""
     api_pages.prepare(DOCS / "reference" / "api")
     gallery_pages.prepare(GENERATED, run=bool(RUN))
+    app.connect("autodoc-before-process-signature", _hints_without_ranges)
+    app.connect("autodoc-process-signature", _members_need_no_call)
     app.connect("autodoc-process-docstring", _fields_with_their_comments)
     app.connect("source-read", _links_inside_the_site)
