@@ -58,7 +58,7 @@ def test_a_folder_with_document_samples_parameters_and_figures_is_written(identi
         "samples.csv",
     ]
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "Friction of the knee" in page and page.count("data:image/png") == 4
+    assert "Friction of the knee" in page and page.count("data:image/png") == 2
     assert sorted(item.name for item in (out / "figures").iterdir()) == ["fits.png", "residuals.png"]
 
 
