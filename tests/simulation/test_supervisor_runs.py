@@ -172,7 +172,7 @@ def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
     def pitch(one):
         tick = len(ticks)
         ticks.append(tick)
-        return math.radians(9.0) if 50 <= tick < 249 or tick >= 300 else math.radians(8.0)
+        return math.radians(10.0) if 50 <= tick < 249 or tick >= 300 else math.radians(9.0)
 
     ticks: list[int] = []
     kernel = {**PinocchioKernel(problem.world, problem.control_model).functions, "trunk_pitch": pitch}

@@ -13,10 +13,10 @@ from twin_gait.gait.signals import all_signal_names
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
-EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
+EULER = "integration={method: semi_implicit_euler, step_ms: 0.1}"
 QUIET = "gyroscope_noise_rad_per_s: 0, accelerometer_noise_m_per_s2: 0"
 # With a filter that soon takes shaking for gravity.
-UNIT = f"sensors.trunk={{{QUIET}, gyroscope_bias_deg_per_s: 3, time_constant_s: 0.5}}"
+UNIT = f"sensors.trunk={{{QUIET}, gyroscope_bias_deg_per_s: 3, time_constant_s: 0.4}}"
 
 
 def problem(*settings: str) -> Problem:
@@ -55,7 +55,7 @@ def test_the_unit_feels_how_its_place_moves(sensed):
         up = ax[tick - 1] * sine + (az[tick - 1] + 9.81) * cosine
         estimate += rate[tick] * 1e-3 + math.radians(3.0) * 1e-3
         way = math.atan2(-felt, up) - estimate
-        estimate += math.sin(way) * (1.0 - math.exp(-1e-3 / 0.5))
+        estimate += math.sin(way) * (1.0 - math.exp(-1e-3 / 0.4))
         found.append(estimate)
     measured = log["measured_trunk_pitch_rad"][:-1]
     assert np.abs(measured - pitch[:-1]).max() > math.radians(1.0)
