@@ -259,7 +259,7 @@ def _give_way(habit: Habit, arm: Arm) -> None:
 
 
 def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
-    """Rest the hand while sitting, push towards a length while rising or sitting down, then straighten."""
+    """Rest the hand while sitting, push towards a length while rising or sitting down, else hold on."""
     grip = arm.grip
     if sense.chair == SITS:
         grip.push = grip.turn = grip.stiffness = 0.0
