@@ -29,6 +29,10 @@ import twin_gait
 
 RUN = os.environ.get("TWIN_GAIT_SITE", "")  # nothing, "run", or the part of a name
 GENERATED = DOCS / "_build" / "gallery_source"
+ALL_THAT_RUN = rf"/(?!({'|'.join(sorted(gallery_pages.NOT_RUN))})\.py)[^/]*$"
+
+# Cells of the shell find the twin-gait of the Python that builds the site.
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
 
 project = "twin_gait"
 author = "The twin_gait developers"
@@ -87,9 +91,10 @@ napoleon_use_ivar = True
 sphinx_gallery_conf = {
     "examples_dirs": [str(GENERATED)],
     "gallery_dirs": ["gallery"],
-    "filename_pattern": "/" if RUN == "run" else re.escape(RUN) if RUN else "(?!)",
+    "filename_pattern": ALL_THAT_RUN if RUN == "run" else re.escape(RUN) if RUN else "(?!)",
     "ignore_pattern": r"(?!)",
     "plot_gallery": bool(RUN),
+    "parallel": RUN == "run",
     "abort_on_example_error": True,
     "reset_argv": "gallery_run.arguments",
     "image_scrapers": (),
