@@ -27,9 +27,9 @@ SECTIONS = {
     "people": ("People", ("shipped_people", "cohort", "tuned_cohort")),
     "walk": (
         "The walk: goals, robustness, ground forces",
-        ("default_walk", "robustness_map", "start_stop", "attainable_floor"),
+        ("default_walk", "ground_forces", "robustness_map", "start_stop", "attainable_floor"),
     ),
-    "controllers": ("Controllers compared", ("blending", "powered_ankle")),
+    "controllers": ("Controllers compared", ("controllers", "blending", "powered_ankle")),
     "crutches": ("Crutches and chair", ("overground", "rising")),
     "faults": (
         "Faults, bus and the sampled loop",
@@ -41,7 +41,7 @@ SECTIONS = {
 IN_FULL = frozenset(
     {
         "first_gait", "change_the_table", "bench_leg", "thesis_control", "thesis_falls", "thesis_limits",
-        "validation", "friction_presliding",
+        "validation", "friction_presliding", "controllers", "ground_forces",
     }
 )  # fmt: skip
 # What the site cannot run: a bus needs multicast.

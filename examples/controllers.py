@@ -1,0 +1,86 @@
+"""Controllers beside each other: the same wearer on the same belt, another law between angle and torque.
+
+A wearer with a left hemiparesis walks with the five phases' springs, with four fifths of them, with a share
+that adapts from stride to stride, and along a predetermined path; without springs the legs give way. Angles
+of the affected knee and what the device does there. Ten seconds; ``twin-gait compare`` counts more, over days
+that differ: docs/reference/compare.md.
+"""
+
+# %%
+from __future__ import annotations
+
+import numpy as np
+from gallery import form_of
+from matplotlib.figure import Figure
+
+from twin_gait import Run, load_experiment, simulate, summarise
+from twin_gait.measures import normalise_strides
+from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, REDDISH_PURPLE
+from twin_gait.report import put_legend, save, style_panel
+
+form = form_of("controllers")
+DURATION, SKIPPED = (12.0 if form.quick else 30.0), 3  # [s], strides at the start
+CONTROLLERS = {
+    "table": [],
+    "four fifths of it": ["control.assistance.hip=0.8", "control.assistance.knee=0.8"],
+    "adaptive share": ["control.assistance.adaptive=true"],
+    "position": ["control.mode=position"],
+    "one spring": ["control.mode=constant"],
+    "no spring": ["control.mode=transparent"],
+}
+COLOURS = dict(zip(CONTROLLERS, (BLUE, BLUISH_GREEN, ORANGE, REDDISH_PURPLE), strict=False))
+AFFECTED = "left"
+
+# %%
+runs = {
+    name: simulate(
+        load_experiment("treadmill", ["patient=stroke_left", f"duration_s={DURATION}", *settings]).experiment
+    )
+    for name, settings in CONTROLLERS.items()
+}
+for name, run in runs.items():
+    print(
+        f"{name:18} {run.verdict.outcome}", *(f"{event.time:.1f} s: {event.text}" for event in run.events[:1])
+    )
+
+# %% [markdown]
+# ## The affected knee over the stride
+# Means over the strides of those who walk. The torque is the motor's; that of the device on the leg, behind the
+# gear, is what `twin-gait compare` tells.
+
+
+# %%
+def mean_stride(run: Run, column: str) -> np.ndarray:
+    """A column of the affected leg over the stride, mean of 101 points."""
+    strides = run.leg_record(AFFECTED).strides()[SKIPPED:]
+    return np.mean(normalise_strides(run.log[f"{AFFECTED}_{column}"].to_numpy(), strides), axis=0)
+
+
+walked = {name: run for name, run in runs.items() if run.verdict.outcome == "walked"}
+figure = Figure(figsize=(8.0, 3.6), layout="constrained")
+angle, torque = figure.subplots(1, 2)
+for name, run in walked.items():
+    angle.plot(np.degrees(mean_stride(run, "knee_angle_rad")), color=COLOURS[name], label=name)
+    torque.plot(mean_stride(run, "knee_motor_torque_Nm"), color=COLOURS[name])
+torque.axhline(0.0, color=BLACK, linewidth=0.6)
+style_panel(angle, "flexion of the affected knee", "°")
+style_panel(torque, "motor torque of the affected knee", "N m")
+for axes in (angle, torque):
+    axes.set(xlabel="stride [%]", xlim=(0, 100))
+put_legend(figure, angle.lines)
+save(figure, form.out / "controllers.png")
+
+# %%
+rows = []
+for name, run in runs.items():
+    row = {"controller": name, "outcome": str(run.verdict.outcome)}
+    if name in walked:
+        side = summarise(run)["sides"][AFFECTED]
+        row |= {
+            "stride [s]": f"{side['stride_time_mean_s']:.2f}",
+            "RMSE hip / knee [°]": f"{side['rmse_hip_by_contact_deg']:.1f} / {side['rmse_knee_by_contact_deg']:.1f}",
+            "RMS motor torque of the knee [N m]": f"{side['joints']['knee']['torque_rms_Nm']:.0f}",
+        }
+    rows.append(row)
+form.keep({"rows": rows})
+print(*rows, sep="\n")

@@ -1,0 +1,58 @@
+"""Ground forces: what the belt feels of the default walk, and how support changes it.
+
+Vertical and fore-aft force over the stride, in units of the weight that the wearer carries; the curves of the
+default walk stand beside the normative ones. Where less weight is carried, is the walk still one? Seconds;
+what the measures mean: docs/reference/summary.md.
+"""
+
+# %%
+from __future__ import annotations
+
+import pandas as pd
+from gallery import form_of
+
+from twin_gait import Run, load_experiment, simulate, summarise
+from twin_gait.report import save
+
+form = form_of("ground_forces")
+SUPPORTS = (0.4, 0.6) if form.quick else (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+
+
+def walk(support: float) -> Run:
+    """Simulate the default walk with another share of the weight carried by the harness."""
+    settings = [f"scenario.support.share={support}", f"duration_s={8 if form.quick else 20}"]
+    return simulate(load_experiment("treadmill", settings).experiment)
+
+
+# %% [markdown]
+# ## Over the stride
+# The force of each foot from heel strike to heel strike, of the default walk (60 % of the weight in the harness).
+
+# %%
+figure = walk(0.6).plot("ground_forces")
+save(figure, form.out / "ground_forces.png")
+
+# %% [markdown]
+# ## With more and less support
+# Loading peak, trough, push-off peak and the least load over 6 to 20 % of the cycle in units of the carried weight,
+# impulses of braking and propulsion, and the power by which the belt helps.
+
+# %%
+MEASURES = {
+    "loading peak": "loading_peak",
+    "trough": "trough",
+    "push-off peak": "push_off_peak",
+    "least load": "least_load",
+    "braking [N s]": "braking_impulse_Ns",
+    "propulsion [N s]": "propulsion_impulse_Ns",
+    "belt [W]": "belt_power_W",
+}
+rows = []
+for support in SUPPORTS:
+    summary = summarise(walk(support))
+    row = {"support": f"{support:.0%}", "outcome": summary["outcome"]}
+    if "walk" in (left := summary["sides"]["left"]):
+        row |= {name: f"{left['walk'][key]:.2f}" for name, key in MEASURES.items()}
+    rows.append(row)
+form.keep({"rows": rows})
+print(pd.DataFrame(rows).fillna("").to_string(index=False))
