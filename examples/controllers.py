@@ -45,8 +45,8 @@ for name, run in runs.items():
 
 # %% [markdown]
 # ## The affected knee over the stride
-# Means over the strides of those who walk. The torque is the motor's; that of the device on the leg, behind the
-# gear, is what `twin-gait compare` tells.
+# Means over the strides of those who walk. The torque is the motor's; that of the device on the leg, behind
+# the gear, is what `twin-gait compare` tells.
 
 
 # %%
@@ -78,7 +78,8 @@ for name, run in runs.items():
         side = summarise(run)["sides"][AFFECTED]
         row |= {
             "stride [s]": f"{side['stride_time_mean_s']:.2f}",
-            "RMSE hip / knee [°]": f"{side['rmse_hip_by_contact_deg']:.1f} / {side['rmse_knee_by_contact_deg']:.1f}",
+            "RMSE hip [°]": f"{side['rmse_hip_by_contact_deg']:.1f}",
+            "RMSE knee [°]": f"{side['rmse_knee_by_contact_deg']:.1f}",
             "RMS motor torque of the knee [N m]": f"{side['joints']['knee']['torque_rms_Nm']:.0f}",
         }
     rows.append(row)

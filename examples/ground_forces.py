@@ -26,7 +26,8 @@ def walk(support: float) -> Run:
 
 # %% [markdown]
 # ## Over the stride
-# The force of each foot from heel strike to heel strike, of the default walk (60 % of the weight in the harness).
+# The force of each foot from heel strike to heel strike, of the default walk (60 % of the weight in the
+# harness).
 
 # %%
 figure = walk(0.6).plot("ground_forces")
@@ -34,8 +35,8 @@ save(figure, form.out / "ground_forces.png")
 
 # %% [markdown]
 # ## With more and less support
-# Loading peak, trough, push-off peak and the least load over 6 to 20 % of the cycle in units of the carried weight,
-# impulses of braking and propulsion, and the power by which the belt helps.
+# Loading peak, trough, push-off peak and the least load over 6 to 20 % of the cycle in units of the carried
+# weight, impulses of braking and propulsion, and the power by which the belt helps.
 
 # %%
 MEASURES = {
