@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
+import inspect
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import twin_gait
@@ -17,6 +21,55 @@ PACKAGES = (
 def summary_of(module: str) -> str:
     """First sentence of a module's docstring."""
     return (importlib.import_module(module).__doc__ or "").strip().splitlines()[0]
+
+
+def constants(module: str) -> list[str]:
+    """Public names of a package that are neither classes nor functions and have no docstrings."""
+    found = importlib.import_module(module)
+    values = {name: getattr(found, name) for name in found.__all__ if not name.startswith("__")}
+    return [
+        name for name, value in values.items() if not (inspect.isclass(value) or inspect.isroutine(value))
+    ]
+
+
+def _assignments(module: str) -> Iterator[tuple[str, list[str], int, int]]:
+    """Names that the files of a package assign, the file's lines, and the first and last of the statement."""
+    for path in sorted(Path(importlib.import_module(module).__file__ or "").parent.rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.parse(text).body:
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+            for name in (item for target in targets if target for item in ast.walk(target)):
+                if isinstance(name, ast.Name):
+                    yield name.id, text.splitlines(), node.lineno, node.end_lineno or node.lineno
+
+
+def meanings(module: str) -> dict[str, str]:
+    """What the comments beside or above the assignment say of each constant of a package."""
+    wanted, found = set(constants(module)), {}
+    for name, lines, first, last in _assignments(module):
+        if name not in wanted:
+            continue
+        above: list[str] = []
+        while (line := lines[first - 2 - len(above)]).startswith("#"):
+            above.insert(0, line.lstrip("# "))
+        beside = [part for line in lines[first - 1 : last] for part in re.findall(r"  # (.*)", line)][:1]
+        found[name] = " ".join([*above, *beside])
+    return found
+
+
+def constants_of(module: str) -> list[str]:
+    """Table of a package's constants."""
+    said, values = meanings(module), importlib.import_module(module)
+    rows = []
+    for name in constants(module):
+        value = repr(getattr(values, name))
+        value = f"``{value}``" if len(value) <= 40 else ""
+        rows.append([f"``{module}.{name}``", value, said.get(name, "").replace("`", "")])
+    if not rows:
+        return []
+    cells = ["   * - " + "\n     - ".join(row) for row in (["name", "value", "meaning"], *rows)]
+    head = ["## Constants", "", "```{eval-rst}", ".. list-table::", "   :header-rows: 1", ""]
+    return [*head, *cells, "```", ""]
 
 
 def page_of(module: str, hidden: frozenset[str]) -> str:
@@ -34,7 +87,7 @@ def page_of(module: str, hidden: frozenset[str]) -> str:
             "Also here, described in [twin_gait](twin_gait.md): " + ", ".join(f"`{o}`" for o in others) + ".",
             "",
         ]
-    return "\n".join(lines)
+    return "\n".join([*lines, *constants_of(module)])
 
 
 def prepare(folder: Path) -> None:

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import inspect
+import pkgutil
 import re
 import sys
 from pathlib import Path
 
 import pytest
 
+import twin_gait
 from twin_gait import load_experiment, simulate, summarise
 from twin_gait.vocabulary import JointName, Side
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "extensions"))
-import gallery_pages  # noqa: E402 -- of the site, not of the package
+import api_pages  # noqa: E402 -- of the site, not of the package
+import gallery_pages  # noqa: E402
 
 SCRIPTS = sorted(path.stem for path in (ROOT / "examples").glob("*.py") if path.stem != "gallery")
 
@@ -34,6 +39,23 @@ def test_a_script_is_prepared_with_a_title_and_its_code_as_it_is(name):
     assert 3 < len(title) <= 72 and line == "=" * len(title)
     before, after = (ast.parse(source).body[1:] for source in (path.read_text(encoding="utf-8"), text))
     assert [ast.dump(node) for node in before] == [ast.dump(node) for node in after]
+
+
+@pytest.mark.parametrize("package", ["", *api_pages.PACKAGES])
+def test_every_public_name_is_described(package):
+    """Classes and functions by their docstrings, constants by the comments where they are assigned."""
+    module = importlib.import_module(f"twin_gait.{package}".rstrip("."))
+    said = api_pages.meanings(module.__name__)
+    for name in api_pages.constants(module.__name__):
+        assert said.get(name), f"{module.__name__}.{name}"
+    for name in set(module.__all__) - set(said) - {"__version__"}:
+        assert inspect.getdoc(getattr(module, name)), f"{module.__name__}.{name}"
+
+
+def test_every_public_package_has_a_page():
+    found = {item.name for item in pkgutil.iter_modules(twin_gait.__path__) if item.ispkg}
+    # What commands use, without promises: nothing there is listed.
+    assert found - set(api_pages.PACKAGES) == {"cli", "kernels", "live", "network", "viewer"}
 
 
 def test_the_first_tutorial_runs_as_a_notebook_and_shows_a_run_as_a_card(tmp_path):

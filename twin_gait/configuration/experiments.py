@@ -47,7 +47,7 @@ _PersonFile = create_model(
     description=(str, ""),
 )
 _PersonFile.parameters = Patient
-DEFAULT_PRESET = "treadmill"
+DEFAULT_PRESET = "treadmill"  # of commands that are given none
 GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
 
 

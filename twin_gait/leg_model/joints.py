@@ -8,9 +8,10 @@ from enum import StrEnum
 from twin_gait.parameters.quantities import Parameters
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
-PELVIS_JOINT = "pelvis_vertical"
-FORWARD_JOINT = "pelvis_forward"
-PITCH_JOINT = "pelvis_pitch"
+# Joints of the pelvis in the model.
+PELVIS_JOINT = "pelvis_vertical"  # up
+FORWARD_JOINT = "pelvis_forward"  # forwards
+PITCH_JOINT = "pelvis_pitch"  # of the trunk
 ALL_GUIDES = FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
 # Joints between world and pelvis, from the world on; the pitch is positive as the trunk leans forward.
 GUIDES = {

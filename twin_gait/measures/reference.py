@@ -33,7 +33,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.quantities import POSITIVE, require
 from twin_gait.vocabulary import JointName
 
-KILOMETRES_PER_HOUR = 3.6
+KILOMETRES_PER_HOUR = 3.6  # in a metre per second
 CYCLE = 100.0  # [%]
 FIRST_SAMPLE, LAST_SAMPLE = 1.0, 100.0
 SAMPLES_PER_PERCENT = (LAST_SAMPLE - FIRST_SAMPLE) / CYCLE

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-SKIPPED_STRIDES = 2
+SKIPPED_STRIDES = 2  # at the start of a walk, in which it settles
 
 PERCENT = np.arange(101.0)  # [%] of the stride; the last sample is the first of the next stride
 PERCENT.setflags(write=False)

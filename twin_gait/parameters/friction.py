@@ -207,6 +207,7 @@ class LuGreFriction(StribeckFriction):
     bristle_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
 
 
+# What the plant's friction of a joint may be.
 FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction
 
 # Table 3.1 of the thesis, as printed. The knee's a, b and c are all negative there: the same law
@@ -215,6 +216,7 @@ FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction
 KNEE_FRICTION = FrictionParameters(
     breakaway_torque=-1.743, coulomb_friction=-3.193, breakaway_velocity=-0.2031, viscous_friction=2.06
 )
+# Table 3.1 of the thesis, as printed.
 HIP_FRICTION = FrictionParameters(
     breakaway_torque=1.664, coulomb_friction=4.2, breakaway_velocity=0.2252, viscous_friction=2.26
 )

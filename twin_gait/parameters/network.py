@@ -14,8 +14,9 @@ from twin_gait.vocabulary import JointName, Side
 
 CCU = "ccu"  # the central control unit
 BOARD_JOINTS = (JointName.HIP, JointName.KNEE)  # the frames of the DBC file are those of TWIN's boards
+# One a joint, as `left_hip`.
 BOARDS = tuple(f"{side}_{joint}" for side in Side for joint in BOARD_JOINTS)
-NODES = (CCU, *BOARDS)
+NODES = (CCU, *BOARDS)  # all that speak on the bus
 
 # Of CAN 2.0; CiA 102 has these for networks of all lengths.
 BIT_RATES = (10e3, 20e3, 50e3, 125e3, 250e3, 500e3, 800e3, 1e6)  # [bit] / [s]

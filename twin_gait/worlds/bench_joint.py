@@ -330,10 +330,12 @@ class TorqueControl(quantities.Parameters):
     path: CosinePath | None = None
 
 
+# Drives of the joints on the bench.
 BENCH_ACTUATORS: Mapping[JointName, parameters.ActuatorParameters] = {
     JointName.KNEE: KNEE_ACTUATOR,
     JointName.HIP: HIP_ACTUATOR,
 }
+# Friction of the joints on the bench, table 3.1 of the thesis.
 BENCH_FRICTION: Mapping[JointName, parameters.FrictionParameters] = {
     JointName.KNEE: parameters.KNEE_FRICTION,
     JointName.HIP: parameters.HIP_FRICTION,
