@@ -101,6 +101,7 @@ sphinx_gallery_conf = {
     "reset_modules": ("gallery_run.fresh",),
     "download_all_examples": False,
     "show_memory": False,
+    "write_computation_times": False,  # a page that loads scripts from elsewhere
     "remove_config_comments": True,
     "nested_sections": False,
     "within_subsection_order": "gallery_run.Order",
