@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import enum
+import functools
 import inspect
 import os
 import re
@@ -24,6 +25,7 @@ sys.path[:0] = [str(DOCS), str(DOCS / "extensions"), str(DOCS.parent / "examples
 import api_pages
 import declared
 import gallery_pages
+from jupyter_cache.executors import utils as notebooks
 
 import twin_gait
 
@@ -33,6 +35,9 @@ ALL_THAT_RUN = rf"/(?!({'|'.join(sorted(gallery_pages.NOT_RUN))})\.py)[^/]*$"
 
 # Cells of the shell find the twin-gait of the Python that builds the site.
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+
+# A command's output reaches a notebook in pieces of 100 bytes; joined, they are lines again.
+notebooks.executenb = functools.partial(notebooks.executenb, coalesce_streams=True)
 
 project = "twin_gait"
 author = "The twin_gait developers"
