@@ -44,7 +44,7 @@ class Verdict(NamedTuple):
 def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
     """Whether legs that neither fell nor were held walked.
 
-    only the time in which they are to walk evenly counts. Returns ``WALKED``, ``STALLED`` or ``HUNG``.
+    Only the time in which they are to walk evenly counts. Returns ``WALKED``, ``STALLED`` or ``HUNG``.
     """
     flight = flight_share(legs)
     if flight > HIGHEST_FLIGHT_SHARE:

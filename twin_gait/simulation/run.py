@@ -171,6 +171,8 @@ class Run:
             return Verdict(None, "no walk was asked for: the gait table has no transitions")
         if not any(self.table.is_swing(phase) for phase in self.table.phases):
             return Verdict(None, "no walk was asked for: no phase of the gait table is a swing")
+        if self.steady[0] >= self.steady[1]:
+            return Verdict(None, "no walk was asked for: no mode that walks was entered")
         return gait_verdict(self.leg_records())
 
     @property
@@ -180,8 +182,15 @@ class Run:
 
     @property
     def steady(self) -> tuple[float, float]:
-        """From when to when in [s] the legs walk evenly: as the experiment has it, and not in a safe hold."""
+        """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold."""
         first, last = self.experiment.steady
+        modes = self.experiment.modes
+        if modes is not None:
+            walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
+            ticks = np.flatnonzero(self.log["mode"].isin(walking))
+            if len(ticks) == 0:
+                return 0.0, 0.0
+            first, last = max(first, ticks[0] * TICK), min(last, ticks[-1] * TICK)
         return first, last if self.trip is None else min(last, self.trip.time)
 
     @cached_property

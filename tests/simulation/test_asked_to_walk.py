@@ -1,0 +1,39 @@
+"""Only the time in modes that walk counts for the outcome and for strides."""
+
+from __future__ import annotations
+
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.vocabulary import Outcome
+
+
+def run_of(*requests: str, duration: float = 20.0):
+    settings = [
+        f"duration_s={duration}",
+        "modes=twin",
+        "initial_mode=standing",
+        f"requests=[{', '.join(requests)}]",
+    ]
+    return simulate(load_experiment("overground", settings).experiment)
+
+
+def test_who_is_not_asked_to_walk_does_not_stall():
+    run = run_of(duration=6.0)
+    assert run.verdict.outcome is None
+    assert run.verdict.reason == "no walk was asked for: no mode that walks was entered"
+    assert all(len(leg.strides(skip=0)) == 0 for leg in run.leg_records())
+
+
+def test_strides_count_from_the_request_on_and_standing_before_it_does_not_stall():
+    asked = 7.0  # longer than the longest stride of a walk
+    run = run_of(f"walk_automatic@{asked:g}s")
+    first, last = run.steady
+    assert first == pytest.approx(asked, abs=2e-3) and last == pytest.approx(run.duration, abs=2e-3)
+    assert run.verdict.outcome is Outcome.WALKED
+    assert all(len(leg.strides(skip=0)) > 2 for leg in run.leg_records())
+
+
+def test_who_is_asked_and_takes_no_step_stalls():
+    """Walking step by step, a therapist who never asks for a step."""
+    assert run_of("walk@1s", duration=8.0).verdict.outcome is Outcome.STALLED
