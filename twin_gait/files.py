@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import os
 import tempfile
@@ -156,6 +157,24 @@ def read_parquet(path: Path) -> pd.DataFrame:
     require_table_size(path, declared.num_rows, declared.num_columns)
     table: pd.DataFrame = pq.read_table(path).to_pandas()
     return table
+
+
+def write_parquet(path: Path, table: pd.DataFrame, **metadata: str) -> None:
+    """Write a table atomically as parquet, compressed; ``metadata`` is kept under ``twin_gait.NAME``.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    arrow = pa.Table.from_pandas(table, preserve_index=False)
+    named = {f"twin_gait.{name}": text for name, text in metadata.items()}
+    buffer = io.BytesIO()
+    pq.write_table(
+        arrow.replace_schema_metadata({**(arrow.schema.metadata or {}), **named}), buffer, compression="zstd"
+    )
+    write_atomically(path, buffer.getvalue())
 
 
 def read_log_text(path: Path) -> str:

@@ -124,16 +124,6 @@ def test_stopping_and_going_on_gives_the_same_table(swept, tmp_path):
     assert_same(read_table(out), read_table(swept[1]))
 
 
-def test_parts_are_merged_when_they_are_many(swept, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_module, "MOST_PARTS", 3)
-    merged = []
-    merge = sweep_module.SweepStore.merge
-    monkeypatch.setattr(sweep_module.SweepStore, "merge", lambda store: merged.append(merge(store)))
-    table = run_sweep(load_sweep(swept[0]), tmp_path / "out", pictures=False).table
-    assert len(merged) == 12 // 3 + 1
-    assert_same(table, read_table(swept[1]))
-
-
 def test_rows_that_a_kill_left_in_table_and_parts_count_once(swept, tmp_path):
     sweep, out = load_sweep(swept[0]), tmp_path / "out"
     run_sweep(sweep, out, pictures=False)
@@ -163,13 +153,10 @@ def test_a_worker_with_other_sources_runs_nothing(monkeypatch):
     assert ran == [5]
 
 
-def test_a_part_of_another_sweep_or_a_damaged_one_is_named(swept, tmp_path):
+def test_a_damaged_table_is_named(swept, tmp_path):
     spec, out = swept[0], tmp_path / "out"
     run_sweep(load_sweep(spec, ["duration_s=0.1"]), out, pictures=False)
     table = (out / "table.parquet").read_bytes()
-    (out / "table.parquet").write_bytes((swept[1] / "table.parquet").read_bytes())
-    with pytest.raises(RunDirectoryError, match=r"table\.parquet: belongs to another sweep; remove it"):
-        run_sweep(load_sweep(spec, ["duration_s=0.1"]), out)
     (out / "table.parquet").write_bytes(table[:-100])
     with pytest.raises(RunDirectoryError, match=r"table\.parquet: cannot be read .*remove it") as error:
         run_sweep(load_sweep(spec, ["duration_s=0.1"]), out)

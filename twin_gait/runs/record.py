@@ -1,7 +1,6 @@
 """The run directory: what a run leaves behind, written atomically, and how it is read again."""
 
 import csv
-import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,14 +11,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiments import load_experiment, resolved_document
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import read_parquet, write_atomically
+from twin_gait.files import read_parquet, write_atomically, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.outcome import RunEvent, run_events
@@ -140,18 +138,14 @@ def run_signal(log: pd.DataFrame) -> Callable[[Side, str, str], np.ndarray]:
 
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     """Write a log as parquet, with units, meanings, schema version and status in the metadata."""
-    table = pa.Table.from_pandas(log, preserve_index=False)
-    units = json.dumps({name: unit_of(name) for name in log.columns})
-    metadata = {
-        **(table.schema.metadata or {}),
-        b"twin_gait.schema_version": str(LOG_SCHEMA_VERSION).encode(),
-        b"twin_gait.status": status.encode(),
-        b"twin_gait.units": units.encode(),
-        b"twin_gait.meanings": json.dumps({name: meaning_of(name) for name in log.columns}).encode(),
-    }
-    buffer = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata(metadata), buffer, compression="zstd")
-    write_atomically(path, buffer.getvalue())
+    write_parquet(
+        path,
+        log,
+        schema_version=str(LOG_SCHEMA_VERSION),
+        status=status,
+        units=json.dumps({name: unit_of(name) for name in log.columns}),
+        meanings=json.dumps({name: meaning_of(name) for name in log.columns}),
+    )
 
 
 def switches_csv(

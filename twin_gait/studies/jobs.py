@@ -8,9 +8,8 @@ from __future__ import annotations
 import hashlib
 import itertools
 import threading
-import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import closing, nullcontext
 from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -18,8 +17,7 @@ from typing import Any, Generic, NamedTuple, TypedDict, Unpack
 
 import twin_gait
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.parameters import require
-from twin_gait.studies.workers import ClusterWorkers, Item, Processes, Result, WorkersLost, connected
+from twin_gait.studies.workers import Item, Result, Workers, WorkersLost
 
 # Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
 # script that makes the meshes, in urdf; a checkout keeps it outside of the package.
@@ -61,54 +59,7 @@ class Portion(NamedTuple, Generic[Result]):
 
     results: dict[int, Result]  # by index of the item
     problem: tuple[int, str] | None  # index and message of the job that failed, after which the block ended
-    wall_s: float  # how long it took in [s]
     processor: str  # its type as the compiler has it: the same name, the same last bits
-
-
-class Workers:
-    """Processes of this machine, or the workers of a Dask cluster, for several calls of :func:`run_jobs`.
-
-    A context manager; processes start with the first job and end with the context. Workers do not outlive a
-    parent that is killed. One process is the calling one.
-
-    ``workers``: processes of this machine. ``cluster``: address of a Dask scheduler such as
-    ``tcp://127.0.0.1:8786``, in place of processes. Raises ParameterError if the workers are below 1, or on
-    entry if there is no scheduler at the address. Raises MissingOptionalDependency: on entry, if
-    dask.distributed is not installed. Raises WorkersLost: on entry, if the cluster has no workers.
-    """
-
-    def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
-        """Choose who works; nothing is started."""
-        require(workers >= 1, "workers", "1 or more", workers)
-        self._cluster = cluster
-        self._runner: Processes | ClusterWorkers = Processes(workers)
-        self._connection: AbstractContextManager[Any] = nullcontext()
-
-    def __enter__(self) -> Workers:
-        if self._cluster is not None:
-            self._connection = connected(self._cluster)
-            self._runner = self._connection.__enter__()
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        if isinstance(self._runner, Processes):
-            self._runner.end()
-        self._connection.__exit__(*exception)
-
-    @property
-    def local(self) -> bool:
-        """Whether they are processes of this machine."""
-        return isinstance(self._runner, Processes)
-
-    def slots(self) -> int:
-        """How many jobs run at a time; workers of a cluster may come and go."""
-        return self._runner.slots()
-
-    def as_they_come(
-        self, function: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Generator[Result, None, None]:
-        """Results in the order in which they come; items are taken one by one when there is room."""
-        return self._runner.run(function, items)
 
 
 def run_jobs(
@@ -231,14 +182,12 @@ def _do(function: BlockFunction[Any, Result], sources: str, chunk: _Chunk) -> Po
     results: dict[int, Result] = {}
     problem = None
     with _ONE_AT_A_TIME:
-        began = time.perf_counter()
         try:
             for place, result in function(chunk.items):
                 results[chunk.first + place] = result
         except JobFailed as error:  # a text, because not every exception can be pickled
             problem = (chunk.first + error.index, error.problem)
-        wall = time.perf_counter() - began
-    return Portion(results, problem, wall, str(import_module("llvmlite.binding").get_host_cpu_name()))
+    return Portion(results, problem, str(import_module("llvmlite.binding").get_host_cpu_name()))
 
 
 @lru_cache(maxsize=1)

@@ -4,6 +4,8 @@ A Dask scheduler and its workers run whatever anybody sends them who can reach t
 loopback or on a private network. From this package they get plain numbers and texts, and give such back.
 """
 
+from __future__ import annotations
+
 import contextlib
 import logging
 import os
@@ -13,13 +15,13 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from multiprocessing import active_children, current_process, get_context, parent_process
 from multiprocessing.connection import wait as wait_for_sentinels
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, TwinGaitError
+from twin_gait.parameters import require
 
 # A process that dies takes what is under way with it; the third time it is no accident.
 LOSSES_ALLOWED = 3
@@ -35,45 +37,67 @@ CONNECTION_TIMEOUT = 10.0  # [s]
 WORKER_TIMEOUT = 60.0  # [s]
 # Chunks waiting at the scheduler for each that runs, so that no worker waits for this process.
 AHEAD = 2
+_Attempt = tuple[Any, int]  # an item, and how often it was lost
 
 
 class WorkersLost(TwinGaitError):
     """Worker processes died again and again, or the cluster is gone."""
 
 
-@dataclass
-class _Attempt:
-    """An item and how often it was lost."""
+class Workers:
+    """Processes of this machine, or the workers of a Dask cluster, for several calls of :func:`run_jobs`.
 
-    item: Any
-    losses: int = 0
-
-
-class Processes:
-    """Processes that start with the first item and stay from one call to the next; one is the caller itself.
+    A context manager; processes start with the first job and end with the context. Workers do not outlive a
+    parent that is killed. One process is the calling one.
 
     Spawned, not forked: forked children would share the BLAS and OpenMP threads of this process. And not
     threads, although the compiled loop releases the interpreter's lock: a quarter of an episode (laying the
     problem out, summing the run up) holds it, and silencing the URDF parser redirects standard error, which
     two threads do to each other. Starting up takes 2 s, once.
+
+    ``workers``: processes of this machine. ``cluster``: address of a Dask scheduler such as
+    ``tcp://127.0.0.1:8786``, in place of processes. Raises ParameterError if the workers are below 1, or on
+    entry if there is no scheduler at the address. Raises MissingOptionalDependency: on entry, if
+    dask.distributed is not installed. Raises WorkersLost: on entry, if the cluster has no workers.
     """
 
-    def __init__(self, workers: int) -> None:
-        """Use so many processes."""
-        self._workers = workers
+    def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
+        """Choose who works; nothing is started."""
+        require(workers >= 1, "workers", "1 or more", workers)
+        self._workers, self._cluster = workers, cluster
+        self._client: Any = None  # of the cluster, once it is connected
         self._pool: ProcessPoolExecutor | None = None
         self._started = set[BaseProcess]()
 
-    def slots(self) -> int:
-        """How many items are worked on at a time."""
-        return self._workers
+    def __enter__(self) -> Workers:
+        if self._cluster is not None:
+            self._client = _connected(self._cluster)
+        return self
 
-    def run(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
-        """Results of a function of a module in the order in which they come; items are taken one by one."""
-        if self._workers == 1:
+    def __exit__(self, *exception: Any) -> None:
+        self._end_processes()
+        if self._client is not None:
+            _close(self._client)
+
+    def slots(self) -> int:
+        """How many jobs run at a time; workers of a cluster may come and go."""
+        return self._workers if self._client is None else max(1, sum(self._client.nthreads().values()))
+
+    def as_they_come(
+        self, function: Callable[[Item], Result], items: Iterable[Item]
+    ) -> Generator[Result, None, None]:
+        """Results in the order in which they come; items are taken one by one when there is room."""
+        if self._client is not None:
+            yield from self._by_cluster(function, items)
+        elif self._workers == 1:
             yield from map(function, items)
-            return
-        fresh = (_Attempt(item) for item in items)
+        else:
+            yield from self._by_processes(function, items)
+
+    def _by_processes(
+        self, function: Callable[[Item], Result], items: Iterable[Item]
+    ) -> Generator[Result, None, None]:
+        fresh = ((item, 0) for item in items)
         lost: deque[_Attempt] = deque()
         while True:
             under_way: dict[Future[Result], _Attempt] = {}
@@ -88,19 +112,13 @@ class Processes:
                     yield from _finished(under_way)
                 return
             except BrokenProcessPool:
-                self.end()
+                self._end_processes()
                 if any(process.exitcode == UNGUARDED for process in self._started):
                     raise WorkersLost(_UNGUARDED) from None
                 yield from _sort_out(under_way, lost)
             finally:
                 for future in under_way:
                     future.cancel()  # nobody waits for it if the caller has left
-
-    def end(self) -> None:
-        """End the processes."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-            self._pool = None
 
     def _submit(
         self, function: Any, attempt: _Attempt, under_way: dict[Future[Any], _Attempt], lost: deque[_Attempt]
@@ -110,7 +128,7 @@ class Processes:
         # and one that is still importing would answer with a traceback.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            under_way[self._pool.submit(function, attempt.item)] = attempt
+            under_way[self._pool.submit(function, attempt[0])] = attempt
         except BrokenProcessPool:
             lost.append(attempt)
             raise
@@ -118,6 +136,29 @@ class Processes:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         # Remembered, because a pool that broke no longer knows them.
         self._started.update(active_children())
+
+    def _end_processes(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    def _by_cluster(
+        self, function: Callable[[Item], Result], items: Iterable[Item]
+    ) -> Generator[Result, None, None]:
+        """A chunk whose worker is lost is given to another by Dask itself."""
+        under_way: dict[Any, Item] = {}
+        try:
+            for item in items:
+                under_way[self._client.submit(function, item, pure=False)] = item
+                if len(under_way) >= AHEAD * self.slots():
+                    yield from _finished_there(under_way)
+            while under_way:
+                yield from _finished_there(under_way)
+        except _lost_connection() as error:
+            raise WorkersLost("the scheduler of the cluster is gone; start it and go on") from error
+        finally:
+            with contextlib.suppress(*_lost_connection()):
+                self._client.cancel(list(under_way))
 
 
 def _new_pool(workers: int) -> ProcessPoolExecutor:
@@ -136,17 +177,16 @@ def _finished(under_way: dict[Future[Result], _Attempt]) -> Iterator[Result]:
 
 def _sort_out(under_way: dict[Future[Result], _Attempt], lost: deque[_Attempt]) -> Iterator[Result]:
     """After a process has died: the results that came before, and the rest back into the queue."""
-    for future, attempt in under_way.items():
+    for future, (item, losses) in under_way.items():
         if future.exception() is None:
             yield future.result()
             continue
-        attempt.losses += 1
-        if attempt.losses >= LOSSES_ALLOWED:
+        if losses + 1 == LOSSES_ALLOWED:
             raise WorkersLost(
-                f"a worker process died {attempt.losses} times while {attempt.item} was under way; "
+                f"a worker process died {LOSSES_ALLOWED} times while {item} was under way; "
                 "is memory short? try fewer workers"
             )
-        lost.append(attempt)
+        lost.append((item, losses + 1))
 
 
 def _begin_worker() -> None:
@@ -163,51 +203,8 @@ def _leave_with_parent() -> None:
     os._exit(1)
 
 
-class ClusterWorkers:
-    """The workers of a Dask cluster. A chunk whose worker is lost is given to another by Dask itself."""
-
-    def __init__(self, client: Any) -> None:
-        """Use a connected client; see :func:`connected`."""
-        self._client = client
-
-    def slots(self) -> int:
-        """How many items are worked on at a time; workers may come and go."""
-        threads: dict[str, int] = self._client.nthreads()
-        return max(1, sum(threads.values()))
-
-    def run(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
-        """See :meth:`twin_gait.studies.workers.Processes.run`."""
-        under_way: dict[Any, Item] = {}
-        try:
-            for item in items:
-                under_way[self._client.submit(function, item, pure=False)] = item
-                if len(under_way) >= AHEAD * self.slots():
-                    yield from _finished_there(under_way)
-            while under_way:
-                yield from _finished_there(under_way)
-        except _lost_connection() as error:
-            raise WorkersLost("the scheduler of the cluster is gone; start it and go on") from error
-        finally:
-            with contextlib.suppress(*_lost_connection()):
-                self._client.cancel(list(under_way))
-
-
-@contextlib.contextmanager
-def connected(address: str) -> Iterator[ClusterWorkers]:
-    """Connect to the workers of a scheduler, for example of ``tcp://127.0.0.1:8786``."""
-    client = _client(address)
-    try:
-        with contextlib.suppress(TimeoutError):
-            client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
-        if not client.nthreads():
-            raise WorkersLost(f"{address}: no workers; start some with: dask worker {address} --nthreads 1")
-        yield ClusterWorkers(client)
-    finally:
-        with contextlib.suppress(*_lost_connection()):
-            client.close(timeout=CONNECTION_TIMEOUT)
-
-
-def _client(address: str) -> Any:
+def _connected(address: str) -> Any:
+    """Connect to the workers of a scheduler; returns Dask's client."""
     try:
         import distributed
     except ImportError as error:
@@ -216,13 +213,23 @@ def _client(address: str) -> Any:
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client: Any = distributed.Client  # its stubs leave it untyped
-        return client(address, timeout=CONNECTION_TIMEOUT)
+        client: Any = distributed.Client(address, timeout=CONNECTION_TIMEOUT)
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise ParameterError(
             f"--scheduler {address}: no Dask scheduler answers there ({reason}); give it as tcp://host:port"
         ) from error
+    with contextlib.suppress(TimeoutError):
+        client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
+    if not client.nthreads():
+        _close(client)
+        raise WorkersLost(f"{address}: no workers; start some with: dask worker {address} --nthreads 1")
+    return client
+
+
+def _close(client: Any) -> None:
+    with contextlib.suppress(*_lost_connection()):
+        client.close(timeout=CONNECTION_TIMEOUT)
 
 
 def _lost_connection() -> tuple[type[BaseException], ...]:

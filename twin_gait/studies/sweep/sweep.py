@@ -1,17 +1,16 @@
 """Sweeps: an experiment over any of its parameters, resumable, on this machine or a cluster.
 
 Finished episodes are kept at once, so that a kill loses none of them. Each block becomes a small parquet
-file in ``parts``, written atomically. Now and then, and at the end, parts are merged into ``table.parquet``.
+file in ``parts``, written atomically. At the end of every call parts are merged into ``table.parquet``.
 A kill between the two leaves rows in both, of which one counts: they are equal.
 """
 
 import contextlib
 import fcntl
-import io
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -21,11 +20,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.files import write_atomically
+from twin_gait.files import write_atomically, write_parquet
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit_of_column, values_of
@@ -40,7 +38,7 @@ from twin_gait.studies.batch import (
     setting_columns,
     summary_table,
 )
-from twin_gait.studies.jobs import Portion, Progress, Stop, Workers, one_by_one, portions, run_jobs
+from twin_gait.studies.jobs import Portion, Progress, Stop, Workers, one_by_one, portions
 from twin_gait.studies.sweep.episode import Episode, check_episode, episodes_of
 from twin_gait.studies.sweep.spec import Sweep
 
@@ -51,9 +49,6 @@ PARTS_FOLDER = "parts"
 _LOCK_FILE = ".lock"
 _PROVENANCE = "\nprovenance:\n"  # the last key of a specification
 
-# Merging rewrites the table: only when the parts have become many, and a good share of it.
-MOST_PARTS = 200
-SHARE_IN_PARTS = 0.1
 # Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
 CHECKED_HERE = 2000
 _CHECKED_AT_ONCE = 200
@@ -65,32 +60,24 @@ class SweepStore:
     def __init__(self, directory: Path, sweep: Sweep) -> None:
         """Look at what is there; see :func:`open_store`, which also locks it."""
         self.done = np.zeros(len(sweep.design), dtype=bool)
-        self._table, self._parts_folder = directory / TABLE_FILE, directory / PARTS_FOLDER
-        self._sweep, self._sha256 = sweep, sweep.sha256.encode()
-        self._rows_in_table = self._note(self._table) if self._table.is_file() else 0
-        self._parts = sorted(self._parts_folder.glob("*.parquet"))
-        self._rows_in_parts = sum(self._note(path) for path in self._parts)
+        self._directory, self._parts, self._sweep = directory, directory / PARTS_FOLDER, sweep
+        for path in self._files():
+            self.done[_read_parquet(path, ["episode"])["episode"]] = True
 
     def append(self, rows: Mapping[int, Flat]) -> None:
-        """Keep the summaries of some episodes, at least in a part of their own."""
+        """Keep the summaries of some episodes in a part of their own."""
         if not rows:
             return
         episodes = sorted(rows)
-        path = self._parts_folder / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet"
         table = summary_table([rows[index] for index in episodes])
         table.insert(0, "episode", episodes)
-        self._write(table, path)
-        self._parts.append(path)
-        self._rows_in_parts += len(rows)
+        write_parquet(self._parts / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet", table)
         self.done[episodes] = True
-        if len(self._parts) >= MOST_PARTS and self._rows_in_parts >= SHARE_IN_PARTS * self._rows_in_table:
-            self.merge()
 
     def merge(self) -> None:
         """Bring everything that is kept into the table: sorted by episode, settings first."""
-        known = [self._table] if self._table.is_file() else []
-        tables = [self._read(path).to_pandas() for path in (*known, *self._parts)]
-        rows = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame({"episode": []}, dtype=int)
+        files = self._files()
+        rows = pd.concat([pd.DataFrame({"episode": []}, dtype=int), *map(_read_parquet, files)])
         rows = rows.drop_duplicates("episode").sort_values("episode", ignore_index=True)
         names = setting_columns(self._sweep.design.columns)
         settings = {
@@ -100,38 +87,19 @@ class SweepStore:
         # Columns in the order of a summary, whatever part came first; settings are those of the design.
         results = rows[[name for name in SUMMARY_COLUMNS if name in rows.columns]]
         table = pd.concat([pd.DataFrame({"episode": rows["episode"], **settings}), results], axis=1)
-        self._write(table, self._table)
-        for path in self._parts:
-            path.unlink(missing_ok=True)
-        self._parts, self._rows_in_parts, self._rows_in_table = [], 0, len(table)
+        write_parquet(
+            self._directory / TABLE_FILE,
+            table,
+            schema_version=str(TABLE_SCHEMA_VERSION),
+            sweep_sha256=self._sweep.sha256,
+            units=json.dumps({name: unit_of_column(name) for name in table.columns}),
+            sweep=json.dumps(self._sweep.document),
+        )
+        for path in self._parts.glob("*.parquet"):
+            path.unlink()
 
-    def _note(self, path: Path) -> int:
-        """Mark the episodes of a file as done."""
-        episodes = self._read(path, ["episode"])["episode"].to_numpy()
-        self.done[episodes] = True
-        return len(episodes)
-
-    def _read(self, path: Path, columns: list[str] | None = None) -> Any:
-        table = _read_parquet(path, columns)
-        if (table.schema.metadata or {}).get(b"twin_gait.sweep_sha256") != self._sha256:
-            raise RunDirectoryError(f"{path}: belongs to another sweep; remove it, or choose another --out")
-        return table
-
-    def _write(self, table: pd.DataFrame, path: Path) -> None:
-        """Write a table with units, schema version and specification in the metadata."""
-        arrow = pa.Table.from_pandas(table, preserve_index=False)
-        metadata = {
-            **(arrow.schema.metadata or {}),
-            b"twin_gait.schema_version": str(TABLE_SCHEMA_VERSION).encode(),
-            b"twin_gait.sweep_sha256": self._sha256,
-        }
-        if path == self._table:
-            units = {name: unit_of_column(name) for name in table.columns}
-            metadata[b"twin_gait.units"] = json.dumps(units).encode()
-            metadata[b"twin_gait.sweep"] = json.dumps(self._sweep.document).encode()
-        buffer = io.BytesIO()
-        pq.write_table(arrow.replace_schema_metadata(metadata), buffer, compression="zstd")
-        write_atomically(path, buffer.getvalue())
+    def _files(self) -> list[Path]:
+        return [*self._directory.glob(TABLE_FILE), *sorted(self._parts.glob("*.parquet"))]
 
 
 @contextlib.contextmanager
@@ -188,13 +156,12 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
 
 def read_table(directory: Path) -> pd.DataFrame:
     """Read the table of a sweep."""
-    table: pd.DataFrame = _read_parquet(directory / TABLE_FILE).to_pandas()
-    return table
+    return _read_parquet(directory / TABLE_FILE)
 
 
-def _read_parquet(path: Path, columns: list[str] | None = None) -> Any:
+def _read_parquet(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
     try:
-        return pq.ParquetFile(path).read(columns)
+        return pd.read_parquet(path, columns=columns)
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RunDirectoryError(
@@ -267,7 +234,7 @@ def run_sweep(
         summary = _summary(sweep, table, last)
         write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
         if pictures and len(table) > 1:
-            write_pictures(sweep, table, directory, workers)
+            write_pictures(sweep, table, directory)
     without = tuple(name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())
     status = RunStatus(summary["status"])
     return SweepResult(directory, table, status, last["resumed_with"], summary, without)
@@ -344,15 +311,13 @@ def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> di
     }
 
 
-def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path, workers: Workers) -> None:
-    """Draw the table, by workers of this machine: ``figures/*.png``, and ``report.html`` with all of them."""
+def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
+    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
     parameters = list(setting_columns(sweep.design.columns).values())
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
-    shown = table[[name for name in dict.fromkeys((*parameters, "outcome", *measures)) if name in table]]
-    here = workers if workers.local else Workers()
-    drawn = run_jobs(partial(_drawn, shown, parameters, title), measures, workers=here)
-    pictures = {name: picture for part in drawn for name, picture in part.items()}
+    figures = sweep_figures(table, parameters, measures, title)
+    pictures = {name: picture_bytes(figure) for name, figure in figures.items()}
     folder = directory / FIGURES_FOLDER
     folder.mkdir(exist_ok=True)
     for name, picture in pictures.items():
@@ -363,8 +328,3 @@ def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path, workers: 
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
     page = figures_page(f"Sweep: {title}", subtitle, named, ("outcome", "episodes", "share [%]"), rows)
     write_atomically(directory / REPORT_FILE, page)
-
-
-def _drawn(table: pd.DataFrame, parameters: Sequence[str], title: str, measure: str) -> dict[str, bytes]:
-    figures = sweep_figures(table, parameters, (measure,), title)
-    return {name: picture_bytes(figure) for name, figure in figures.items()}
