@@ -418,7 +418,6 @@ class Bowl:
         walks: Sequence[Experiment],
         workers: object,
         *,
-        reference_speed: float | None = None,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> list[Rating] | None:
@@ -552,8 +551,6 @@ def test_another_tuning_cannot_be_gone_on_with(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--reference", "winter"], "--reference 'winter': expected koopman@SPEED"),
-        (["--reference", "koopman@9"], "cover 0.5 to 5 km/h, got 9"),
         (["--minutes", "0"], "minutes: expected a number above 0, got 0.0"),
         (["--seed", "-1"], "seed: expected a whole number of 0 or more, got -1"),
         (["--generations", "0"], "generations: expected 1 or more, got 0"),

@@ -116,13 +116,6 @@ def test_a_walk_counts_as_a_fall_where_its_outcome_says_so(walk: Run) -> None:
     assert rate_walk(limp).fell is (limp.verdict.outcome in FALLS)
 
 
-def test_a_reference_at_the_speed_of_the_belt_is_that_of_the_summary(walk: Run) -> None:
-    belt = walk.experiment.scenario.belt_speed  # type: ignore[union-attr]
-    own, given = part_values(walk), part_values(walk, belt)
-    assert given["knee_error_deg"] == pytest.approx(own["knee_error_deg"], rel=1e-12)
-    assert part_values(walk, 2.0 * belt)["knee_error_deg"] != pytest.approx(own["knee_error_deg"], rel=0.01)
-
-
 def test_the_error_is_the_one_that_a_loop_over_strides_finds(walk: Run) -> None:
     """From the force plate's crossings, stride by stride, with numpy's own interpolation."""
     assert part_values(walk)["knee_error_deg"] == pytest.approx(_error(walk, "knee"), rel=1e-6)
@@ -169,10 +162,10 @@ def test_walks_do_not_depend_on_who_walks_nor_on_which_columns_are_kept() -> Non
     experiment = replace(load_experiment("treadmill").experiment, duration=10.0)
     slow = Case("slow", lambda walked: replace(walked, scenario=replace(walked.scenario, belt_speed=0.3)))  # type: ignore[arg-type]
     walks = [case.change(experiment) for case in (NOMINAL, LOW, slow)]
-    alone = [rate_walk(simulate(walk), reference_speed=0.4) for walk in walks]
-    assert walk_all(walks, Workers(), reference_speed=0.4) == alone
+    alone = [rate_walk(simulate(walk)) for walk in walks]
+    assert walk_all(walks, Workers()) == alone
     with Workers(2) as workers:
-        assert walk_all(walks, workers, reference_speed=0.4) == alone
+        assert walk_all(walks, workers) == alone
     assert len(alone[0].deviations) == 2 * 2 * 20
 
 

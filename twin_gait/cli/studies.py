@@ -48,7 +48,6 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--resume", action="store_true", help="go on with a tuning that was stopped")
-    add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
     add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
     add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
     text = "leave the transitions as they are"
@@ -159,7 +158,7 @@ def tune(arguments: argparse.Namespace) -> int:
         raise ParameterError("--resume: does not go with --force, which begins anew")
     experiment = options.experiment_of(arguments).experiment
     given = {item.name: vars(arguments)[item.name] for item in fields(Settings) if item.name in arguments}
-    settings = Settings(reference_speed=_reference_speed(arguments.reference), **given)
+    settings = Settings(**given)
     out, again = arguments.out, f"the same command with --resume goes on from there: {arguments.out}"
 
     def note(step: Progress) -> None:
@@ -189,19 +188,6 @@ def tune(arguments: argparse.Namespace) -> int:
         return terminal.interrupted(again)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
     return DONE
-
-
-def _reference_speed(text: str | None) -> float | None:
-    """Speed of the reference in [m] / [s]."""
-    from twin_gait.measures.reference import KILOMETRES_PER_HOUR
-
-    if text is None:
-        return None
-    name, _, speed = text.partition("@")
-    expected = "koopman@SPEED in km/h, for example koopman@1.5"
-    if name != "koopman":
-        raise ParameterError(f"--reference {text!r}: expected {expected}")
-    return options.number(f"--reference {text!r}", speed, expected) / KILOMETRES_PER_HOUR
 
 
 def _wearer(person: str | None, experiment: Experiment) -> str:

@@ -57,17 +57,20 @@ def summarise_side(
     }
 
 
+def compared_angles(run: Run, record: LegRecord) -> dict[JointName, np.ndarray]:
+    """Angles that healthy walking has too: of the driven joints, and of the ankle where the leg has one."""
+    ankle = wearer_column(run.log, record.side, JointName.ANKLE, "angle_rad")
+    return {**record.angles, **({JointName.ANKLE: run.log[ankle].to_numpy()} if ankle in run.log else {})}
+
+
 def _errors(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
     """Distance of hip, knee and ankle from healthy walking, in parts; nothing without a reference."""
-    ankle = wearer_column(run.log, record.side, JointName.ANKLE, "angle_rad")
-    angles = {**record.angles, **({JointName.ANKLE: run.log[ankle].to_numpy()} if ankle in run.log else {})}
-    known = {joint: reference_cycle(run.experiment, joint) for joint in angles}
-    strides = record.strides(skip=skip)
-    found = {
-        str(joint): summary_of_errors(error_parts(normalise_strides(angles[joint], strides), reference))
-        for joint, reference in known.items()
-        if reference is not None
-    }
+    strides, found = record.strides(skip=skip), {}
+    for joint, angles in compared_angles(run, record).items():
+        reference = reference_cycle(run.experiment, joint)
+        if reference is not None:
+            parts = error_parts(normalise_strides(angles, strides), reference)
+            found[str(joint)] = summary_of_errors(parts)
     return {"errors": found} if found else {}
 
 
@@ -131,8 +134,8 @@ def by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
         "stride_time_variation": coefficient_of_variation(stride_times(counted, TICK)),
         "swing_share": _mean(swing_shares(counted, contacts.toe_offs)),
         **{
-            f"rmse_{joint}_by_contact_deg": reference_error(run, record, joint, counted)
-            for joint in record.angles
+            f"rmse_{joint}_by_contact_deg": reference_error(run, angles, joint, counted)
+            for joint, angles in record.angles.items()
         },
         "early_stance_lag_mean_s": _mean(lags),
         "early_stance_lag_largest_s": _largest_magnitude(lags),
@@ -156,8 +159,8 @@ def _by_phase(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
         "stride_time_by_phase_mean_s": _mean(stride_times(counted, TICK)),
         "stride_time_by_phase_variation": coefficient_of_variation(stride_times(counted, TICK)),
         **{
-            f"rmse_{joint}_by_phase_deg": reference_error(run, record, joint, counted)
-            for joint in record.angles
+            f"rmse_{joint}_by_phase_deg": reference_error(run, angles, joint, counted)
+            for joint, angles in record.angles.items()
         },
         "phases_in_order": _in_order(run, record),
         "phase_duration_mean_s": {
@@ -195,12 +198,15 @@ def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
     return {"time_outs": len(ticks), "time_outs_after_third_stride": later}
 
 
-def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
-    """RMS distance of a joint's strides from healthy walking in [deg]; NaN without strides or reference."""
+def reference_error(run: Run, angles: np.ndarray, joint: JointName, bounds: np.ndarray) -> float:
+    """RMS distance of a joint's strides from healthy walking in [deg]; NaN without strides or reference.
+
+    ``angles`` of the joint in [rad], one a tick; ``bounds``: its strides, shape ``(n_strides, 2)``.
+    """
     reference = reference_cycle(run.experiment, joint)
     if reference is None:
         return math.nan
-    return math.degrees(root_mean_square_error(normalise_strides(record.angles[joint], bounds), reference))
+    return math.degrees(root_mean_square_error(normalise_strides(angles, bounds), reference))
 
 
 def _effort(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, Any]:

@@ -264,8 +264,8 @@ def interaction_summary(
     found = {name: _brace(run.log, name) for name in joints}
     for side in run.sides:
         device = run.leg_record(side, device=True)
-        for joint in device.angles:
-            error = reference_error(run, device, joint, device.strides(skip=skip_strides))
+        for joint, angles in device.angles.items():
+            error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
             found[f"{side}_{joint}"]["rmse_of_device_deg"] = error
     return {"interaction": found | _pelvis_brace(run.log)}
 

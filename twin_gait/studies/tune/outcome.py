@@ -94,14 +94,14 @@ def outcome(
     """Content of ``tune.json``; ``departed`` is from :func:`walk_departures`."""
     before = tuning.before
     assert tuning.state.start_cost is not None  # a completed tuning has it
-    speed = settings.reference_speed or check_walker(experiment)[0].speed
+    speed = check_walker(experiment)[0].speed
     after, generations = chosen.finalist, tuning.state.generations
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
         "experiment": experiment.name,
         "wearer": wearer,
-        "belt_speed_m_per_s": check_walker(experiment)[0].speed,
+        "belt_speed_m_per_s": speed,
         "reference": _REFERENCE.format(speed * KILOMETRES_PER_HOUR),
         "table_before": experiment.table.name,
         "joints": list(experiment.joints),
@@ -156,7 +156,7 @@ def walk_departures(
     walks = [
         case.change(replace(walked, table=table)) for item in found for table in tables for case in item.cases
     ]
-    results = walk_all(walks, workers, reference_speed=settings.reference_speed, **watch)
+    results = walk_all(walks, workers, **watch)
     if results is None:
         return None
     rest = iter(results)
@@ -179,11 +179,9 @@ def gait_curves(
     A walk without a counted stride has no curve.
     """
     walking, patient = check_walker(experiment)
-    speed = settings.reference_speed or walking.speed
+    speed, height = walking.speed, patient.height
     curves: dict[str, dict[str, np.ndarray]] = {
-        str(joint): {
-            "reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=patient.height))
-        }
+        str(joint): {"reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=height))}
         for joint in experiment.joints
     }
     walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)

@@ -16,7 +16,6 @@ from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
-from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
 from twin_gait.runs.folders import FolderKind, check_target
 from twin_gait.studies.jobs import sources_hash
 from twin_gait.studies.tune.parts import AIM, FALL, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, parts_of
@@ -33,7 +32,6 @@ SCHEMA_VERSION = 3
 class Settings:
     """How a table is tuned."""
 
-    reference_speed: float | None = None  # speed of the reference walk in [m] / [s]; None for the belt's
     minutes: float = 3.0  # time for everything; generations under way are finished
     # of the search; None until the time is over. With a number the result does not depend on the machine's
     # speed
@@ -55,11 +53,6 @@ class Settings:
             raise ParameterError(f"generations: expected 1 or more, got {self.generations}")
         if self.seed < 0:
             raise ParameterError(f"seed: expected a whole number of 0 or more, got {self.seed}")
-        speed = self.reference_speed
-        if speed is not None and not reference_covers(speed):
-            raise ParameterError(
-                f"reference: Koopman's curves cover 0.5 to 5 km/h, got {speed * KILOMETRES_PER_HOUR:g}"
-            )
 
 
 def identity(experiment: Experiment, settings: Settings) -> dict[str, Any]:

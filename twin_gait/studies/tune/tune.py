@@ -129,7 +129,6 @@ class Stages:
         results = walk_all(
             [case.change(replace(walked, table=table)) for table in tables for case in cases],
             self._workers,
-            reference_speed=settings.reference_speed,
             progress=(lambda done, total: self._tell("robust set", done, total)) if last else None,
             should_stop=self._should_stop,
         )
@@ -273,10 +272,8 @@ def tune(
         RunDirectoryError: If the folder may not be used.
     """
     check_walker(experiment)
-    if (settings.everyone or settings.reference_speed) and not experiment.scenario.adjusts(BELT_SPEED):
-        raise ParameterError(
-            f"{experiment.name}: has no belt; leave out --everyone (other belts) and --reference (its speed)"
-        )
+    if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
+        raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
         experiment = replace(experiment, table=with_own_sides(experiment.table))
     directory = directory.expanduser().absolute()

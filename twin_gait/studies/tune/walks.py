@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial, reduce
+from functools import reduce
 from typing import Any, NamedTuple, Unpack
 
 from twin_gait.checking import exits, graph, leaving, stability
@@ -79,17 +79,10 @@ def quick_errors(experiment: Experiment) -> tuple[str, ...]:
     return tuple(sorted({item.rule for item in found if item.severity is Severity.ERROR}))
 
 
-def walk_all(
-    walks: Sequence[Experiment],
-    workers: Workers,
-    *,
-    reference_speed: float | None = None,
-    **watch: Unpack[Watch],
-) -> list[Rating] | None:
+def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating] | None:
     """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
-    rate = partial(rate_walk, reference_speed=reference_speed)
     try:
-        results = run_episodes(itself, rate, walks, columns=READ, block=WIDTH, workers=workers, **watch)
+        results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
     except JobFailed as error:
         raise ParameterFileError("the tuning", f"walk {error.index}", error.problem) from error
     return results if len(results) == len(walks) else None
