@@ -164,7 +164,6 @@ def tune(arguments: argparse.Namespace) -> int:
     def note(step: Progress) -> None:
         terminal.note_line(_stage(experiment.joints, step))
 
-    found = None
     try:
         with (
             Workers(options.workers_of(arguments), arguments.scheduler) as workers,
@@ -174,18 +173,14 @@ def tune(arguments: argparse.Namespace) -> int:
                 experiment, out, settings, workers=workers, resume=arguments.resume, force=arguments.force,
                 progress=note, should_stop=should_stop, on_compile=terminal.note_compilation,
             )  # fmt: skip
-            terminal.clear_line()
-            if tuning is not None:
-                wearer = _wearer(options.person_of(arguments.settings), experiment)
-                with terminal.progress_bar("departures", "walk") as progress:
-                    found = outcome.write_tuning(
-                        tuning, experiment, settings, out, wearer=wearer, workers=workers,
-                        progress=progress, should_stop=should_stop,
-                    )  # fmt: skip
     except WorkersLost as error:
         return terminal.lost(error, again)
-    if found is None:
+    finally:
+        terminal.clear_line()
+    if tuning is None:
         return terminal.interrupted(again)
+    wearer = _wearer(options.person_of(arguments.settings), experiment)
+    found = outcome.write_tuning(tuning, experiment, settings, out, wearer=wearer)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
     return DONE
 

@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
@@ -20,19 +20,10 @@ from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
-from twin_gait.studies.jobs import Watch, Workers
-from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, errors_of, part_costs
+from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import (
-    check_walker,
-    departures,
-    search_cases,
-    standing,
-    table_of,
-    walk_all,
-    walker,
-)
+from twin_gait.studies.tune.walks import check_walker, search_cases, standing, table_of, walker
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
@@ -48,21 +39,15 @@ def write_tuning(
     directory: Path,
     *,
     wearer: str,
-    workers: Workers | None = None,
-    **watch: Unpack[Watch],
-) -> dict[str, Any] | None:
-    """Choose the table, see how it degrades, and write everything beside the state, for a wearer in words.
+) -> dict[str, Any]:
+    """Choose the table and write everything beside the state, for a wearer in words.
 
-    Returns content of ``tune.json``; None if it was stopped before. Raises ParameterError if no table passes
-    the check.
+    Returns content of ``tune.json``. Raises ParameterError if no table passes the check.
     """
     chosen = choose(tuning, experiment)
-    table, start = final_table(chosen, experiment, wearer), tuning.before.table
-    departed = walk_departures(start, table, experiment, settings, workers or Workers(), **watch)
-    if departed is None:
-        return None
-    result = outcome(tuning, chosen, experiment, settings, wearer, departed)
-    curves = gait_curves(start, table, experiment, settings)
+    table = final_table(chosen, experiment, wearer)
+    result = outcome(tuning, chosen, experiment, settings, wearer)
+    curves = gait_curves(tuning.before.table, table, experiment, settings)
     _write(directory.expanduser().absolute(), table, result, curves)
     return result
 
@@ -84,14 +69,9 @@ def _write(
 
 
 def outcome(
-    tuning: Tuning,
-    chosen: Chosen,
-    experiment: Experiment,
-    settings: Settings,
-    wearer: str,
-    departed: Mapping[str, Any],
+    tuning: Tuning, chosen: Chosen, experiment: Experiment, settings: Settings, wearer: str
 ) -> dict[str, Any]:
-    """Content of ``tune.json``; ``departed`` is from :func:`walk_departures`."""
+    """Content of ``tune.json``."""
     before = tuning.before
     assert tuning.state.start_cost is not None  # a completed tuning has it
     speed = check_walker(experiment)[0].speed
@@ -120,7 +100,6 @@ def outcome(
             for (name, first), (_, second) in zip(before.walks, after.walks, strict=True)
         ],
         "trade_offs": _trade_offs(tuning, after, experiment),
-        "departures": dict(departed),
         "parameters": _parameters(tuning, after),
         "convergence": {
             "best": [item.cost for item in generations],
@@ -135,40 +114,6 @@ def outcome(
             "versions": tuning.state.identity["versions"],
         },
     }
-
-
-def walk_departures(
-    before: Mapping[str, Any],
-    after: Mapping[str, Any],
-    experiment: Experiment,
-    settings: Settings,
-    workers: Workers,
-    **watch: Unpack[Watch],
-) -> dict[str, Any] | None:
-    """How two tables degrade as the world departs from what one of them was tuned for.
-
-    By quantity: its nominal value, the values, and of both tables the errors of the joints in [deg], None
-    where it fell or hardly walked, and the falls. None if it was stopped.
-    """
-    found = departures(experiment)
-    tables = table_of(before), table_of(after)
-    walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
-    walks = [
-        case.change(replace(walked, table=table)) for item in found for table in tables for case in item.cases
-    ]
-    results = walk_all(walks, workers, **watch)
-    if results is None:
-        return None
-    rest = iter(results)
-    table: dict[str, Any] = {}
-    for item in found:
-        sides = {which: [next(rest) for _ in item.cases] for which in ("before", "after")}
-        table[item.name] = {
-            "nominal": item.nominal,
-            "values": list(item.values),
-            **{which: _degradation(walks) for which, walks in sides.items()},
-        }
-    return table
 
 
 def gait_curves(
@@ -229,12 +174,6 @@ def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict
 
 def _walk(walk: Rating) -> dict[str, Any]:
     return {"cost": walk.cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
-
-
-def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
-    errors = [part.name for part in errors_of(walks[0].joints)]
-    found = {name: [None if walk.fell else walk.values[name] for walk in walks] for name in errors}
-    return {**found, "fell": [walk.fell for walk in walks]}
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:

@@ -83,7 +83,7 @@ class State:
 class Progress(NamedTuple):
     """Where a tuning stands."""
 
-    stage: str  # ``compiling``, ``search``, ``robust set`` or ``departures``
+    stage: str  # ``compiling``, ``search`` or ``robust set``
     done: int  # of this stage: walks, or generations
     total: int | None  # in all, or None while only the time ends it
     elapsed: float  # in [s]

@@ -45,7 +45,7 @@ from twin_gait.studies.tune.walks import (
 )
 from twin_gait.worlds.scenario import BELT_SPEED
 
-# Share of the minutes for the search; the robust set, the departures and the report take the rest.
+# Share of the minutes for the search; the robust set and the report take the rest.
 SEARCH_SHARE = 0.75
 SEARCH_WALKS = 1000  # or more, for which loops are compiled
 RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
