@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -49,17 +49,18 @@ class ShownRun:
         return float(self.log["time_s"].iloc[-1] - self.log["time_s"].iloc[0])
 
 
-def shown_run(run: Run, summary: Mapping[str, Any]) -> ShownRun:
-    """A run that has just been made, as its page shows it."""
-    name, outcome = f"twin_gait · {run.experiment.name}", run.verdict.outcome or run.status
-    return with_walk(ShownRun(name, run.experiment, run.log, (), run.events, outcome), summary)
-
-
-def with_walk(shown: ShownRun, summary: Mapping[str, Any]) -> ShownRun:
-    """A run that shows its measures too, and says who carries it, from its summary."""
-    said = tuple(filter(None, (carried_by_belt(summary),)))
-    walk, network = table_of_walk(summary), table_of_network(summary)
-    return replace(shown, notes=(*shown.notes, *said), walk=walk, network=network)
+def shown_run(run: Run, summary: Mapping[str, Any], *, name: str = "", notes: Sequence[str] = ()) -> ShownRun:
+    """A run as its page shows it, with its measures and who carries it from its summary."""
+    return ShownRun(
+        f"twin_gait · {name or run.experiment.name}",
+        run.experiment,
+        run.log,
+        notes=tuple(filter(None, (*notes, carried_by_belt(summary)))),
+        events=run.events,
+        outcome=run.verdict.outcome or run.status,
+        walk=table_of_walk(summary),
+        network=table_of_network(summary),
+    )
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
@@ -158,21 +159,16 @@ def read_shown_run(directory: Path) -> ShownRun:
     A URDF that has changed since the run forbids to run it again, but not to look at it: the page says so.
     """
     directory = Path(directory).expanduser()
-    name = f"twin_gait · {directory.absolute().name}"
+    notes: tuple[str, ...] = ()
     try:
-        notes: tuple[str, ...] = ()
-        stored = load_run(directory)
+        run, summary = load_run(directory)
     except ParameterFileError as error:
         if error.key != _URDF_KEY:
             raise
-        stored, notes = read_run(directory, _as_it_is_now(directory)), (_URDF_NOTE,)
-    shown = ShownRun(name, stored.experiment, stored.log, notes, stored.events, stored.outcome)
-    if "time_s" not in shown.log.columns or shown.log.empty:
+        path = directory / EXPERIMENT_FILE
+        document = {key: value for key, value in read_yaml(path).items() if key != "provenance"}
+        run, summary = read_run(directory, experiment_from_mapping(document, str(path), directory))
+        notes = (_URDF_NOTE,)
+    if run.log.empty:
         raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
-    return with_walk(shown, stored.summary)
-
-
-def _as_it_is_now(directory: Path) -> Experiment:
-    path = directory / EXPERIMENT_FILE
-    data = {key: value for key, value in read_yaml(path).items() if key != "provenance"}
-    return experiment_from_mapping(data, str(path), directory)
+    return shown_run(run, summary, name=directory.absolute().name, notes=notes)
