@@ -31,6 +31,7 @@ from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import (
     SKIPPED_STRIDES,
     cadence,
+    in_strides,
     normalise_strides,
     step_times,
     stride_extremes,
@@ -123,7 +124,8 @@ def walk_measures(
     assert leg.clearance is not None and leg.normal_force is not None
     bounds = leg.strides(skip=skip)
     times = stride_times(bounds, leg.tick)
-    steps = step_times(_inside(contacts.heel_strikes, bounds, last=True), others.heel_strikes, leg.tick)
+    strikes = contacts.heel_strikes[in_strides(contacts.heel_strikes, bounds, last=True)]
+    steps = step_times(strikes, others.heel_strikes, leg.tick)
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
     fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
     load = leg.normal_force / walkway.carried_weight
@@ -138,9 +140,9 @@ def walk_measures(
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         **_pressure(log, leg, bounds),
         **_joints(log, leg, bounds),
-        clearance=float(min(clearances[_are_inside(swings(contacts)[:, 0], bounds)], default=math.nan)),
+        clearance=float(min(clearances[in_strides(swings(contacts)[:, 0], bounds)], default=math.nan)),
         slip=_slip(leg, fore_aft, bounds, walkway),
-        **_swing(leg, _inside(entries, bounds), bounds),
+        **_swing(leg, entries[in_strides(entries, bounds)], bounds),
         further_contacts=len(contacts.further_contacts),
         motor_power={joint: _motor_power(log, leg, joint, bounds) for joint in leg.angles},
         wearer_power=sum(_wearer_power(log, leg, joint, bounds) for joint in leg.angles),
@@ -166,18 +168,6 @@ def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Wa
 
 def _mean(values: np.ndarray) -> float:
     return float(values.mean()) if len(values) else math.nan
-
-
-def _inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
-    """Ticks in the counted strides, with or without the end of the last one."""
-    return np.asarray(ticks[_are_inside(ticks, bounds, last=last)])
-
-
-def _are_inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
-    """Which ticks are in the counted strides."""
-    if len(bounds) == 0:
-        return np.zeros(len(ticks), dtype=bool)
-    return np.asarray((ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last))
 
 
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:

@@ -59,7 +59,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     """
     walk = run.walk_measures(skip=skip_strides)
     sides = {
-        str(side): summarise_side(run, side, skip_strides, measures=walk.get(side)) for side in run.sides
+        str(record.side): summarise_side(run, record, skip_strides, walk.get(record.side))
+        for record in run.leg_records()
     }
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
@@ -220,12 +221,10 @@ def _guide(run: Run) -> dict[str, float]:
     """Range of the wrench of the pelvis guide; nothing on the bench."""
     if "guide_force_N" not in run.log or len(run.log) == 0:
         return {}
-    force, moment = run.log["guide_force_N"], run.log["guide_moment_Nm"]
     return {
-        "guide_force_lowest_N": float(force.min()),
-        "guide_force_highest_N": float(force.max()),
-        "guide_moment_lowest_Nm": float(moment.min()),
-        "guide_moment_highest_Nm": float(moment.max()),
+        f"guide_{name}_{end}_{unit}": float(value)
+        for name, unit in (("force", "N"), ("moment", "Nm"))
+        for end, value in run.log[f"guide_{name}_{unit}"].agg(lowest="min", highest="max").items()
     }
 
 
@@ -259,39 +258,39 @@ def interaction_summary(
     """What device and wearer do to each other, and how far they move apart."""
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
-    columns = (f"{side}_{joint}_{BRACE_COLUMNS[-1]}" for side in run.sides for joint in JointName)
-    joints = [name.removesuffix(f"_{BRACE_COLUMNS[-1]}") for name in columns if name in run.log]
-    found = {name: _brace(run.log, name) for name in joints}
+    angle, *_, torque = BRACE_COLUMNS
+    found = {
+        f"{side}_{joint}": _brace(
+            run.log, f"{side}_{joint}_{torque}", f"{side}_{joint}_angle_rad", f"{side}_{joint}_{angle}"
+        )
+        for side in run.sides
+        for joint in JointName
+        if f"{side}_{joint}_{torque}" in run.log
+    }
+    interaction = {
+        name: {
+            "torque_rms_Nm": rms,
+            "torque_peak_Nm": peak,
+            "motion_peak_deg": math.degrees(apart),
+        }
+        for name, (rms, peak, apart) in found.items()
+    }
     for side in run.sides:
         device = run.leg_record(side, device=True)
         for joint, angles in device.angles.items():
             error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
-            found[f"{side}_{joint}"]["rmse_of_device_deg"] = error
-    return {"interaction": found | _pelvis_brace(run.log)}
+            interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
+    height, _, force = PELVIS_BRACE_COLUMNS
+    if force in run.log:
+        rms, peak, apart = _brace(run.log, force, "pelvis_height_m", height)
+        interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}
+    return {"interaction": interaction}
 
 
-def _brace(log: pd.DataFrame, name: str) -> dict[str, float]:
-    torque = log[f"{name}_{BRACE_COLUMNS[-1]}"].to_numpy()
-    apart = (log[f"{name}_angle_rad"] - log[f"{name}_{BRACE_COLUMNS[0]}"]).to_numpy()
-    return {
-        "torque_rms_Nm": effort.root_mean_square(torque),
-        "torque_peak_Nm": float(np.abs(torque).max()),
-        "motion_peak_deg": math.degrees(float(np.abs(apart).max())),
-    }
-
-
-def _pelvis_brace(log: pd.DataFrame) -> dict[str, dict[str, float]]:
-    height, _, brace = PELVIS_BRACE_COLUMNS
-    if brace not in log:
-        return {}
-    force = log[brace].to_numpy()
-    apart = (log["pelvis_height_m"] - log[height]).to_numpy()
-    numbers = {
-        "force_rms_N": effort.root_mean_square(force),
-        "force_peak_N": float(np.abs(force).max()),
-        "motion_peak_mm": 1e3 * float(np.abs(apart).max()),
-    }
-    return {"pelvis": numbers}
+def _brace(log: pd.DataFrame, load: str, device: str, wearer: str) -> tuple[float, float, float]:
+    """RMS and peak of the load of a brace, and how far its two ends come apart; arguments are columns."""
+    values, apart = log[load].to_numpy(), (log[device] - log[wearer]).to_numpy()
+    return effort.root_mean_square(values), float(np.abs(values).max()), float(np.abs(apart).max())
 
 
 def crutch_summary(run: Run) -> dict[str, Any]:
@@ -305,8 +304,7 @@ def crutch_summary(run: Run) -> dict[str, Any]:
     way = float(log["pelvis_forward_m"].iloc[-1] - log["pelvis_forward_m"].iloc[0])
     lean = log[TRUNK_PITCH]
     energy = float(log["battery_power_W"].sum()) * TICK
-    uses = {side: crutch_use(log, side, TICK, run.body_weight) for side in run.sides}
-    arms = {str(side): _in_words(use.__dict__) for side, use in uses.items() if use is not None}
+    uses = {str(side): crutch_use(log, side, TICK, run.body_weight) for side in run.sides}
     return {
         "free_trunk": {
             "distance_m": way,
@@ -314,15 +312,10 @@ def crutch_summary(run: Run) -> dict[str, Any]:
             "lean_lowest_deg": math.degrees(float(lean.min())),
             "lean_highest_deg": math.degrees(float(lean.max())),
             "battery_energy_per_metre_J": energy / way if way > 0.0 else None,
-            "arms": arms,
+            "arms": {side: use for side, use in uses.items() if use is not None},
             "without_arms": _without_arms(run),
         }
     }
-
-
-def _in_words(use: dict[str, float]) -> dict[str, float]:
-    units = {"impulse": "Ns", "push_peak": "N", "moment_peak": "Nm", "work_done": "J", "work_taken": "J"}
-    return {f"{name}_{units[name]}" if name in units else name: value for name, value in use.items()}
 
 
 def _without_arms(run: Run) -> dict[str, Any] | None:

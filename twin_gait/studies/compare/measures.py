@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.core.actuator import torque_to_current
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import (
@@ -27,6 +26,7 @@ from twin_gait.measures.strides import (
     SKIPPED_STRIDES,
     cadence,
     double_support_share,
+    finite_mean,
     normalise_strides,
     step_times,
     stride_lengths,
@@ -37,7 +37,7 @@ from twin_gait.measures.walk import ground_speed
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.request import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
-from twin_gait.runs.leg_summary import summarise_side
+from twin_gait.runs.leg_summary import continuous_current, summarise_side
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Outcome, Side
 
@@ -79,7 +79,7 @@ def _leg(run: Run, side: Side) -> _Leg:
     record = run.leg_record(side)
     strides = record.strides()
     span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
-    return _Leg(record, strides, span, summarise_side(run, side, SKIPPED_STRIDES))
+    return _Leg(record, strides, span, summarise_side(run, record, SKIPPED_STRIDES))
 
 
 def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
@@ -95,7 +95,7 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
         "stride_time_s": leg.summary["stride_time_mean_s"],
         "cadence_per_min": cadence(times),
         "stride_length_m": float(stride_lengths(times, speed).mean()),
-        "step_time_s": _mean(step_times(strikes, others.heel_strikes, TICK)),
+        "step_time_s": finite_mean(step_times(strikes, others.heel_strikes, TICK)),
         "swing_share": leg.summary["swing_share"],
         "double_support_share": double_support_share(record.loaded, other.record.loaded, leg.strides),
         "toe_clearance_m": leg.summary["toe_clearance_least_m"],
@@ -113,11 +113,6 @@ def _mean_speed(run: Run) -> float:
     if walking.belt.ramp == 0.0:
         return walking.belt.cruise
     return walking.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
-
-
-def _mean(values: np.ndarray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else math.nan
 
 
 def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
@@ -153,8 +148,7 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
     velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
     device = _device_torque(log, name, actuator.armature)
     effort = voluntary_torque(run, side, joint)[span]
-    continuous = torque_to_current(actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio)
-    current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous)
+    current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current(actuator))
     return {
         "interaction_rms_Nm": root_mean_square(device),
         "effort_rms_Nm": root_mean_square(effort),
@@ -225,7 +219,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
         settled = spell.end - spell.start > run.table.blend_ticks(phases[spell.phase])
         if spell.start >= since and settled and asked > 0.0:
             shares.append(given[spell.end - 1] / asked)
-    return _mean(np.array(shares))
+    return finite_mean(np.array(shares))
 
 
 def _together(run: Run, found: Measures) -> Measures:
