@@ -102,14 +102,11 @@ def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
 # ---------------------------------------------------------------------------------- the others
 
 
-def test_a_comparison_has_measures_of_the_ankle_and_no_winter_curve_for_it(walk: Run) -> None:
+def test_a_comparison_has_measures_of_the_ankle(walk: Run) -> None:
     found = run_measures(walk)
     for name in ("range_of_motion_deg", "interaction_rms_Nm", "assistance_level", "gvs_koopman_deg"):
         both = [found[f"{side}_ankle_{name}"] for side in Side]
         assert found[f"ankle_{name}"] == pytest.approx(np.mean(both)) and both[0] > 0.0
-    assert np.isnan(found["left_ankle_gvs_winter_deg"])
-    known = [found[f"{side}_{joint}_gvs_winter_deg"] for side in Side for joint in TWO]
-    assert found["gps_winter_deg"] == pytest.approx(gait_profile_score(known))
     every = [found[f"{side}_{joint}_gvs_koopman_deg"] for side in Side for joint in JOINTS]
     assert found["gps_koopman_deg"] == pytest.approx(gait_profile_score(every))
     assert "ankle_range_symmetry" in found

@@ -275,7 +275,7 @@ def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int)
         "switch_torque_jump_Nm": _largest(
             switching.torque_jumps(command, switching.blend_windows(counted, lengths, len(command)))
         ),
-        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, lengths).over_blending),
+        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, lengths)),
     }
 
 

@@ -17,16 +17,13 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
-from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import summary_of_traffic, with_units
 from twin_gait.runs.leg_summary import (
-    blend_lengths,
     reference_error,
     side_in_brief,
     summarise_side,
-    switches_of,
 )
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -81,7 +78,6 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         **_walk(run, skip_strides),
         "symmetry": _symmetry(sides),
         **_battery(run),
-        "largest_torque_jump": _largest_torque_jump(run),
         "safety": _safety(run),
         **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
         **_guide(run),
@@ -178,43 +174,6 @@ def _battery(run: Run) -> dict[str, float]:
         "battery_life_h": effort.battery_life(battery.energy, use.mean) / 3600.0,
         "battery_life_stated_h": STATED_AUTONOMY / 3600.0,
     }
-
-
-def _largest_torque_jump(run: Run) -> dict[str, Any] | None:
-    """Largest change of a motor command within the tick of a switch, and where; None without switches.
-
-    A blend begins from the old parameters, so that only a table without one jumps in that very tick.
-    ``in_one_tick_Nm`` is the largest change from any tick to the next until the end of the blend,
-    ``over_blending_Nm`` the largest from before the switch.
-    """
-    largest: dict[str, Any] | None = None
-    over_blending = in_one_tick = 0.0
-    for side in run.sides:
-        switches = switches_of(run, side)
-        if not switches:
-            continue
-        ticks = blend_lengths(run, switches)
-        starts = np.array([item.tick for item in switches])
-        windows = blend_windows(starts, ticks, len(run.log))
-        for joint in run.table.joints:
-            command = run.log[f"{side}_{joint}_motor_command_torque_Nm"].to_numpy()
-            change = effort.changes_at_switches(command, starts, ticks)
-            over_blending = max(over_blending, float(change.over_blending.max()))
-            in_one_tick = max(in_one_tick, float(torque_jumps(command, windows).max()))
-            place = int(np.argmax(change.at_switch))
-            if largest is None or change.at_switch[place] > largest["at_switch_Nm"]:
-                switch = switches[place]
-                largest = {
-                    "at_switch_Nm": float(change.at_switch[place]),
-                    "side": str(side),
-                    "joint": joint,
-                    "time_s": switch.time,
-                    "from": switch.source,
-                    "to": switch.target,
-                }
-    if largest is None:
-        return None
-    return {**largest, "in_one_tick_Nm": in_one_tick, "over_blending_Nm": over_blending}
 
 
 def _guide(run: Run) -> dict[str, float]:

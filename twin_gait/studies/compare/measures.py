@@ -20,9 +20,8 @@ from twin_gait.measures.effort import (
 )
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
-from twin_gait.measures.reference import WINTER_JOINTS, gait_profile_score, gait_variable_score
+from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
-    PERCENT,
     SKIPPED_STRIDES,
     cadence,
     double_support_share,
@@ -35,7 +34,6 @@ from twin_gait.measures.strides import (
 )
 from twin_gait.measures.walk import ground_speed
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.replay.request import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import continuous_current, summarise_side
 from twin_gait.simulation.run import Run
@@ -119,24 +117,13 @@ def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
     """Range of motion, deviation from healthy gait, smoothness."""
     cycles = np.degrees(normalise_strides(leg.record.angles[joint], leg.strides))
     reference, known = reference_cycle(run.experiment, joint), leg.summary["joints"][joint]
-    winter = math.nan
-    if joint in WINTER_JOINTS:
-        winter = gait_variable_score(cycles, np.degrees(winter_cycle(joint)))
     koopman = math.nan if reference is None else gait_variable_score(cycles, np.degrees(reference))
     return {
         "range_of_motion_deg": known["range_of_motion_deg"],
         "gvs_koopman_deg": koopman,
-        "gvs_winter_deg": winter,
         # The logarithm is after Balasubramanian et al. (2015); nearer to 0 is smoother.
         "smoothness": -math.log(known["jerk_dimensionless"]),
     }
-
-
-def winter_cycle(joint: JointName) -> np.ndarray:
-    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``."""
-    walk = normative_walk(WINTER, strides=2)
-    angles = walk.recording.angles[Side.LEFT][str(joint)]
-    return np.asarray(np.interp(PERCENT / 100.0 * walk.cycle_time, np.arange(len(angles)) * TICK, angles))
 
 
 def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
@@ -235,7 +222,6 @@ def _together(run: Run, found: Measures) -> Measures:
     power = float(run.log["battery_power_W"].mean())
     work = {who: sum(every(f"{who}_work_J")) for who in ("wearer", "device")}
     torques = [sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in joints) for side in run.sides]
-    known = [joint for joint in joints if joint in WINTER_JOINTS]
     rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
     ranges = {
         f"{joint}_range_symmetry": symmetry_index(*every("range_of_motion_deg", (joint,)))
@@ -251,7 +237,6 @@ def _together(run: Run, found: Measures) -> Measures:
             for name in _PER_JOINT
         },
         "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
-        "gps_winter_deg": gait_profile_score(every("gvs_winter_deg", known)),
         "step_time_symmetry": symmetry_index(*both("step_time_s")),
         "swing_symmetry": symmetry_index(*both("swing_share")),
         **ranges,
