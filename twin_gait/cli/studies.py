@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import textwrap
 from collections.abc import Iterator
 from dataclasses import fields
@@ -137,8 +136,7 @@ def compare(arguments: argparse.Namespace) -> int:
     writing.write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     lines = [text, "", str(out / writing.PAGE_FILE)]
-    found = json.loads(writing.summary_text(comparison, who))
-    terminal.answer(arguments, lines, lambda: {**found, "directory": out})
+    terminal.answer(arguments, lines, lambda: {**writing.summary_of(comparison, who), "directory": out})
     return DONE
 
 

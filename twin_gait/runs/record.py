@@ -15,7 +15,7 @@ from twin_gait.configuration.experiments import load_experiment, resolved_docume
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import read_parquet, write_atomically, write_parquet
+from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.runs.drawing import DrawingProcesses
@@ -72,7 +72,7 @@ def write_run(
     summary = summarise(run)
     if accuracy is not None:
         summary["accuracy"] = accuracy
-    write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    write_json(directory / SUMMARY_FILE, summary)
     if pictures:
         from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 import twin_gait
-from twin_gait.files import finite_or_none
+from twin_gait.files import plain
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
@@ -85,8 +85,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         **interaction_summary(run, skip_strides),
         **_energy(run),
     }
-    plain: dict[str, Any] = _plain(summary)
-    return plain
+    found: dict[str, Any] = plain(summary)
+    return found
 
 
 # Ends of the names of the columns of a log that a summary in brief reads, beside time and phases.
@@ -107,7 +107,7 @@ READ_IN_BRIEF = (
 
 def summarise_in_brief(run: Run) -> dict[str, Any]:
     """What a table of many runs holds of :func:`summarise`; needs no columns but ``READ_IN_BRIEF``."""
-    plain: dict[str, Any] = _plain(
+    found: dict[str, Any] = plain(
         {
             "seed": run.experiment.seed,
             "duration_s": run.duration,
@@ -119,20 +119,7 @@ def summarise_in_brief(run: Run) -> dict[str, Any]:
             **_energy(run),
         }
     )
-    return plain
-
-
-def _plain(value: Any) -> Any:
-    """Turn numpy numbers and names into Python's own and what is not finite into None."""
-    if isinstance(value, (float, np.floating)):
-        return finite_or_none(float(value))
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    return value if value is None else str(value)
+    return found
 
 
 def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:

@@ -1,6 +1,5 @@
 """The testing campaign of the thesis (section 2.2.3) on the simulated joint bench, and the one it lacked."""
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -12,7 +11,7 @@ import numpy as np
 
 from twin_gait import __version__
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import finite_or_none, write_atomically
+from twin_gait.files import write_atomically, write_json
 from twin_gait.parameters import quantities
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.simulation.bench_joint import LOG_COLUMNS, BenchRun, BenchVariation, simulate_bench
@@ -234,8 +233,7 @@ def run_campaign(
             "columns": list(LOG_COLUMNS), "bench": asdict(campaign.plain_bench()), "spread": SPREAD,
             "tests": lines,
         }  # fmt: skip
-        text = json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False)
-        write_atomically(staging / SETTINGS_FILE, text + "\n")
+        write_json(staging / SETTINGS_FILE, document)
     return CampaignResult(directory, status, tuple(lines))
 
 
@@ -280,12 +278,3 @@ def summarise(run: BenchRun) -> dict[str, float | None]:
 
 def _first(mask: np.ndarray) -> float | None:
     return round(float(np.argmax(mask)) * 1e-3, 3) if mask.any() else None
-
-
-def _finite(value: Any) -> Any:
-    """Infinite numbers have no JSON; they become null."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return finite_or_none(value) if isinstance(value, float) else value

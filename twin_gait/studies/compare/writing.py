@@ -1,6 +1,5 @@
 """The folder of a comparison: one page, its figure, and the numbers as CSV and JSON."""
 
-import json
 import math
 from functools import cache
 from itertools import product
@@ -12,7 +11,7 @@ import yaml
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from twin_gait.files import finite_or_none, write_atomically
+from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.strides import normalise_strides
 from twin_gait.palette import (
     BLUE,
@@ -83,7 +82,7 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
         write_atomically(staging / PAGE_FILE, page_of(comparison, who, picture))
         table = comparison.table.to_csv(index=False, lineterminator="\n")
         write_atomically(staging / RUNS_FILE, table)
-        write_atomically(staging / SUMMARY_FILE, summary_text(comparison, who))
+        write_json(staging / SUMMARY_FILE, summary_of(comparison, who))
 
 
 def subtitle_of(comparison: Comparison, who: str) -> str:
@@ -190,21 +189,16 @@ def figure_of(comparison: Comparison) -> Figure:
     return figure
 
 
-def summary_text(comparison: Comparison, who: str) -> str:
-    """Means, intervals and paragraphs as JSON; null where a number is not defined."""
-    rows = zip(comparison.controllers, comparison.means(), strict=True)
-    document: dict[str, Any] = {
+def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
+    """Means, intervals and paragraphs."""
+    return {
         "patient": who,
         "subtitle": subtitle_of(comparison, who),
         "seeds": comparison.seeds,
         "versions": versions(),
         "paragraphs": conclusions(comparison),
         "controllers": {
-            item.name: {
-                "walked": comparison.walked(item.name),
-                "numbers": {name: finite_or_none(value) for name, value in row.items()},
-            }
-            for item, row in rows
+            item.name: {"walked": comparison.walked(item.name), "numbers": row}
+            for item, row in zip(comparison.controllers, comparison.means(), strict=True)
         },
     }
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"

@@ -23,7 +23,7 @@ import pyarrow as pa
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.files import write_atomically, write_parquet
+from twin_gait.files import write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit_of_column, values_of
@@ -232,7 +232,7 @@ def run_sweep(
         table = read_table(directory)
         last |= {"episodes": len(table) - last["resumed_with"], "wall_s": time.perf_counter() - began}
         summary = _summary(sweep, table, last)
-        write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
+        write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
             write_pictures(sweep, table, directory)
     without = tuple(name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())

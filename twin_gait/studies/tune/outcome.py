@@ -1,6 +1,5 @@
 """The folder of a tuning: ``table.yaml``, ``tune.json``, ``report.html`` and the figures."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -14,7 +13,7 @@ from twin_gait.checking.check import counts
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import write_atomically
+from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.report.canvas import picture_bytes
@@ -65,7 +64,7 @@ def _write(
     write_atomically(directory / REPORT_FILE, page(result, figures))
     write_atomically(directory / TABLE_FILE, dump_yaml(table))
     # The last one: where it is, the folder is whole.
-    write_atomically(directory / OUTCOME_FILE, json.dumps(result, indent=2, allow_nan=False) + "\n")
+    write_json(directory / OUTCOME_FILE, result)
 
 
 def outcome(

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import write_atomically
+from twin_gait.files import write_json
 from twin_gait.runs.folders import FolderKind, check_target
 from twin_gait.studies.jobs import sources_hash
 from twin_gait.studies.tune.parts import AIM, FALL, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, parts_of
@@ -157,7 +157,7 @@ def write_state(state: State, directory: Path) -> None:
         "generations": [generation._asdict() for generation in state.generations],
         "descent": None if state.descent is None else asdict(state.descent),
     }
-    write_atomically(directory / STATE_FILE, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    write_json(directory / STATE_FILE, document)
 
 
 def _read(file: Path, identity: dict[str, Any]) -> State:
