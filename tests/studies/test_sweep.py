@@ -203,7 +203,7 @@ BAD = {
     "falling range": (
         {"parameters": {HIP: {"from": 5, "to": 4}}},
         [],
-        f"parameters: {HIP}: expected from below to",
+        f"parameters.{HIP}: expected from below to",
     ),
     "not a range": ({"parameters": {HIP: 5}}, [], f"parameters.{HIP}: expected a list.*got 5"),
     "no parameters": ({"parameters": {}}, [], "parameters: is missing or empty"),

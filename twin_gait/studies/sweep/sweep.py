@@ -79,7 +79,7 @@ class SweepStore:
         files = self._files()
         rows = pd.concat([pd.DataFrame({"episode": []}, dtype=int), *map(_read_parquet, files)])
         rows = rows.drop_duplicates("episode").sort_values("episode", ignore_index=True)
-        names = setting_columns(self._sweep.design.columns)
+        names = setting_columns(self._sweep.design.keys)
         settings = {
             names[key]: _typed(self._sweep.design.column(key)).iloc[rows["episode"]].reset_index(drop=True)
             for key in names
@@ -313,7 +313,7 @@ def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> di
 
 def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
-    parameters = list(setting_columns(sweep.design.columns).values())
+    parameters = list(setting_columns(sweep.design.keys).values())
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
     figures = sweep_figures(table, parameters, measures, title)
