@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.studies import JobFailed, Workers, WorkersLost, run_jobs
-from twin_gait.studies.jobs import even_size, one_by_one, portions, run_blocks
+from twin_gait.studies.jobs import even_size, run_blocks
 from twin_gait.studies.workers import LOSSES_ALLOWED
 
 
@@ -114,10 +114,11 @@ def test_a_job_that_fails_is_named_with_its_index(workers):
     assert (error.value.index, error.value.problem) == (2, "3 is below 4")
 
 
-def test_a_portion_keeps_what_came_before_the_failure():
-    with Workers() as workers:
-        found = list(portions(partial(one_by_one, partial(refuse, 4)), [6, 5, 3, 9], 4, workers, block=4))
-    assert [(item.results, item.problem) for item in found] == [({0: 6, 1: 5}, (2, "3 is below 4"))]
+def test_what_came_before_a_failure_can_be_kept():
+    kept: dict[int, tuple[int, int]] = {}
+    with pytest.raises(JobFailed, match="job 1: -3 is negative"):
+        run_blocks(backwards, [6, -3, 5, 9], block=4, keep=lambda results, _: kept.update(results))
+    assert kept == {2: (25, 4), 3: (81, 4)}
 
 
 def test_items_of_a_worker_that_died_are_done_by_others(tmp_path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +19,10 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.report.sweep import axis_of, cell_means, label_of, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
-from twin_gait.studies.jobs import Workers, one_by_one, portions
+from twin_gait.studies.jobs import Workers, run_jobs
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import sweep as sweep_module
-from twin_gait.studies.sweep.episode import episodes_of
+from twin_gait.studies.sweep.episode import Episodes
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.sweep import check_sweep, read_table, run_sweep
 
@@ -144,12 +143,11 @@ def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch
 
 def test_a_worker_with_other_sources_runs_nothing(monkeypatch):
     ran: list[int] = []
-    append = partial(one_by_one, ran.append)
-    assert [item.results for item in portions(append, [5], 1, Workers())] == [{0: None}]
+    assert run_jobs(ran.append, [5]) == [None]
     hashes = iter(["ours", "edited"])
     monkeypatch.setattr(jobs, "sources_hash", lambda: next(hashes))
     with pytest.raises(WorkersLost, match="a worker has another version of twin_gait"):
-        list(portions(append, [6], 1, Workers()))
+        run_jobs(ran.append, [6])
     assert ran == [5]
 
 
@@ -262,7 +260,7 @@ def test_workers_check_a_long_sweep_as_this_process_does(tmp_path, monkeypatch):
         Workers(2) as workers,
         pytest.raises(ParameterFileError, match=f"episode {few + 1}: .*hip_deg.*'high'"),
     ):
-        check_sweep(sweep, workers, lambda *counts: told.append(counts))
+        check_sweep(sweep, workers, progress=lambda *counts: told.append(counts))
     assert told[-1][0] < len(episodes)
 
 
@@ -294,7 +292,7 @@ def test_the_example_draws_all_that_it_asks_for():
     # 75 kg, 1.80 m, a middle belt, 60 % support: a walk that completes
     place = (75, 1.80, 0.38, 0.6)
     middle = [index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), place)]
-    (episode,) = episodes_of(sweep, middle)
+    (episode,) = Episodes(sweep, middle)
     row = flat_summary(simulate(episode.experiment()))
     assert row["status"] == "completed"
     assert all(np.isfinite(row[name]) for name in sweep.measures)

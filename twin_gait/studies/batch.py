@@ -39,6 +39,7 @@ def run_episodes(
     block: int | None = None,
     workers: int | Workers = 1,
     on_compile: Callable[[], None] | None = None,
+    keep: Callable[[dict[int, Result], str], None] | None = None,
     **watch: Unpack[Watch],
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; a log lives no longer than that.
@@ -53,20 +54,20 @@ def run_episodes(
             :func:`~twin_gait.simulation.together.simulate_together` takes it; everything by default.
         block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
         on_compile: Called if the engine has to be compiled first, which the workers then need not do.
+        keep: Takes the results as they come, see :func:`twin_gait.studies.jobs.run_blocks`.
     """
     if block is None:
-        block = block_ahead(lambda: experiment_of(items[0]), len(items), on_compile) if items else 1
-    walk = partial(measured, experiment_of, measure, columns)
-    return run_blocks(walk, items, block=block, workers=workers, **watch)
+        block = _block_ahead(experiment_of, items, on_compile)
+    walk = partial(_measured, experiment_of, measure, columns)
+    return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
 
 
-def measured(
+def _measured(
     experiment_of: Callable[[Item], Experiment],
     measure: Callable[[Run], Result],
     columns: tuple[str, ...] | None,
     items: Sequence[Item],
 ) -> Iterator[tuple[int, Result]]:
-    """Position and measures of the episodes of a block, as :func:`twin_gait.studies.jobs.run_blocks` asks."""
     try:
         for place, run in simulate_together(map(experiment_of, items), columns=columns):
             yield place, measure(run)
@@ -74,19 +75,20 @@ def measured(
         raise JobFailed(error.index, error.problem) from error
 
 
-def block_ahead(
-    first: Callable[[], Experiment], total: int, on_compile: Callable[[], None] | None = None
+def _block_ahead(
+    experiment_of: Callable[[Item], Experiment],
+    items: Sequence[Item],
+    on_compile: Callable[[], None] | None,
 ) -> int:
-    """Compile for ``total`` episodes before others need it, and tell how many of them to hand over at a time.
-
-    ``first`` makes the experiment of one; a mistake in it is told when its turn comes.
-    """
-    try:
-        experiment = first()
-    except TwinGaitError:
+    """Compile before the workers need it, and tell how many episodes to hand over at a time."""
+    if not items:
         return 1
-    compile_ahead(experiment, total, on_compile)
-    return block_size(experiment, total)
+    try:
+        experiment = experiment_of(items[0])
+    except TwinGaitError:  # a mistake is told when its turn comes
+        return 1
+    compile_ahead(experiment, len(items), on_compile)
+    return block_size(experiment, len(items))
 
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.

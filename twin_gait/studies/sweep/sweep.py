@@ -11,11 +11,9 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
@@ -32,14 +30,13 @@ from twin_gait.simulation import RunStatus
 from twin_gait.studies.batch import (
     SUMMARY_COLUMNS,
     Flat,
-    block_ahead,
     flat_summary,
-    measured,
+    run_episodes,
     setting_columns,
     summary_table,
 )
-from twin_gait.studies.jobs import Portion, Progress, Stop, Workers, one_by_one, portions
-from twin_gait.studies.sweep.episode import Episode, check_episode, episodes_of
+from twin_gait.studies.jobs import JobFailed, Progress, Watch, Workers, run_jobs
+from twin_gait.studies.sweep.episode import Episode, Episodes, check_episode
 from twin_gait.studies.sweep.spec import Sweep
 
 TABLE_SCHEMA_VERSION = 1
@@ -51,7 +48,6 @@ _PROVENANCE = "\nprovenance:\n"  # the last key of a specification
 
 # Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
 CHECKED_HERE = 2000
-_CHECKED_AT_ONCE = 200
 
 
 class SweepStore:
@@ -203,9 +199,8 @@ def run_sweep(
     workers: Workers | None = None,
     pictures: bool = True,
     checking: Progress | None = None,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
+    **watch: Unpack[Watch],
 ) -> SweepResult:
     """Run a sweep, or go on with it where it was stopped or killed.
 
@@ -221,12 +216,12 @@ def run_sweep(
     began = time.perf_counter()
     check_directory(directory, sweep)
     if not (directory / SPEC_FILE).is_file():
-        check_sweep(sweep, workers, checking, should_stop)
+        check_sweep(sweep, workers, progress=checking, should_stop=watch.get("should_stop"))
     last: dict[str, Any] = {"slots": workers.slots()}
     with open_store(directory, sweep) as store:
         last["resumed_with"] = int(store.done.sum())
         try:
-            last["processors"] = _run(sweep, store, workers, progress, should_stop, on_compile)
+            last["processors"] = _run(sweep, store, workers, on_compile, **watch)
         finally:
             store.merge()
         table = read_table(directory)
@@ -240,61 +235,50 @@ def run_sweep(
     return SweepResult(directory, table, status, last["resumed_with"], summary, without)
 
 
-def check_sweep(
-    sweep: Sweep,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
-    should_stop: Stop | None = None,
-) -> None:
+def check_sweep(sweep: Sweep, workers: Workers | None = None, **watch: Unpack[Watch]) -> None:
     """Check the overrides of every episode without running any; a wrong one is named with its key."""
-    total, checked = len(sweep.design), 0
-    if workers is None or total <= CHECKED_HERE:
-        workers = Workers()
-    episodes, check = episodes_of(sweep, range(total)), partial(one_by_one, check_episode)
-    with closing(portions(check, episodes, total, workers, block=_CHECKED_AT_ONCE)) as coming:
-        for portion in coming:
-            checked += len(portion.results)
-            if progress is not None:
-                progress(checked, total)
-            if portion.problem:
-                raise ParameterFileError(sweep.source, "", portion.problem[1])
-            if should_stop is not None and should_stop():
-                raise KeyboardInterrupt
+    episodes = Episodes(sweep, range(len(sweep.design)))
+    hands = 1 if workers is None or len(episodes) <= CHECKED_HERE else workers
+    try:
+        checked = run_jobs(check_episode, episodes, workers=hands, **watch)
+    except JobFailed as error:
+        raise ParameterFileError(sweep.source, "", error.problem) from error
+    if len(checked) < len(episodes):
+        raise KeyboardInterrupt
 
 
 def _run(
     sweep: Sweep,
     store: SweepStore,
     workers: Workers,
-    progress: Progress | None,
-    should_stop: Stop | None,
     on_compile: Callable[[], None] | None,
+    **watch: Unpack[Watch],
 ) -> list[str]:
     """Run what is not done yet; types of the processors that did it."""
     pending = np.flatnonzero(~store.done).tolist()
-    tell = progress or (lambda done, total: None)
-    tell(int(store.done.sum()), len(store.done))
-    if not pending:
-        return []
-    first, processors = next(episodes_of(sweep, pending)), set()
-    coming: Any = portions(
-        partial(measured, Episode.experiment, flat_summary, READ_IN_BRIEF),
-        episodes_of(sweep, pending),
-        len(pending),
-        workers,
-        block=block_ahead(first.experiment, len(pending), on_compile),
-        should_stop=should_stop,
-    )
-    portion: Portion[Flat]
-    with closing(coming):
-        for portion in coming:
-            store.append({pending[place]: flat for place, flat in portion.results.items()})
-            processors.add(portion.processor)
-            if portion.problem:
-                place, text = portion.problem
-                named = f"episode {pending[place]}: "
-                raise ParameterFileError(sweep.source, "", named + text.removeprefix(named))
-            tell(int(store.done.sum()), len(store.done))
+    total, there = len(store.done), len(store.done) - len(pending)
+    tell, processors = watch.get("progress") or (lambda done, total: None), set[str]()
+
+    def keep(rows: dict[int, Flat], processor: str) -> None:
+        store.append({pending[place]: flat for place, flat in rows.items()})
+        processors.add(processor)
+
+    tell(there, total)
+    try:
+        run_episodes(
+            Episode.experiment,
+            flat_summary,
+            Episodes(sweep, pending),
+            columns=READ_IN_BRIEF,
+            workers=workers,
+            on_compile=on_compile,
+            keep=keep,
+            progress=lambda done, _: tell(there + done, total),
+            should_stop=watch.get("should_stop"),
+        )
+    except JobFailed as error:
+        named = f"episode {pending[error.index]}: "
+        raise ParameterFileError(sweep.source, "", named + error.problem.removeprefix(named)) from error
     return sorted(processors)
 
 
