@@ -134,7 +134,7 @@ def test_rows_that_a_kill_left_in_table_and_parts_count_once(swept, tmp_path):
 
 def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch):
     spec, out = swept
-    with pytest.raises(RunDirectoryError, match="holds another sweep; choose another --out"):
+    with pytest.raises(RunDirectoryError, match=r"holds another sweep.*; choose another --out"):
         run_sweep(load_sweep(spec, ["duration_s=0.3"]), out)
     monkeypatch.setattr(sweep_spec, "sources_hash", lambda: "edited")
     with pytest.raises(RunDirectoryError, match="begun by other sources or versions"):

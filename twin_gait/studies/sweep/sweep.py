@@ -44,7 +44,6 @@ SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.jso
 FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
 PARTS_FOLDER = "parts"
 _LOCK_FILE = ".lock"
-_PROVENANCE = "\nprovenance:\n"  # the last key of a specification
 
 # Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
 CHECKED_HERE = 2000
@@ -102,9 +101,8 @@ class SweepStore:
 def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
     """Open the folder of a sweep, or make it; no other process can open it meanwhile.
 
-    Raises RunDirectoryError if the folder holds something else, is in use or cannot be written.
+    Raises RunDirectoryError if the folder is in use or cannot be written.
     """
-    check_directory(directory, sweep)
     parts = directory / PARTS_FOLDER
     try:
         parts.mkdir(parents=True, exist_ok=True)
@@ -132,17 +130,14 @@ def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
 
 def check_directory(directory: Path, sweep: Sweep) -> None:
     """Refuse a folder that is not this sweep's."""
-    if (directory / SPEC_FILE).is_file():
-        ours, found = dump_yaml(dict(sweep.document)), (directory / SPEC_FILE).read_text(encoding="utf-8")
-        if found == ours:
-            return
-        if found.rpartition(_PROVENANCE)[0] == ours.rpartition(_PROVENANCE)[0]:
+    spec = directory / SPEC_FILE
+    if spec.is_file():
+        if spec.read_text(encoding="utf-8") != dump_yaml(dict(sweep.document)):
             raise RunDirectoryError(
-                f"{directory}: was begun by other sources or versions of twin_gait or its libraries, whose "
-                "rows would not be comparable; go back to them, or choose another --out"
+                f"{directory}: holds another sweep, or was begun by other sources or versions of twin_gait or its "
+                "libraries, whose rows would not be comparable; choose another --out"
             )
-        raise RunDirectoryError(f"{directory}: holds another sweep; choose another --out")
-    if directory.exists():
+    elif directory.exists():
         # More than a sweep leaves that was killed while it made its folder.
         names = {path.name for path in directory.iterdir()} if directory.is_dir() else {""}
         names -= {PARTS_FOLDER, _LOCK_FILE}
