@@ -19,12 +19,13 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.report.sweep import axis_of, cell_means, label_of, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
-from twin_gait.studies.jobs import Workers, run_jobs
+from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import sweep as sweep_module
 from twin_gait.studies.sweep.episode import Episodes
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.sweep import check_sweep, read_table, run_sweep
+from twin_gait.studies.workers import Workers
 
 HIP = "scenario.start.hip_deg"
 STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"

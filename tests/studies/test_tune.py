@@ -449,7 +449,7 @@ def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl, tmp_path:
     assert best["knee"]["stiffness_Nm_per_deg"] == pytest.approx(3.0, abs=0.2)
     assert result.before is not None
     assert result.ranked[0].cost < result.before.cost
-    costs = [step.best_cost for step in steps if step.stage == "search"]
+    costs = [step.costs[1] for step in steps if step.stage == "search"]
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] < costs[0]
 
@@ -476,7 +476,7 @@ def test_more_generations_go_on_from_a_finished_tuning(bowl: Bowl, tmp_path: Pat
     more = replace(SHORT, generations=5)
     second = tune(experiment, tmp_path / "out", more, resume=True, progress=steps.append)
     found_before = min(item.cost for item in first.state.generations)
-    assert next(step for step in steps if step.stage == "search").best_cost <= found_before
+    assert next(step for step in steps if step.stage == "search").costs[1] <= found_before
     assert second.state.generations[:4] == first.state.generations
     assert len(second.state.generations) == 6  # the first is the start
 

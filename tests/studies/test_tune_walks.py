@@ -24,7 +24,6 @@ from twin_gait.measures.strides import symmetry_index
 from twin_gait.report import tune as pictures
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, simulate, together
-from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune import outcome
 from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.parts import Rating, part_values, parts_of, rate_walk
@@ -32,6 +31,7 @@ from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.state import Settings
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import Case, quick_errors, standing, table_of, walk_all
+from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 JOINTS = ("hip", "knee")

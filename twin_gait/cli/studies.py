@@ -16,6 +16,7 @@ from twin_gait.exceptions import ParameterError
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
     from twin_gait.studies.sweep.sweep import SweepResult
+    from twin_gait.studies.tune.state import Progress
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -149,7 +150,7 @@ def tune(arguments: argparse.Namespace) -> int:
     from twin_gait.report.tune import summary
     from twin_gait.studies import Workers, WorkersLost
     from twin_gait.studies.tune import outcome, tune
-    from twin_gait.studies.tune.state import Progress, Settings
+    from twin_gait.studies.tune.state import Settings
 
     options.workers_of(arguments)
     if arguments.resume and arguments.force:
@@ -160,7 +161,7 @@ def tune(arguments: argparse.Namespace) -> int:
     out, again = arguments.out, f"the same command with --resume goes on from there: {arguments.out}"
 
     def note(step: Progress) -> None:
-        terminal.note_line(_stage(experiment.joints, step))
+        terminal.note_line(_stage(step))
 
     try:
         with (
@@ -189,14 +190,14 @@ def _wearer(person: str | None, experiment: Experiment) -> str:
     return size if person is None else f"{person} ({size})"
 
 
-def _stage(joints: tuple[str, ...], step: Any) -> str:
-    """The stage and the best gait so far in one line."""
+def _stage(step: Progress) -> str:
+    """The stage and the best cost so far in one line."""
     total = "" if step.total is None else f" of {step.total}"
     line = f"{step.elapsed / 60.0:4.1f} min  {step.stage} {step.done}{total}"
-    if step.best_cost < float("inf"):
-        line += f"  best: cost {step.best_cost:.2f} (from {step.start_cost:.2f})"
-    errors = {joint: step.best_values.get(f"{joint}_error_deg") for joint in joints}
-    return line + "".join(f", {joint} {error:.1f}°" for joint, error in errors.items() if error is not None)
+    if step.costs is not None:
+        start, best = step.costs
+        line += f"  best: cost {best:.2f} (from {start:.2f})"
+    return line
 
 
 def faults(arguments: argparse.Namespace) -> int:

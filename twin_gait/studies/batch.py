@@ -25,8 +25,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise_in_brief
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.together import EpisodeFailed, block_size, compile_ahead, simulate_together
-from twin_gait.studies.jobs import JobFailed, Watch, Workers, run_blocks
-from twin_gait.studies.workers import Item, Result
+from twin_gait.studies.jobs import JobFailed, Watch, run_blocks
+from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
 
 

@@ -104,7 +104,7 @@ def grid(parameters: Mapping[str, Levels], repetitions: int = 1) -> Design:
 
     def point(number: int) -> dict[str, Any]:
         places = np.unravel_index(number, sizes)
-        return {key: levels[key][place] for key, place in zip(levels, places, strict=True)}
+        return {key: levels[key][int(place)] for key, place in zip(levels, places, strict=True)}
 
     return Design(tuple(levels), math.prod(sizes), point, repetitions)
 

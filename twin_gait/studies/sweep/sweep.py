@@ -35,9 +35,10 @@ from twin_gait.studies.batch import (
     setting_columns,
     summary_table,
 )
-from twin_gait.studies.jobs import JobFailed, Progress, Watch, Workers, run_jobs
+from twin_gait.studies.jobs import JobFailed, Progress, Watch, run_jobs
 from twin_gait.studies.sweep.episode import Episode, Episodes, check_episode
 from twin_gait.studies.sweep.spec import Sweep
+from twin_gait.studies.workers import Workers
 
 TABLE_SCHEMA_VERSION = 1
 SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.json"
@@ -134,8 +135,8 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
     if spec.is_file():
         if spec.read_text(encoding="utf-8") != dump_yaml(dict(sweep.document)):
             raise RunDirectoryError(
-                f"{directory}: holds another sweep, or was begun by other sources or versions of twin_gait or its "
-                "libraries, whose rows would not be comparable; choose another --out"
+                f"{directory}: holds another sweep, or was begun by other sources or versions of twin_gait or"
+                " its libraries, whose rows would not be comparable; choose another --out"
             )
     elif directory.exists():
         # More than a sweep leaves that was killed while it made its folder.

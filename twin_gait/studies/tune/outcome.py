@@ -72,7 +72,6 @@ def outcome(
 ) -> dict[str, Any]:
     """Content of ``tune.json``."""
     before = tuning.before
-    assert tuning.state.start_cost is not None  # a completed tuning has it
     speed = check_walker(experiment)[0].speed
     after, generations = chosen.finalist, tuning.state.generations
     return {
@@ -91,7 +90,7 @@ def outcome(
         "worst_cost": WORST,
         "excess": {"aim": AIM, "weight": HELD_TO},
         "cost": {
-            "search": {"before": tuning.state.start_cost, "after": after.search_cost},
+            "search": {"before": generations[0].cost, "after": after.search_cost},
             "robust": {"before": before.cost, "after": after.cost},
         },
         "robust_set": [

@@ -25,7 +25,7 @@ from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, weighted_cost
 
 STATE_FILE = "state.json"
 TUNING = FolderKind("a tuning", STATE_FILE)
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +75,7 @@ class State:
 
     identity: dict[str, Any]  # what makes it this one: experiment, seed, settings, versions
     elapsed: float = 0.0  # time that it has taken over all calls in [s]
-    start_cost: float | None = None  # cost of the table that is to be bettered, or None
-    generations: list[Generation] = field(default_factory=list)  # of the search
+    generations: list[Generation] = field(default_factory=list)  # of the search; the first is its start
     descent: Descent | None = None  # where it stands, or None before it
 
 
@@ -87,10 +86,7 @@ class Progress(NamedTuple):
     done: int  # of this stage: walks, or generations
     total: int | None  # in all, or None while only the time ends it
     elapsed: float  # in [s]
-    start_cost: float  # of the table that it began with
-    best_cost: float  # of the best candidate so far
-    # parts of its nominal walk; empty if it was found before the tuning was resumed
-    best_values: Mapping[str, float | None]
+    costs: tuple[float, float] | None  # of the table that it began with and of the best so far, once known
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +149,6 @@ def write_state(state: State, directory: Path) -> None:
         "schema_version": SCHEMA_VERSION,
         "identity": state.identity,
         "elapsed_s": state.elapsed,
-        "start_cost": state.start_cost,
         "generations": [generation._asdict() for generation in state.generations],
         "descent": None if state.descent is None else asdict(state.descent),
     }
@@ -166,7 +161,6 @@ def _read(file: Path, identity: dict[str, Any]) -> State:
         state = State(
             document["identity"],
             float(document["elapsed_s"]),
-            document["start_cost"],
             [Generation(**item) for item in document["generations"]],
             None if document["descent"] is None else Descent(**document["descent"]),
         )

@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.together import compile_ahead
-from twin_gait.studies.jobs import Stop, Workers
+from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.space import editable_document, parameters_of, table_with, with_own_sides
@@ -43,6 +43,7 @@ from twin_gait.studies.tune.walks import (
     walker,
     weighted_cost,
 )
+from twin_gait.studies.workers import Workers
 from twin_gait.worlds.scenario import BELT_SPEED
 
 # Share of the minutes for the search; the robust set and the report take the rest.
@@ -79,7 +80,6 @@ class Stages:
         self._parameters = parameters_of(
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
-        self._best: tuple[float, Mapping[str, float | None]] = (float("inf"), {})
         corners = corner_cases() if settings.everyone else ()
         self._search_cases = (*search_cases(self._experiment), *corners)
         self._robust_cases = (*robust_cases(self._experiment), *corners)
@@ -102,8 +102,9 @@ class Stages:
         return self._before + time.perf_counter() - self._began
 
     def _tell(self, stage: str, done: int, total: int | None) -> None:
-        start = float("inf") if self._state.start_cost is None else self._state.start_cost
-        self._progress(Progress(stage, done, total, self._elapsed(), start, *self._best))
+        state = self._state
+        costs = (state.generations[0].cost, state.descent.cost) if state.descent else None
+        self._progress(Progress(stage, done, total, self._elapsed(), costs))
 
     def _compile(self, on_compile: Callable[[], None] | None) -> None:
         """Compile here what no worker has to, before all of them would."""
@@ -137,22 +138,17 @@ class Stages:
         return results
 
     def _started(self) -> Descent:
-        """Walk the table that is to be bettered, or go on."""
-        walks = self._walk([self._experiment.table], self._search_cases)
-        cost, nominal = weighted_cost(walks), walks[0]
-        self._state.start_cost = cost
-        self._best = cost, nominal.values
+        """Walk the table that is to be bettered, or go on from what was kept."""
         if self._state.descent is None:
+            walks = self._walk([self._experiment.table], self._search_cases)
+            cost, nominal = weighted_cost(walks), walks[0]
             point = [item.start_coordinate for item in self._parameters]
+            self._state.generations.append(Generation(point, cost, nominal_cost(nominal), [standing(walks)]))
             self._state.descent = Descent(point, cost, _listed(nominal), [])
-            first = Generation(point, cost, nominal_cost(nominal), [standing(walks)])
-            self._state.generations.append(first)
-        self.keep()
+            self.keep()
         return self._state.descent
 
     def _search(self, descent: Descent) -> None:
-        if descent.cost < self._best[0]:
-            self._best = (descent.cost, {})  # found before the tuning was stopped; its parts were not kept
         while not self._over(descent):
             self._tell("search", descent.generation, self._settings.generations)
             self._state.generations.append(self._generation(descent))
@@ -186,7 +182,6 @@ class Stages:
                 break
             if not quick_errors(replace(self._experiment, table=tables[place])):
                 descent.go_to(points[place], costs[place], _listed(walks[place]), dampings[place])
-                self._best = costs[place], walks[place].values
                 break
         else:
             descent.stay()
@@ -207,10 +202,9 @@ class Stages:
 
     def _finalists(self) -> list[Finalist]:
         """What was to be bettered, and where the search stood, over the robust set."""
-        start_cost = self._state.start_cost
-        assert start_cost is not None  # walked before
+        start = self._state.generations[0]
         chosen: list[tuple[tuple[float, ...] | None, float, dict[str, Any]]] = [
-            (None, start_cost, self._table)
+            (None, start.cost, self._table)
         ]
         for item in leaders(self._state.generations, FINALISTS):
             table = table_with(self._table, self._parameters, item.point)

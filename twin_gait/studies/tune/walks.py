@@ -18,8 +18,9 @@ from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import HEAVIEST_WEARER, Patient
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Watch, Workers
+from twin_gait.studies.jobs import JobFailed, Watch
 from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
+from twin_gait.studies.workers import Workers
 from twin_gait.worlds import Walking
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
 
