@@ -1,13 +1,12 @@
 """One leg of a run in numbers, for the summary."""
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
-from twin_gait.gait.machine import POSTURE, PhaseSwitch
+from twin_gait.gait.machine import POSTURE
 from twin_gait.gait.table import TICK
 from twin_gait.measures import switching
 from twin_gait.measures.effort import Load, changes_at_switches, load, saturation_shares
@@ -85,17 +84,6 @@ def side_in_brief(run: Run, side: Side) -> dict[str, Any]:
         "time_outs": len(_time_out_ticks(run, record)),
         "joints": {str(joint): _effort(run, record, joint, SKIPPED_STRIDES) for joint in record.angles},
     }
-
-
-def switches_of(run: Run, side: Side) -> list[PhaseSwitch]:
-    """Switches of a leg after the start."""
-    return [switch for switch in run.switches if switch.side is side and 0 < switch.tick < len(run.log)]
-
-
-def blend_lengths(run: Run, switches: Sequence[PhaseSwitch]) -> np.ndarray:
-    """Ticks from each switch until the parameters of the new phase are reached, shape ``(n,)``."""
-    table = run.table
-    return np.array([table.blend_ticks(table.phases_of(item.side)[item.target]) for item in switches], int)
 
 
 def _largest(values: np.ndarray) -> float:
@@ -266,10 +254,12 @@ def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int)
     ``switch_torque_jump_Nm`` is its largest change in one tick of a blend, and ``switch_torque_change_Nm``
     the largest from before a switch to any tick of its blend.
     """
-    switches = switches_of(run, record.side)
-    ticks = np.array([switch.tick for switch in switches], int)
+    phases = run.table.phases_of(record.side)
+    switches = [item for item in run.switches if item.side is record.side and 0 < item.tick < len(run.log)]
+    blends = [(item.tick, run.table.blend_ticks(phases[item.target])) for item in switches]
+    ticks, lengths = np.array(blends, int).reshape(-1, 2).T
     counts = in_strides(ticks, record.strides(skip=skip))
-    counted, lengths = ticks[counts], blend_lengths(run, switches)[counts]
+    counted, lengths = ticks[counts], lengths[counts]
     command = run.log[f"{record.side}_{joint}_motor_command_torque_Nm"].to_numpy()
     return {
         "switch_torque_jump_Nm": _largest(

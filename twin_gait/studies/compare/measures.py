@@ -165,15 +165,14 @@ def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
     conditions = {item: patient.conditions.get((side, item), JointCondition()) for item in JointName}
     if conditions[joint].passive == 0.0:
         return np.zeros(len(log))
-    hip, knee, ankle = (wearer_column(log, side, item, "angle_rad") for item in JointName)
-    angles = [
-        log[name] - conditions[item].contracture
-        for name, item in ((hip, JointName.HIP), (knee, JointName.KNEE))
-    ]
+    columns = {item: wearer_column(log, side, item, "angle_rad") for item in JointName}
+    hip, knee = (
+        log[columns[item]] - conditions[item].contracture for item in (JointName.HIP, JointName.KNEE)
+    )
     if joint is JointName.HIP:
-        return np.array([passive_hip_torque(*pair) for pair in zip(*angles, strict=True)])
-    angles.append(log[ankle] if ankle in log else pd.Series(np.zeros(len(log))))
-    return np.array([passive_knee_torque(*three) for three in zip(*angles, strict=True)])
+        return np.array([*map(passive_hip_torque, hip, knee)])
+    ankle = log.get(columns[JointName.ANKLE], np.zeros(len(log)))
+    return np.array([*map(passive_knee_torque, hip, knee, ankle)])
 
 
 def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
