@@ -21,7 +21,6 @@ from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.exceptions import (
     ParameterError,
-    RunDirectoryError,
     TwinGaitError,
 )
 from twin_gait.experiment import Experiment
@@ -47,7 +46,7 @@ from twin_gait.studies.tune.space import (
     table_with,
     with_own_sides,
 )
-from twin_gait.studies.tune.state import STATE_FILE, Progress, Settings, open_state, write_state
+from twin_gait.studies.tune.state import Progress, Settings
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import corner_cases, robust_cases, search_cases, weighted_cost
 from twin_gait.vocabulary import Side
@@ -296,11 +295,10 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
     assert all(world.control.patient is None for world in worlds)
 
 
-def test_a_leg_on_a_bench_cannot_be_tuned(tmp_path: Path) -> None:
+def test_a_leg_on_a_bench_cannot_be_tuned() -> None:
     bench = load_experiment("bench_leg").experiment
     with pytest.raises(ParameterError, match="expected a wearer who walks"):
-        tune(bench, tmp_path / "new", Settings())
-    assert not (tmp_path / "new").exists()
+        tune(bench, Settings())
 
 
 # ---------------------------------------------------------------------- search
@@ -440,10 +438,10 @@ def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
 SHORT = Settings(generations=3, seed=4)
 
 
-def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl, tmp_path: Path) -> None:
+def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     steps: list[Progress] = []
-    result = tune(experiment, tmp_path / "out", Settings(generations=12), progress=steps.append)
+    result = tune(experiment, Settings(generations=12), progress=steps.append)
     best = result.ranked[0].table["phases"]["swing_flexion"]
     assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.0)
     assert best["knee"]["stiffness_Nm_per_deg"] == pytest.approx(3.0, abs=0.2)
@@ -455,33 +453,12 @@ def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl, tmp_path:
 
 
 @pytest.mark.parametrize("walks_before", [0, 2, 60, 130, 250])
-def test_a_resumed_tuning_equals_an_undisturbed_one(bowl: Bowl, tmp_path: Path, walks_before: int) -> None:
+def test_a_tuning_that_is_stopped_gives_nothing(bowl: Bowl, walks_before: int) -> None:
     experiment = load_experiment("treadmill").experiment
-    whole = tune(experiment, tmp_path / "whole", SHORT)
-    bowl.walks = 0
-    stopped = tune(experiment, tmp_path / "cut", SHORT, should_stop=lambda: bowl.walks >= walks_before)
-    assert stopped is None
-    resumed = tune(experiment, tmp_path / "cut", SHORT, resume=True)
-    assert [item.table for item in resumed.ranked] == [item.table for item in whole.ranked]
-    kept = [json.loads((tmp_path / name / STATE_FILE).read_text()) for name in ("whole", "cut")]
-    for document in kept:
-        del document["elapsed_s"]
-    assert kept[0] == kept[1]
+    assert tune(experiment, SHORT, should_stop=lambda: bowl.walks >= walks_before) is None
 
 
-def test_more_generations_go_on_from_a_finished_tuning(bowl: Bowl, tmp_path: Path) -> None:
-    experiment = load_experiment("treadmill").experiment
-    first = tune(experiment, tmp_path / "out", SHORT)
-    steps: list[Progress] = []
-    more = replace(SHORT, generations=5)
-    second = tune(experiment, tmp_path / "out", more, resume=True, progress=steps.append)
-    found_before = min(item.cost for item in first.state.generations)
-    assert next(step for step in steps if step.stage == "search").costs[1] <= found_before
-    assert second.state.generations[:4] == first.state.generations
-    assert len(second.state.generations) == 6  # the first is the start
-
-
-def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl, tmp_path: Path) -> None:
+def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     portions: list[list[Experiment]] = []
 
@@ -491,7 +468,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl, tmp_path: Pa
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "walk_all", noted)
-        tune(experiment, tmp_path / "out", Settings(generations=1))
+        tune(experiment, Settings(generations=1))
     nominal, corners = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
     assert alone is not None
@@ -504,37 +481,16 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl, tmp_path: Pa
     assert raced == [nominal[place].table.phases for place in order]
 
 
-def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl, tmp_path: Path) -> None:
+def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "quick_errors", lambda walked: ("unstable",))
-        result = tune(experiment, tmp_path / "out", Settings(generations=2))
+        result = tune(experiment, Settings(generations=2))
     assert all(item.table == editable_document(experiment.table) for item in result.ranked)
-    assert len({item.cost for item in result.state.generations}) == 1
+    assert len({item.cost for item in result.generations}) == 1
 
 
 # ---------------------------------------------------------------------- mistakes of a user
-
-
-def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "note.txt").write_text("mine")
-    with pytest.raises(RunDirectoryError, match="exists; go on with --resume"):
-        open_state(tmp_path, {}, resume=False, force=False)
-    with pytest.raises(RunDirectoryError, match="is not a tuning"):
-        open_state(tmp_path, {}, resume=False, force=True)
-    with pytest.raises(RunDirectoryError, match="--resume goes on with a tuning that was begun"):
-        open_state(tmp_path, {}, resume=True, force=False)
-    assert (tmp_path / "note.txt").read_text() == "mine"
-
-
-def test_another_tuning_cannot_be_gone_on_with(tmp_path: Path) -> None:
-    folder = tmp_path / "out"
-    write_state(open_state(folder, {"seed": 1}, resume=False, force=False), folder)
-    with pytest.raises(RunDirectoryError, match=r"state.json: seed: kept 1, asked for 2; .*--force"):
-        open_state(folder, {"seed": 2}, resume=True, force=False)
-    (folder / STATE_FILE).write_text('{"identity": {"seed": 1}}')
-    with pytest.raises(RunDirectoryError, match="is not the state of a tuning"):
-        open_state(folder, {"seed": 1}, resume=True, force=False)
 
 
 @pytest.mark.parametrize(
@@ -544,7 +500,6 @@ def test_another_tuning_cannot_be_gone_on_with(tmp_path: Path) -> None:
         (["--seed", "-1"], "seed: expected a whole number of 0 or more, got -1"),
         (["--generations", "0"], "generations: expected 1 or more, got 0"),
         (["--workers", "0"], "--workers: expected 1 or more, got 0"),
-        (["--resume", "--force"], "--resume: does not go with --force"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
         (["--patient", "nobody"], "no person 'nobody'"),
         (["bench_leg"], "expected a wearer who walks"),

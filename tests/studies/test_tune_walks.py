@@ -197,7 +197,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(stages, "robust_cases", lambda item: (NOMINAL, LOW))
         for module in (stages, outcome):
             patch.setattr(module, "search_cases", lambda item: (NOMINAL, LOW))
-        result = tune(experiment, directory, SETTINGS)
+        result = tune(experiment, SETTINGS)
         assert result is not None
         candidates = tuple(item for item in result.ranked if item.points is not None)
         result = replace(result, ranked=candidates or result.ranked)
@@ -216,7 +216,6 @@ def told(folder: Path) -> dict[str, Any]:
 def test_the_folder_is_whole(folder: Path) -> None:
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert names == {
-        "state.json",
         "table.yaml",
         "tune.json",
         "report.html",

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
-from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
@@ -47,7 +46,6 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
-    add("--resume", action="store_true", help="go on with a tuning that was stopped")
     add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
     add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
     text = "leave the transitions as they are"
@@ -145,41 +143,36 @@ def tune(arguments: argparse.Namespace) -> int:
     """Tune a gait table to one person.
 
     Search for the numbers of a gait table, try the best tables on a robust set, and write the best with a
-    report. It can be stopped at any time and goes on with --resume.
+    report.
     """
     from twin_gait.report.tune import summary
-    from twin_gait.studies import Workers, WorkersLost
+    from twin_gait.runs.folders import check_target
+    from twin_gait.studies import Workers
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.state import Settings
 
     options.workers_of(arguments)
-    if arguments.resume and arguments.force:
-        raise ParameterError("--resume: does not go with --force, which begins anew")
-    experiment = options.experiment_of(arguments).experiment
+    experiment, out = options.experiment_of(arguments).experiment, arguments.out
     given = {item.name: vars(arguments)[item.name] for item in fields(Settings) if item.name in arguments}
     settings = Settings(**given)
-    out, again = arguments.out, f"the same command with --resume goes on from there: {arguments.out}"
+    check_target(out, outcome.TUNING, force=arguments.force)
 
     def note(step: Progress) -> None:
         terminal.note_line(_stage(step))
 
-    try:
-        with (
-            Workers(options.workers_of(arguments), arguments.scheduler) as workers,
-            terminal.stop_on_interrupt() as should_stop,
-        ):
-            tuning = tune.tune(
-                experiment, out, settings, workers=workers, resume=arguments.resume, force=arguments.force,
-                progress=note, should_stop=should_stop, on_compile=terminal.note_compilation,
-            )  # fmt: skip
-    except WorkersLost as error:
-        return terminal.lost(error, again)
-    finally:
-        terminal.clear_line()
+    with (
+        Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+        terminal.stop_on_interrupt() as should_stop,
+    ):
+        tuning = tune.tune(
+            experiment, settings, workers=workers, progress=note, should_stop=should_stop,
+            on_compile=terminal.note_compilation,
+        )  # fmt: skip
+    terminal.clear_line()
     if tuning is None:
-        return terminal.interrupted(again)
+        return terminal.interrupted("nothing was written")
     wearer = _wearer(options.person_of(arguments.settings), experiment)
-    found = outcome.write_tuning(tuning, experiment, settings, out, wearer=wearer)
+    found = outcome.write_tuning(tuning, experiment, settings, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
     return DONE
 

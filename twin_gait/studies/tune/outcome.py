@@ -11,13 +11,14 @@ import numpy as np
 from twin_gait import __version__
 from twin_gait.checking.check import counts
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
+from twin_gait.runs.folders import FolderKind, staged_directory
+from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
@@ -26,6 +27,7 @@ from twin_gait.studies.tune.walks import check_walker, search_cases, standing, t
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
+TUNING = FolderKind("a tuning", OUTCOME_FILE)
 _REFERENCE = "Koopman et al. (2014) at {:.3g} km/h, from foot contact to foot contact"
 # A part that changes by less than this share of its goal counts as unchanged.
 SAME = 0.05
@@ -38,33 +40,26 @@ def write_tuning(
     directory: Path,
     *,
     wearer: str,
+    force: bool = False,
 ) -> dict[str, Any]:
-    """Choose the table and write everything beside the state, for a wearer in words.
+    """Choose the table and write everything, for a wearer in words.
 
-    Returns content of ``tune.json``. Raises ParameterError if no table passes the check.
+    Returns content of ``tune.json``. Raises ParameterError if no table passes the check. Raises
+    RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
     """
     chosen = choose(tuning, experiment)
     table = final_table(chosen, experiment, wearer)
     result = outcome(tuning, chosen, experiment, settings, wearer)
     curves = gait_curves(tuning.before.table, table, experiment, settings)
-    _write(directory.expanduser().absolute(), table, result, curves)
+    figures = draw_figures(result, curves)
+    with staged_directory(directory, TUNING, force=force) as staging:
+        (staging / FIGURES_FOLDER).mkdir()
+        for name, figure in figures.items():
+            write_atomically(staging / FIGURES_FOLDER / f"{name}.png", picture_bytes(figure))
+        write_atomically(staging / REPORT_FILE, page(result, figures))
+        write_atomically(staging / TABLE_FILE, dump_yaml(table))
+        write_json(staging / OUTCOME_FILE, result)
     return result
-
-
-def _write(
-    directory: Path, table: dict[str, Any], result: dict[str, Any], curves: dict[str, dict[str, np.ndarray]]
-) -> None:
-    folder, figures = directory / FIGURES_FOLDER, draw_figures(result, curves)
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise RunDirectoryError(f"{folder}: cannot be written ({error.strerror})") from error
-    for name, figure in figures.items():
-        write_atomically(folder / f"{name}.png", picture_bytes(figure))
-    write_atomically(directory / REPORT_FILE, page(result, figures))
-    write_atomically(directory / TABLE_FILE, dump_yaml(table))
-    # The last one: where it is, the folder is whole.
-    write_json(directory / OUTCOME_FILE, result)
 
 
 def outcome(
@@ -73,7 +68,7 @@ def outcome(
     """Content of ``tune.json``."""
     before = tuning.before
     speed = check_walker(experiment)[0].speed
-    after, generations = chosen.finalist, tuning.state.generations
+    after, generations = chosen.finalist, tuning.generations
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
@@ -108,8 +103,8 @@ def outcome(
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
             "candidates": sum(len(item.tried) for item in generations),
-            "elapsed_s": tuning.state.elapsed,
-            "versions": tuning.state.identity["versions"],
+            "elapsed_s": tuning.elapsed,
+            "versions": versions(),
         },
     }
 
@@ -166,7 +161,7 @@ def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict
         standing([walk for name, walk in finalist.walks if name in names])
         for finalist in (tuning.before, after)
     )
-    candidates = [item for generation in tuning.state.generations for item in generation.tried]
+    candidates = [item for generation in tuning.generations for item in generation.tried]
     return {"cases": names[1:], "candidates": candidates, "before": before, "after": after_it}
 
 
