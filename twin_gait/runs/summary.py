@@ -4,7 +4,7 @@ import math
 import platform
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -35,18 +35,14 @@ NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "nu
 SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
 
 
-@lru_cache(maxsize=1)
-def _versions() -> Mapping[str, str]:
+@cache
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries that the numbers rest on."""
     return {
         "twin_gait": twin_gait.__version__,
         "python": platform.python_version(),
         **{name: metadata.version(package) for name, package in NUMERIC_LIBRARIES.items()},
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that the numbers rest on."""
-    return dict(_versions())
 
 
 def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
