@@ -145,7 +145,7 @@ def simulate_batch(
     the order in which they finish. With several workers a script must guard its own code, see
     :func:`twin_gait.studies.run_jobs`, which also says what ``watch`` is.
 
-    Raises WorkersLost if worker processes die again and again with the same episode. Raises
+    Raises WorkersLost if a worker process dies. Raises
     ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
     ParameterError if the workers make no sense.
     """

@@ -70,9 +70,9 @@ def run_jobs(
 
     The results do not depend on the workers. With several, the function must belong to a module that they can
     import (``functools.partial`` of one will do), items and results must be picklable, and a script must
-    guard its own code by ``if __name__ == "__main__":``, because every worker imports it. Items under way
-    when a worker dies are done again by others. Ctrl-C ends the workers and raises ``KeyboardInterrupt``;
-    to keep what is done use ``should_stop``.
+    guard its own code by ``if __name__ == "__main__":``, because every worker imports it. What a lost worker
+    of a cluster had under way is done again by others. Ctrl-C ends the workers and raises
+    ``KeyboardInterrupt``; to keep what is done use ``should_stop``.
 
     Args:
         function: The function.
@@ -86,7 +86,7 @@ def run_jobs(
     Raises:
         JobFailed: If a call raised an error of this package, telling which.
         ParameterError: If the workers are below 1.
-        WorkersLost: If workers die again and again with the same item, or the cluster is lost.
+        WorkersLost: If a process dies, or the cluster is lost.
     """
     return run_blocks(partial(_one_by_one, function), items, block=1, workers=workers, **watch)
 
@@ -143,10 +143,6 @@ def even_size(total: int, block: int, slots: int) -> int:
 class _Chunk(NamedTuple):
     first: int
     items: tuple[Any, ...]
-
-    def __str__(self) -> str:
-        ends = dict.fromkeys(str(item)[:100] for item in (self.items[0], self.items[-1]))
-        return " to ".join(ends)
 
 
 def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[_Chunk]:

@@ -1,4 +1,4 @@
-"""Jobs on processes of this machine, lost ones replaced, or on a Dask cluster: results as they come.
+"""Jobs on processes of this machine or on a Dask cluster: results as they come.
 
 A Dask scheduler and its workers run whatever anybody sends them who can reach their ports: keep them on the
 loopback or on a private network. From this package they get plain numbers and texts, and give such back.
@@ -11,9 +11,8 @@ import logging
 import os
 import signal
 import threading
-from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, current_process, get_context, parent_process
 from multiprocessing.connection import wait as wait_for_sentinels
@@ -23,25 +22,22 @@ from typing import Any, TypeVar
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, TwinGaitError
 from twin_gait.parameters import require
 
-# A process that dies takes what is under way with it; the third time it is no accident.
-LOSSES_ALLOWED = 3
 UNGUARDED = 113  # exit status of a worker that would start workers of its own
 _UNGUARDED = (
     "every worker process runs this script from its beginning; put the script's own code under "
     "if __name__ == '__main__': (or take workers=1)"
 )
+_DIED = "a worker process died; is memory short? try fewer workers"
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 CONNECTION_TIMEOUT = 10.0  # [s]
 WORKER_TIMEOUT = 60.0  # [s]
-# Chunks waiting at the scheduler for each that runs, so that no worker waits for this process.
-AHEAD = 2
-_Attempt = tuple[Any, int]  # an item, and how often it was lost
+AHEAD = 2  # items under way for each that runs, so that no worker waits for this process
 
 
 class WorkersLost(TwinGaitError):
-    """Worker processes died again and again, or the cluster is gone."""
+    """A worker process died, or the cluster is gone."""
 
 
 class Workers:
@@ -66,17 +62,19 @@ class Workers:
         require(workers >= 1, "workers", "1 or more", workers)
         self._workers, self._cluster = workers, cluster
         self._client: Any = None  # of the cluster, once it is connected
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: Executor | None = None
         self._started = set[BaseProcess]()
 
     def __enter__(self) -> Workers:
         if self._cluster is not None:
             self._client = _connected(self._cluster)
+            self._pool = self._client.get_executor(pure=False)
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        self._end_processes()
-        if self._client is not None:
+        if self._client is None:
+            self._end_processes()
+        else:
             _close(self._client)
 
     def slots(self) -> int:
@@ -87,78 +85,45 @@ class Workers:
         self, function: Callable[[Item], Result], items: Iterable[Item]
     ) -> Generator[Result, None, None]:
         """Results in the order in which they come; items are taken one by one when there is room."""
-        if self._client is not None:
-            yield from self._by_cluster(function, items)
-        elif self._workers == 1:
+        if self._client is None and self._workers == 1:
             yield from map(function, items)
-        else:
-            yield from self._by_processes(function, items)
-
-    def _by_processes(
-        self, function: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Generator[Result, None, None]:
-        fresh = ((item, 0) for item in items)
-        lost: deque[_Attempt] = deque()
-        while True:
-            under_way: dict[Future[Result], _Attempt] = {}
-            try:
-                # Those that were lost come first.
-                while attempt := lost.popleft() if lost else next(fresh, None):
-                    self._submit(function, attempt, under_way, lost)
-                    # One more than there are processes keeps all of them busy.
-                    if len(under_way) > self._workers:
-                        yield from _finished(under_way)
-                while under_way:
+            return
+        under_way: set[Future[Result]] = set()
+        try:
+            for item in items:
+                under_way.add(self._submit(function, item))
+                if len(under_way) >= AHEAD * self.slots():
                     yield from _finished(under_way)
-                return
-            except BrokenProcessPool:
-                self._end_processes()
-                if any(process.exitcode == UNGUARDED for process in self._started):
-                    raise WorkersLost(_UNGUARDED) from None
-                yield from _sort_out(under_way, lost)
-            finally:
-                for future in under_way:
-                    future.cancel()  # nobody waits for it if the caller has left
+            while under_way:
+                yield from _finished(under_way)
+        except BrokenProcessPool:
+            self._end_processes()
+            unguarded = any(process.exitcode == UNGUARDED for process in self._started)
+            raise WorkersLost(_UNGUARDED if unguarded else _DIED) from None
+        except Exception as error:
+            if self._client is None or isinstance(error, TwinGaitError):
+                raise
+            raise WorkersLost(_trouble(error)) from error
+        finally:
+            for future in under_way:
+                future.cancel()  # nobody waits for it if the caller has left
 
-    def _submit(
-        self, function: Any, attempt: _Attempt, under_way: dict[Future[Any], _Attempt], lost: deque[_Attempt]
-    ) -> None:
+    def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
         self._pool = self._pool or _new_pool(self._workers)
         # A process inherits what is blocked while it is started: Ctrl-C reaches every process of a terminal,
         # and one that is still importing would answer with a traceback.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            under_way[self._pool.submit(function, attempt[0])] = attempt
-        except BrokenProcessPool:
-            lost.append(attempt)
-            raise
+            return self._pool.submit(function, item)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        # Remembered, because a pool that broke no longer knows them.
-        self._started.update(active_children())
+            # Remembered, because a pool that broke no longer knows them.
+            self._started.update(active_children())
 
     def _end_processes(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
-
-    def _by_cluster(
-        self, function: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Generator[Result, None, None]:
-        """A chunk whose worker is lost is given to another by Dask itself."""
-        under_way: dict[Any, Item] = {}
-        try:
-            for item in items:
-                under_way[self._client.submit(function, item, pure=False)] = item
-                if len(under_way) >= AHEAD * self.slots():
-                    yield from _finished_there(under_way)
-            while under_way:
-                yield from _finished_there(under_way)
-        except _lost_connection() as error:
-            raise WorkersLost("the scheduler of the cluster is gone; start it and go on") from error
-        finally:
-            with contextlib.suppress(*_lost_connection()):
-                self._client.cancel(list(under_way))
 
 
 def _new_pool(workers: int) -> ProcessPoolExecutor:
@@ -167,26 +132,11 @@ def _new_pool(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
 
 
-def _finished(under_way: dict[Future[Result], _Attempt]) -> Iterator[Result]:
+def _finished(under_way: set[Future[Result]]) -> Iterator[Result]:
     """Results that are there, as soon as there is one."""
     for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-        result = future.result()
-        del under_way[future]
-        yield result
-
-
-def _sort_out(under_way: dict[Future[Result], _Attempt], lost: deque[_Attempt]) -> Iterator[Result]:
-    """After a process has died: the results that came before, and the rest back into the queue."""
-    for future, (item, losses) in under_way.items():
-        if future.exception() is None:
-            yield future.result()
-            continue
-        if losses + 1 == LOSSES_ALLOWED:
-            raise WorkersLost(
-                f"a worker process died {LOSSES_ALLOWED} times while {item} was under way; "
-                "is memory short? try fewer workers"
-            )
-        lost.append((item, losses + 1))
+        under_way.remove(future)
+        yield future.result()
 
 
 def _begin_worker() -> None:
@@ -232,27 +182,17 @@ def _close(client: Any) -> None:
         client.close(timeout=CONNECTION_TIMEOUT)
 
 
+def _trouble(error: Exception) -> str:
+    """Why a cluster gave up, in one line; what a lost worker had goes to another without anybody's doing."""
+    if isinstance(error, _lost_connection()):
+        return "the scheduler of the cluster is gone; start it and go on"
+    reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+    return f"the cluster gave up ({reason}); has every worker the same twin_gait, and memory enough?"
+
+
 def _lost_connection() -> tuple[type[BaseException], ...]:
     from concurrent.futures import CancelledError
 
     from distributed.comm.core import CommClosedError
 
     return (CommClosedError, CancelledError, OSError, TimeoutError)
-
-
-def _finished_there(under_way: dict[Any, Item]) -> Iterator[Any]:
-    """Results that are there, as soon as there is one."""
-    import distributed
-
-    wait: Any = distributed.wait
-    for future in wait(list(under_way), return_when="FIRST_COMPLETED").done:
-        error = future.exception()
-        if error is not None:
-            reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            raise WorkersLost(
-                f"{under_way[future]}: the cluster gave up ({reason}); has every worker the same twin_gait "
-                "installed, and memory enough?"
-            )
-        result = future.result()
-        del under_way[future]
-        yield result

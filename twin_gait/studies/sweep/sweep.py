@@ -206,7 +206,7 @@ def run_sweep(
 
     Raises ParameterFileError if an episode is wrong or cannot be run, naming it; what was done is kept.
     Raises RunDirectoryError if the folder holds something else or cannot be written. Raises WorkersLost if
-    workers die again and again; what was done is kept.
+    a worker dies; what was done is kept.
     """
     workers = workers or Workers()
     began = time.perf_counter()
