@@ -14,13 +14,13 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
-from twin_gait.measures.outcome import RunEvent
+from twin_gait.measures.outcome import RunEvent, held_from
 from twin_gait.parameters import Patient
 from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
-from twin_gait.viewer.motion import frame_rate, held_rows, phase_changes
+from twin_gait.viewer.motion import frame_rate, phase_changes
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import Setting
 from twin_gait.viewer.surroundings import Belt
@@ -88,7 +88,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             run.experiment.build_world().model,
             title=run.name,
             subtitle=describe(run.experiment.patient, belt),
-            belt_speed=belt_motion_of(run.experiment, run.log),
+            belt_speed=belt_motion_of(run.experiment, held_from(run.events)),
             frames_per_second=frames_per_second,
             moments=moments,
             notes=run.notes,
@@ -125,22 +125,15 @@ def setting_of(experiment: Experiment) -> Setting:
 
 def modes_of(experiment: Experiment) -> Sequence[str]:
     """Names of the operating modes in the order of their codes, or nothing."""
-    modes = getattr(experiment, "modes", None)
-    return () if modes is None else tuple(modes.phases)
+    return () if experiment.modes is None else tuple(experiment.modes.phases)
 
 
-def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
-    """How the belt moved in a run, as the viewer takes it."""
-    walking, tripped = experiment.scenario.walking, trip_time_of(log)
-    if walking is not None and (walking.belt.ramp > 0.0 or math.isfinite(tripped)):
-        return partial(walking.belt_travel, trip_time=tripped)
+def belt_motion_of(experiment: Experiment, trip_time: float | None) -> Belt:
+    """How the belt moved in a run that tripped at a time in [s], or did not, as the viewer takes it."""
+    walking = experiment.scenario.walking
+    if walking is not None and (walking.belt.ramp > 0.0 or trip_time is not None):
+        return partial(walking.belt_travel, trip_time=math.inf if trip_time is None else trip_time)
     return belt_speed_of(experiment)
-
-
-def trip_time_of(log: pd.DataFrame) -> float:
-    """Time of the trip in a log in [s]; infinite without one, and in logs of earlier versions."""
-    held = np.flatnonzero(held_rows(log))
-    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:
