@@ -248,13 +248,13 @@ def nominal_cost(walk: Rating) -> float:
     return total if total <= half else WORST - half * half / total
 
 
-def residuals(walk: Rating) -> np.ndarray | None:
-    """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; None of one that fell.
+def residuals(walk: Rating) -> np.ndarray:
+    """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; none of one that fell.
 
     The errors are told sample by sample, and so more than by a number for each joint.
     """
     if walk.fell or not walk.deviations:
-        return None
+        return np.zeros(0)
     costs = part_costs(walk.values, walk.joints)
     others = [math.sqrt(costs[part.name]) for part in walk.parts[len(walk.joints) :]]
     return np.array([*walk.deviations, *others, *_lacks(walk)])

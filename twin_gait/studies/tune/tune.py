@@ -128,7 +128,7 @@ class Stages:
         cost, nominal = weighted_cost(walks), walks[0]
         point = [item.start_coordinate for item in self._parameters]
         self._generations.append(Generation(point, cost, nominal_cost(nominal), [standing(walks)]))
-        return Descent(point, cost, _listed(nominal), [])
+        return Descent(point, cost, residuals(nominal))
 
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
@@ -150,15 +150,17 @@ class Stages:
         for number, place in enumerate(raced):
             known[place] += others[number * size : (number + 1) * size]
         costs = {place: weighted_cost(known[place]) for place in raced}
-        for place in sorted(costs, key=lambda place: costs[place]):
-            if costs[place] >= descent.cost:
-                descent.stay()
-                break
-            if not quick_errors(replace(self._experiment, table=tables[place])):
-                descent.go_to(points[place], costs[place], _listed(walks[place]), dampings[place])
-                break
-        else:
+        better = (
+            place
+            for place in sorted(costs, key=lambda place: costs[place])
+            if costs[place] < descent.cost
+            and not quick_errors(replace(self._experiment, table=tables[place]))
+        )
+        best = next(better, None)
+        if best is None:
             descent.stay()
+        else:
+            descent.go_to(points[best], costs[best], residuals(walks[best]), dampings[best])
         tried = [standing(item) for item in known.values()]
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
@@ -191,11 +193,6 @@ class Stages:
             Finalist(table, points, cost, tuple(zip(names, results[i * len(cases) :], strict=False)))
             for i, (points, cost, table) in enumerate(chosen)
         ]
-
-
-def _listed(walk: Rating) -> list[float]:
-    found = residuals(walk)
-    return [] if found is None else found.tolist()
 
 
 def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
