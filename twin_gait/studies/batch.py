@@ -149,23 +149,20 @@ def simulate_batch(
     ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
     ParameterError if the workers make no sense.
     """
-    base, episodes = Base.of(experiment), list(enumerate(overrides))
-    for episode in episodes:
-        _experiment_of(base, episode)
+    base = Base.of(experiment)
+    for index, override in enumerate(overrides):
+        base.changed(override, f"episode {index}")
     try:
-        experiment_of = partial(_experiment_of, base)
         rows = run_episodes(
-            experiment_of, flat_summary, episodes, columns=READ_IN_BRIEF, workers=workers, **watch
+            base.changed, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
         )
     except JobFailed as error:
         raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
     status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
     names = setting_columns(key for row in overrides for key in row)
-    changes = [
-        {"episode": index, **{names[key]: value for key, value in overrides[index].items()}}
-        for index in range(len(rows))
-    ]
-    settings = pd.DataFrame(changes, columns=["episode", *names.values()]).astype({"episode": int})
+    changes = [{names[key]: value for key, value in row.items()} for row in overrides[: len(rows)]]
+    settings = pd.DataFrame(changes, columns=list(names.values()), index=range(len(rows)))
+    settings.insert(0, "episode", range(len(rows)))
     return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
 
 
@@ -180,7 +177,7 @@ class Base(NamedTuple):
         """Write the document of an experiment."""
         return cls(experiment, experiment_document(experiment))
 
-    def changed(self, override: Override, source: str) -> Experiment:
+    def changed(self, override: Override, source: str = "override") -> Experiment:
         """See :func:`overridden`."""
         document = self.document
         for key, value in override.items():
@@ -218,10 +215,6 @@ def flat_summary(run: Run) -> Flat:
         for joint, effort in values["joints"].items():
             flat |= {f"{side}_{joint}_{name}": effort[name] for name in _JOINT}
     return flat
-
-
-def _experiment_of(base: Base, episode: tuple[int, Override]) -> Experiment:
-    return base.changed(episode[1], f"episode {episode[0]}")
 
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
