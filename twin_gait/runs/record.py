@@ -18,7 +18,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.runs.drawing import DrawingProcesses
+from twin_gait.runs.drawing import Drawing
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -50,14 +50,14 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
-    drawing_processes: DrawingProcesses | None = None,
+    drawing: Drawing | None = None,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
-    ``drawing_processes``: who draws the figures while all else is written; by default they are drawn here.
+    ``drawing``: who draws the figures while all else is written; by default they are drawn here.
     """
     tell = on_step or (lambda name: None)
-    drawing = drawing_processes or DrawingProcesses()
+    drawing = drawing or Drawing()
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
