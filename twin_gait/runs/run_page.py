@@ -12,7 +12,7 @@ import pandas as pd
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
-from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.outcome import RunEvent, held_from
 from twin_gait.parameters import Patient
@@ -25,8 +25,6 @@ from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import Setting
 from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import Surroundings
-
-MOST_RUNS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +63,9 @@ def shown_run(run: Run, summary: Mapping[str, Any], *, name: str = "", notes: Se
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
     """The page of one run, or of two beside each other, their frames at the same ``moments`` in [s]."""
-    if not 1 <= len(runs) <= MOST_RUNS:
-        raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")
-    wanted = np.unique(
-        np.concatenate(
-            [
-                np.asarray(moments, dtype=float),
-                *(phase_changes(run.log) for run in runs),
-                *([event.time for event in run.events] for run in runs),
-            ]
-        )
-    )
+    changes = (phase_changes(run.log) for run in runs)
+    events = ([event.time for event in run.events] for run in runs)
+    wanted = np.unique(np.concatenate([np.asarray(moments, dtype=float), *changes, *events]))
     rate = min(frame_rate(run.duration) for run in runs)
     return recorded_page([_entry(run, rate, wanted.tolist()) for run in runs])
 

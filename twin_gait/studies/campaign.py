@@ -11,7 +11,6 @@ from typing import Annotated, Any, Unpack
 import numpy as np
 
 from twin_gait import __version__
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically, write_json
 from twin_gait.parameters import quantities
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -209,8 +208,6 @@ def run_campaign(
 
     Raises RunDirectoryError if the folder exists or cannot be written.
     """
-    if directory.exists():
-        raise RunDirectoryError(f"{directory}: exists; choose another --out")
     plans = planned_tests(campaign)
     with staged_directory(directory, CAMPAIGN) as staging:
         lines = run_jobs(partial(_perform, campaign, staging, on_compile), plans, **watch)
