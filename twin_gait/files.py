@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import io
+import json
 import math
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 
@@ -42,6 +44,19 @@ def finite_or_none(value: float) -> float | None:
         The number, or None if it is not finite.
     """
     return float(value) if math.isfinite(value) else None
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON knows it: numbers of numpy as Python's, null for what is not finite, else a text."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, bool | int) or value is None:
+        return value
+    if isinstance(value, float):
+        return finite_or_none(value)
+    return plain(value.item()) if hasattr(value, "item") else str(value)
 
 
 def permitted(mode: int) -> int:
@@ -94,6 +109,16 @@ def write_atomically(path: Path, content: str | bytes) -> None:
         with contextlib.suppress(OSError):
             os.unlink(name)
         raise RunDirectoryError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a document atomically as JSON, each value as :func:`plain` has it.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
+    """
+    text = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
+    write_atomically(path, f"{text}\n")
 
 
 def sync_folder(folder: Path) -> None:
@@ -156,6 +181,24 @@ def read_parquet(path: Path) -> pd.DataFrame:
     require_table_size(path, declared.num_rows, declared.num_columns)
     table: pd.DataFrame = pq.read_table(path).to_pandas()
     return table
+
+
+def write_parquet(path: Path, table: pd.DataFrame, **metadata: str) -> None:
+    """Write a table atomically as parquet, compressed; ``metadata`` is kept under ``twin_gait.NAME``.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    arrow = pa.Table.from_pandas(table, preserve_index=False)
+    named = {f"twin_gait.{name}": text for name, text in metadata.items()}
+    buffer = io.BytesIO()
+    pq.write_table(
+        arrow.replace_schema_metadata({**(arrow.schema.metadata or {}), **named}), buffer, compression="zstd"
+    )
+    write_atomically(path, buffer.getvalue())
 
 
 def read_log_text(path: Path) -> str:

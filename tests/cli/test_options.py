@@ -15,7 +15,7 @@ from table_builder import FIVE_PHASES
 
 from twin_gait.cli import main
 from twin_gait.cli.program import GROUPS, SHELLS, build_parser
-from twin_gait.cli.terminal import plain
+from twin_gait.files import plain
 from twin_gait.live.session_records import SessionRecorder
 
 COMMANDS = {

@@ -360,7 +360,7 @@ def test_opensim_finds_our_joint_moments(exported):
         [sys.executable, "-c", RUN_TOOL], cwd=folder, capture_output=True, text=True, check=True
     )
     said = json.loads(done.stdout.splitlines()[-1])
-    whole = load_run(exported).experiment.build_world().model.total_mass
+    whole = load_run(exported).run.experiment.build_world().model.total_mass
     assert said["done"] and said["mass"] == pytest.approx(whole)
     tables = {}
     for name in ("inverse_dynamics.sto", "joint_moments.sto"):

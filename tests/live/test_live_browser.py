@@ -275,7 +275,7 @@ def bench_session(
         walk.close()
     changes = read_changes(walk)
     again = load_run(walk.folder.with_name("run-2"))
-    return table, monitor, load_run(walk.folder).log, again.log, changes
+    return table, monitor, load_run(walk.folder).run.log, again.run.log, changes
 
 
 def read_changes(walk: Walk) -> list[dict[str, str]]:
@@ -628,8 +628,8 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     second = treadmill.folder.with_name("run-2")
     first = load_run(treadmill.folder)
     changes = read_changes(treadmill)
-    return {"seen": seen, "status": status, "log": first.log, "changes": changes, "events": events,
-            "again": load_run(second).log, "summary": first.summary, "curves": curves,
+    return {"seen": seen, "status": status, "log": first.run.log, "changes": changes, "events": events,
+            "again": load_run(second).run.log, "summary": first.summary, "curves": curves,
             "hold": hold}  # fmt: skip
 
 

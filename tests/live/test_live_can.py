@@ -370,11 +370,11 @@ def walked(tmp_path_factory):
     done.set()
     listener.join()
     bus.shutdown()
-    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=load_run(folder))
+    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=load_run(folder).run)
 
 
 def test_what_was_on_the_bus_is_the_log_of_the_walk(walked):
-    frames = [(frame.identifier, frame.data) for frame in run_frames(walked.run.run, MESSAGES)]
+    frames = [(frame.identifier, frame.data) for frame in run_frames(walked.run, MESSAGES)]
     assert len(walked.heard) > 3000 and walked.heard == frames[: len(walked.heard)]
 
 

@@ -197,7 +197,7 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
         assert last["status"] == session.news.status == "died"
         assert "died" in session.events()[-1].text and "signal 9" in session.news.death
     stored = load_run(tmp_path / "run")
-    assert len(stored.log) >= last["tick"] - MOST_LOST
+    assert len(stored.run.log) >= last["tick"] - MOST_LOST
     assert (
         stored.summary["status"] == "interrupted" and "process of the walk died" in stored.summary["reason"]
     )
@@ -230,7 +230,7 @@ def test_the_command_says_that_its_walk_died_and_ends_with_1(tmp_path):
             command.kill()
     assert command.returncode == 1
     assert str(tmp_path / "run") in output and "process of the walk died" in errors
-    assert len(load_run(tmp_path / "run").log) > 0
+    assert len(load_run(tmp_path / "run").run.log) > 0
 
 
 PARENT = """
@@ -287,12 +287,12 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
         events = max(events for at, events, _ in told if last - at > 1.0 or events == 0)
         assert main(["sessions", "--records", str(database), "list"]) == 0
         assert "its processes were killed" in capsys.readouterr().err
-        assert len(load_run(folder).log) >= tick - MOST_LOST
+        assert len(load_run(folder).run.log) >= tick - MOST_LOST
         found = read_session(database, number + 1)
         assert (found["status"], found["folders"]) == ("killed", [str(folder)])
         assert found["ended"] is not None and "processes were killed" in found["log"][-1]["text"]
         assert len(found["log"]) - 1 >= events
-        assert found["summary"]["duration_s"] * 1e3 == pytest.approx(len(load_run(folder).log))
+        assert found["summary"]["duration_s"] * 1e3 == pytest.approx(len(load_run(folder).run.log))
     assert list(finishing.recover(database)) == []
 
 

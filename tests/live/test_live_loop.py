@@ -694,7 +694,7 @@ def test_changes_are_applied_with_their_tick_and_logged(finished):
     assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == [
         Response.APPLIED
     ] * 5
-    log = load_run(folder / "run").log
+    log = load_run(folder / "run").run.log
     for name, column, value in (
         ("k", "right_hip_stiffness_Nm_per_rad", 2.4 / DEGREE),
         ("zero", "right_knee_equilibrium_rad", 57.0 * DEGREE),
@@ -714,7 +714,7 @@ def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished)
     assert said["unsafe"].response is said["range"].response is Response.REFUSED
     assert "unstable (middle_stance)" in said["unsafe"].text
     assert "expected 0 to 1, got 7" in said["range"].text
-    assert load_run(folder / "run").log["right_hip_friction_compensation_gain"].max() < 0.5
+    assert load_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
     gain = next(item for item in said["state"].controls if item.name == "middle_stance.hip.gain")
     assert not gain.changed
 
@@ -734,8 +734,8 @@ def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
     assert session.news.folders == [folder / "run", folder / "run-3"] and session.news.failure == ""
     for path in session.news.folders:
         stored = load_run(path)
-        assert stored.summary["status"] == "interrupted" and len(stored.log) > 200
-        assert stored.experiment.duration == pytest.approx(len(stored.log) * 1e-3)
+        assert stored.summary["status"] == "interrupted" and len(stored.run.log) > 200
+        assert stored.run.experiment.duration == pytest.approx(len(stored.run.log) * 1e-3)
     assert load_run(folder / "run").summary["safety"]["cause"] == "operator"
     assert (folder / "run-3" / "live_table.yaml").is_file()
     assert not list(folder.glob(".*")) and not list((folder / "run-2").iterdir())
@@ -779,7 +779,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
 
 def test_frames_of_the_process_are_those_of_its_log(finished):
     _, said, folder = finished
-    frame, log = said["frame"], load_run(folder / "run").log
+    frame, log = said["frame"], load_run(folder / "run").run.log
     row = log.iloc[frame.tick]
     assert frame.log["right_phase"] == row["right_phase"]
     assert frame.log["right_knee_angle_rad"] == row["right_knee_angle_rad"]

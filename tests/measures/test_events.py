@@ -46,8 +46,8 @@ def test_the_trip_is_the_first_tick_of_the_hold_in_the_log(tripped):
 def test_a_directory_tells_the_same_events(tripped, tmp_path):
     write_run(tripped, tmp_path, pictures=False)
     stored = load_run(tmp_path)
-    assert stored.trip == tripped.trip
-    assert stored.events == tripped.events
+    assert stored.run.trip == tripped.trip
+    assert stored.run.events == tripped.events
 
 
 def test_a_fault_after_the_end_did_not_strike(tripped):
@@ -81,4 +81,4 @@ def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tm
     assert (fault.kind, fault.time, fault.text) == ("fault", 0.73, "fault: encoder offset, right hip")
     assert trip.time == kept.trip.time >= 0.73
     write_run(kept, tmp_path, pictures=False)
-    assert load_run(tmp_path).events == kept.events
+    assert load_run(tmp_path).run.events == kept.events

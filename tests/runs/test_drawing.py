@@ -1,4 +1,4 @@
-"""Pictures drawn by processes beside: the same files, also if a process is lost."""
+"""Pictures drawn by a process beside: the same files, also if it is lost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from synthetic_run import synthetic_run
 
 from twin_gait.report.figures import FIGURES, write_figures
 from twin_gait.runs import drawing
-from twin_gait.runs.drawing import drawing_processes
+from twin_gait.runs.drawing import drawing_beside
 from twin_gait.simulation.run import Run
 
 
@@ -30,22 +30,22 @@ def contents(paths: list[Path]) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def drawn_here(monkeypatch: pytest.MonkeyPatch) -> list[slice]:
-    """Shares that this process draws."""
-    shares: list[slice] = []
+def drawn_here(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
+    """Runs that this process draws."""
+    runs: list[Run] = []
 
-    def noted(run: Run, folder: Path, share: slice) -> list[Path]:
-        shares.append(share)
-        return write_figures(run, folder, share)
+    def noted(run: Run, folder: Path) -> list[Path]:
+        runs.append(run)
+        return write_figures(run, folder)
 
     monkeypatch.setattr("twin_gait.report.figures.write_figures", noted)
-    return shares
+    return runs
 
 
-@pytest.mark.parametrize(("processors", "expected"), [(1, 0), (2, 1), (16, 2)])
-def test_processes_draw_what_this_one_would(
+@pytest.mark.parametrize(("processors", "expected"), [(1, False), (2, True), (16, True)])
+def test_a_process_draws_what_this_one_would(
     processors: int,
-    expected: int,
+    expected: bool,
     walk: Run,
     pictures: dict[str, bytes],
     tmp_path: Path,
@@ -53,26 +53,26 @@ def test_processes_draw_what_this_one_would(
     drawn_here,
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
-    with drawing_processes() as worker:
-        processes = list(worker._processes)
+    with drawing_beside() as worker:
+        process = worker._process
         worker.begin(walk, tmp_path)
         worker.finish()
     assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES) - 1  # no crutches
-    assert len(processes) == expected and len(drawn_here) == (expected == 0)
-    assert all(process.returncode is not None for process in processes)
+    assert (process is not None) == expected and len(drawn_here) == (not expected)
+    assert process is None or process.returncode == 0
 
 
 @pytest.mark.slow
 def test_a_process_that_is_lost_is_done_without(
     walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here
 ) -> None:
-    monkeypatch.setattr(os, "cpu_count", lambda: 3)
-    with drawing_processes() as worker:
-        worker._processes[1].kill()
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    with drawing_beside() as worker:
+        worker._process.kill()
         worker.begin(walk, tmp_path)
         worker.finish()
     assert contents(list(tmp_path.iterdir())) == pictures
-    assert drawn_here == [slice(1, None, 2)]
+    assert len(drawn_here) == 1
 
 
 @pytest.mark.slow
@@ -80,7 +80,7 @@ def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
     walk: Run, tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_processes() as worker:
+    with drawing_beside() as worker:
         worker.begin(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path)
         with pytest.raises(KeyError, match="battery_power_W"):
             worker.finish()
@@ -88,10 +88,10 @@ def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
 
 def test_a_process_that_is_not_needed_is_ended(monkeypatch) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_processes(wanted=False) as worker:
-        assert worker._processes == []
-    with drawing_processes() as worker:
-        (process,) = worker._processes
+    with drawing_beside(wanted=False) as worker:
+        assert worker._process is None
+    with drawing_beside() as worker:
+        process = worker._process
     assert process.returncode is not None
 
 
@@ -99,7 +99,7 @@ def test_a_process_that_is_not_needed_is_ended(monkeypatch) -> None:
 def test_a_long_log_stays_in_this_process(walk: Run, tmp_path: Path, monkeypatch, drawn_here) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(drawing, "LARGEST_LOG", 1000)
-    with drawing_processes() as worker:
+    with drawing_beside() as worker:
         worker.begin(walk, tmp_path)
         worker.finish()
-    assert drawn_here == [slice(0, None, 1)]
+    assert len(drawn_here) == 1

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import studies as command
@@ -23,7 +22,6 @@ from twin_gait.control import AssistanceParameters, TripCause
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.experiment import Experiment
-from twin_gait.measures.reference import normative_angle
 from twin_gait.studies.compare.comparing import (
     CONTROLLERS,
     TWINCARE_SHARE,
@@ -34,7 +32,7 @@ from twin_gait.studies.compare.comparing import (
     interval_of,
     varied,
 )
-from twin_gait.studies.compare.measures import run_measures, voluntary_torque, winter_cycle
+from twin_gait.studies.compare.measures import run_measures, voluntary_torque
 from twin_gait.studies.compare.writing import (
     PAGE_FILE,
     RUNS_FILE,
@@ -203,16 +201,6 @@ def test_full_assistance_is_what_was_set(stroke):
 def test_assistance_in_part_is_what_was_set():
     partly = run_measures(simulate(CONTROLLERS["twincare"].change(walk("stroke_left", 20.0))))
     assert partly["assistance_level"] == pytest.approx(TWINCARE_SHARE, rel=1e-9)
-
-
-def test_natural_gait_is_that_of_the_published_table():
-    published = {JointName.HIP: (18.92, -10.91, 19.18), JointName.KNEE: (7.0, 20.96, 0.54)}  # 2, 54 and 98 %
-    for joint, degrees in published.items():
-        cycle = winter_cycle(joint)
-        assert_allclose(np.degrees(normative_angle(joint, np.array([2.0, 54.0, 98.0]))), degrees, atol=1e-9)
-        assert_allclose(
-            cycle[2:99:2], normative_angle(joint, np.arange(2.0, 99.0, 2.0)), atol=np.radians(0.05)
-        )
 
 
 def test_fall_has_no_gait_but_its_time(stroke):

@@ -1,4 +1,4 @@
-"""The job runner: results in order whoever works; what a lost worker had is done by others."""
+"""The job runner: results in order whoever works, and one line when a worker dies."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import signal
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -15,8 +14,7 @@ from hypothesis import strategies as st
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.studies import JobFailed, Workers, WorkersLost, run_jobs
-from twin_gait.studies.jobs import even_size, one_by_one, portions, run_blocks
-from twin_gait.studies.workers import LOSSES_ALLOWED
+from twin_gait.studies.jobs import even_size, run_blocks
 
 
 def square(number: int) -> int:
@@ -32,15 +30,6 @@ def refuse(least: int, number: int) -> int:
     if number < least:
         raise ParameterError(f"{number} is below {least}")
     return number
-
-
-def square_but_die_once(place: str) -> str:
-    """Leave a mark and die; the next one finds the mark."""
-    mark = Path(place)
-    if mark.name == "fatal" and not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return mark.name
 
 
 def process_of(_: int) -> int:
@@ -114,16 +103,11 @@ def test_a_job_that_fails_is_named_with_its_index(workers):
     assert (error.value.index, error.value.problem) == (2, "3 is below 4")
 
 
-def test_a_portion_keeps_what_came_before_the_failure():
-    with Workers() as workers:
-        found = list(portions(partial(one_by_one, partial(refuse, 4)), [6, 5, 3, 9], 4, workers, block=4))
-    assert [(item.results, item.problem) for item in found] == [({0: 6, 1: 5}, (2, "3 is below 4"))]
-
-
-def test_items_of_a_worker_that_died_are_done_by_others(tmp_path):
-    names = [f"{number}" for number in range(6)]
-    names.insert(2, "fatal")
-    assert run_jobs(square_but_die_once, [str(tmp_path / name) for name in names], workers=2) == names
+def test_what_came_before_a_failure_can_be_kept():
+    kept: dict[int, tuple[int, int]] = {}
+    with pytest.raises(JobFailed, match="job 1: -3 is negative"):
+        run_blocks(backwards, [6, -3, 5, 9], block=4, keep=lambda results, _: kept.update(results))
+    assert kept == {2: (25, 4), 3: (81, 4)}
 
 
 def test_processes_stay_from_one_call_to_the_next_and_end_with_their_context():
@@ -137,10 +121,10 @@ def test_processes_stay_from_one_call_to_the_next_and_end_with_their_context():
             os.kill(process, 0)
 
 
-def test_an_item_that_kills_its_workers_ends_the_work_with_one_line():
+def test_a_worker_that_dies_ends_the_work_with_one_line():
     with Workers(2) as workers:
-        with pytest.raises(WorkersLost, match=f"died {LOSSES_ALLOWED} times while 7 was under way") as error:
-            run_jobs(die, [7], workers=workers)
+        with pytest.raises(WorkersLost, match="a worker process died") as error:
+            run_jobs(die, [7, 8, 9], workers=workers)
         assert "\n" not in str(error.value)
         assert run_jobs(square, [2, 3], workers=workers) == [4, 9]  # with new processes
 

@@ -16,7 +16,7 @@ from twin_gait.studies.compare.comparing import compare, find_controllers, varie
 from twin_gait.studies.tune.parts import part_costs, rate_walk
 from twin_gait.studies.tune.state import Settings
 from twin_gait.studies.tune.tune import tune
-from twin_gait.studies.tune.walks import departures, robust_cases
+from twin_gait.studies.tune.walks import robust_cases
 
 
 def floor(*settings: str):
@@ -31,15 +31,12 @@ def way_of(run) -> float:
 def test_no_case_of_a_tuning_moves_a_belt_that_is_not_there():
     experiment = floor()
     assert not [case for case in robust_cases(experiment) if "belt" in case.name]
-    assert not [item for item in departures(experiment) if "belt" in item.name]
     assert varied(experiment, 1).scenario == experiment.scenario
 
 
-@pytest.mark.parametrize("settings", [Settings(everyone=True), Settings(reference_speed=0.4)])
-def test_what_needs_a_belt_is_refused_before_anything_is_written(tmp_path, settings):
+def test_what_needs_a_belt_is_refused():
     with pytest.raises(ParameterError, match="overground: has no belt; leave out --everyone"):
-        tune(floor(), tmp_path / "tuned", settings)
-    assert not (tmp_path / "tuned").exists()
+        tune(floor(), Settings(everyone=True))
 
 
 def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():

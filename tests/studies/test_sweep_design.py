@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin_gait.exceptions import ParameterError
+from twin_gait.configuration.validation import validate
+from twin_gait.exceptions import TwinGaitError
 from twin_gait.studies.sweep.spec import MOST_EPISODES, Range, grid, latin_hypercube, listed
 
 LEVELS = {"a": [1, 2, 3], "b.c": ["x", "y"], "d": [[1, 2], {"k": 3}]}
@@ -64,13 +65,13 @@ def test_rows_of_a_list_need_not_change_the_same_keys():
 
 
 WRONG = {
-    "falling": (lambda: latin_hypercube({"a": Range(start=2.0, stop=1.0)}, 3, 0), "from below to"),
+    "falling": (lambda: validate(Range, {"from": 2, "to": 1}, "a"), "from below to, got 2 and 1"),
     "log of zero": (
-        lambda: latin_hypercube({"a": Range(start=0.0, stop=1.0, scale="log")}, 3, 0),
-        "above 0 on a log scale",
+        lambda: validate(Range, {"from": 0, "to": 1, "scale": "log"}, "a"),
+        "above 0 on a log scale, got 0",
     ),
     "no count": (lambda: grid({"a": Range(start=0.0, stop=1.0)}), "a: expected a count"),
-    "one": (lambda: grid({"a": Range(start=0.0, stop=1.0, count=1)}), "a: expected a count of 2"),
+    "one": (lambda: validate(Range, {"from": 0, "to": 1, "count": 1}, "a"), "count: .*2, got 1"),
     "too many": (
         lambda: grid({name: Range(start=0.0, stop=1.0, count=3000) for name in "abc"}),
         "to 10000000 episodes, got 27000000000",
@@ -82,5 +83,5 @@ WRONG = {
 
 @pytest.mark.parametrize(("make", "message"), WRONG.values(), ids=WRONG.keys())
 def test_a_senseless_design_is_refused(make, message):
-    with pytest.raises(ParameterError, match=message):
+    with pytest.raises(TwinGaitError, match=message):
         make()

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,6 @@ from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.exceptions import (
     ParameterError,
-    RunDirectoryError,
     TwinGaitError,
 )
 from twin_gait.experiment import Experiment
@@ -48,9 +46,9 @@ from twin_gait.studies.tune.space import (
     table_with,
     with_own_sides,
 )
-from twin_gait.studies.tune.state import STATE_FILE, Progress, Settings, open_state, write_state
+from twin_gait.studies.tune.state import Progress, Settings
 from twin_gait.studies.tune.tune import tune
-from twin_gait.studies.tune.walks import corner_cases, departures, robust_cases, search_cases, weighted_cost
+from twin_gait.studies.tune.walks import corner_cases, robust_cases, search_cases, weighted_cost
 from twin_gait.vocabulary import Side
 
 
@@ -197,9 +195,8 @@ def test_residuals_are_what_the_cost_is_made_of() -> None:
     values = {**AT_GOAL, "hip_error_deg": 5.0, "torque_jump_Nm": 9.0, "scuffs_per_stride": None}
     walk = Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, (5.0 / 4.0, 1.0))
     found = residuals(walk)
-    assert found is not None
     assert found @ found == pytest.approx(nominal_cost(walk))
-    assert residuals(Rating(50.0, {}, True, 0.5, (1.0,))) is None
+    assert len(residuals(Rating(50.0, {}, True, 0.5, (1.0,)))) == 0
 
 
 def test_missed_goals_count_in_the_nominal_walk_only() -> None:
@@ -297,21 +294,10 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
     assert all(world.control.patient is None for world in worlds)
 
 
-def test_every_departure_passes_the_person_tuned_for() -> None:
-    nominal = load_experiment("treadmill").experiment
-    for item in departures(nominal):
-        place = item.values.index(item.nominal)
-        assert item.cases[place].change(nominal) == nominal
-        assert list(item.values) == sorted(set(item.values))
-        changed = [case.change(nominal) for case in item.cases]
-        assert all(one != other for one, other in itertools.pairwise(changed))
-
-
-def test_a_leg_on_a_bench_cannot_be_tuned(tmp_path: Path) -> None:
+def test_a_leg_on_a_bench_cannot_be_tuned() -> None:
     bench = load_experiment("bench_leg").experiment
     with pytest.raises(ParameterError, match="expected a wearer who walks"):
-        tune(bench, tmp_path / "new", Settings())
-    assert not (tmp_path / "new").exists()
+        tune(bench, Settings())
 
 
 # ---------------------------------------------------------------------- search
@@ -332,7 +318,7 @@ def _searched(descent: Descent, generations: int) -> Descent:
         best = int(np.argmin(costs))
         if costs[best] < descent.cost:
             damping, point = candidates[best]
-            descent.go_to(point, costs[best], _valley(point).tolist(), damping)
+            descent.go_to(point, costs[best], _valley(point), damping)
         else:
             descent.stay()
     return descent
@@ -340,7 +326,7 @@ def _searched(descent: Descent, generations: int) -> Descent:
 
 def _begun() -> Descent:
     start = [0.2] * 6
-    return Descent(start, float(_valley(start) @ _valley(start)), _valley(start).tolist(), [])
+    return Descent(start, float(_valley(start) @ _valley(start)), _valley(start))
 
 
 def test_the_search_finds_the_bottom_of_a_valley() -> None:
@@ -351,7 +337,7 @@ def test_the_search_finds_the_bottom_of_a_valley() -> None:
 def test_the_slopes_of_a_plane_are_found_and_led_down() -> None:
     plane, at = np.array([[2.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.array([0.5, 0.5, 0.5])
     own = plane @ at - 1.2
-    descent = Descent(at.tolist(), float(own @ own), own.tolist(), [])
+    descent = Descent(at.tolist(), float(own @ own), own)
     points = descent.neighbours()
     np.testing.assert_allclose(np.array(points) - at, REACH * np.eye(3), atol=1e-12)
     descent.learn(points, [plane @ np.array(point) - 1.2 for point in points])
@@ -362,13 +348,13 @@ def test_the_slopes_of_a_plane_are_found_and_led_down() -> None:
 
 
 def test_a_move_to_another_kind_of_gait_tells_no_slope_and_earlier_slopes_fade() -> None:
-    descent = Descent([0.5, 0.5], 1.0, [1.0, 0.0], [[4.0, 0.0], [0.0, 2.0]])
-    descent.learn(descent.neighbours(), [None, np.array([9.0, 0.0])])
-    assert descent.slopes == [[2.0, 0.0], [0.0, 1.0]]
+    descent = Descent([0.5, 0.5], 1.0, np.array([1.0, 0.0]), np.diag([4.0, 2.0]))
+    descent.learn(descent.neighbours(), [np.zeros(0), np.array([9.0, 0.0])])
+    np.testing.assert_array_equal(descent.slopes, np.diag([2.0, 1.0]))
 
 
 def test_numbers_are_moved_up_and_down_in_turn_and_never_out_of_their_range() -> None:
-    descent = Descent([0.5, 0.01, 0.99], 1.0, [1.0], [])
+    descent = Descent([0.5, 0.01, 0.99], 1.0, np.ones(1))
     up = descent.neighbours()
     descent.stay()
     down = descent.neighbours()
@@ -381,22 +367,21 @@ def test_numbers_are_moved_up_and_down_in_turn_and_never_out_of_their_range() ->
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6))
 def test_candidates_stay_in_the_cube(at: list[float]) -> None:
-    descent = Descent(at, 1.0, (10.0 * _valley(at)).tolist(), [])
+    descent = Descent(at, 1.0, 10.0 * _valley(at))
     points = descent.neighbours()
     descent.learn(points, [10.0 * _valley(point) for point in points])
     for point in (*points, *(point for _, point in descent.steps())):
         assert min(point) >= 0.0 and max(point) <= 1.0
 
 
-def test_a_search_that_is_kept_goes_on_as_if_nothing_had_been() -> None:
+def test_there_is_no_chance_in_a_search() -> None:
     whole = _searched(_begun(), 9)
-    kept = Descent(**json.loads(json.dumps(asdict(_searched(_begun(), 4)))))
     np.random.seed(99)  # noqa: NPY002  # what others draw must not matter
-    assert _searched(kept, 5) == whole
+    assert _searched(_begun(), 9).point == whole.point
 
 
 def test_a_search_that_gains_nothing_ends() -> None:
-    descent = Descent([0.5], 1.0, [1.0], [])
+    descent = Descent([0.5], 1.0, np.ones(1))
     for _ in range(PATIENCE):
         assert not descent.has_ended
         descent.stay()
@@ -418,7 +403,6 @@ class Bowl:
         walks: Sequence[Experiment],
         workers: object,
         *,
-        reference_speed: float | None = None,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> list[Rating] | None:
@@ -452,48 +436,27 @@ def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
 SHORT = Settings(generations=3, seed=4)
 
 
-def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl, tmp_path: Path) -> None:
+def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     steps: list[Progress] = []
-    result = tune(experiment, tmp_path / "out", Settings(generations=12), progress=steps.append)
+    result = tune(experiment, Settings(generations=12), progress=steps.append)
     best = result.ranked[0].table["phases"]["swing_flexion"]
     assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.0)
     assert best["knee"]["stiffness_Nm_per_deg"] == pytest.approx(3.0, abs=0.2)
     assert result.before is not None
     assert result.ranked[0].cost < result.before.cost
-    costs = [step.best_cost for step in steps if step.stage == "search"]
+    costs = [step.costs[1] for step in steps if step.stage == "search"]
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] < costs[0]
 
 
 @pytest.mark.parametrize("walks_before", [0, 2, 60, 130, 250])
-def test_a_resumed_tuning_equals_an_undisturbed_one(bowl: Bowl, tmp_path: Path, walks_before: int) -> None:
+def test_a_tuning_that_is_stopped_gives_nothing(bowl: Bowl, walks_before: int) -> None:
     experiment = load_experiment("treadmill").experiment
-    whole = tune(experiment, tmp_path / "whole", SHORT)
-    bowl.walks = 0
-    stopped = tune(experiment, tmp_path / "cut", SHORT, should_stop=lambda: bowl.walks >= walks_before)
-    assert stopped is None
-    resumed = tune(experiment, tmp_path / "cut", SHORT, resume=True)
-    assert [item.table for item in resumed.ranked] == [item.table for item in whole.ranked]
-    kept = [json.loads((tmp_path / name / STATE_FILE).read_text()) for name in ("whole", "cut")]
-    for document in kept:
-        del document["elapsed_s"]
-    assert kept[0] == kept[1]
+    assert tune(experiment, SHORT, should_stop=lambda: bowl.walks >= walks_before) is None
 
 
-def test_more_generations_go_on_from_a_finished_tuning(bowl: Bowl, tmp_path: Path) -> None:
-    experiment = load_experiment("treadmill").experiment
-    first = tune(experiment, tmp_path / "out", SHORT)
-    steps: list[Progress] = []
-    more = replace(SHORT, generations=5)
-    second = tune(experiment, tmp_path / "out", more, resume=True, progress=steps.append)
-    found_before = min(item.cost for item in first.state.generations)
-    assert next(step for step in steps if step.stage == "search").best_cost <= found_before
-    assert second.state.generations[:4] == first.state.generations
-    assert len(second.state.generations) == 6  # the first is the start
-
-
-def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl, tmp_path: Path) -> None:
+def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     portions: list[list[Experiment]] = []
 
@@ -503,7 +466,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl, tmp_path: Pa
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "walk_all", noted)
-        tune(experiment, tmp_path / "out", Settings(generations=1))
+        tune(experiment, Settings(generations=1))
     nominal, corners = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
     assert alone is not None
@@ -516,49 +479,25 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl, tmp_path: Pa
     assert raced == [nominal[place].table.phases for place in order]
 
 
-def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl, tmp_path: Path) -> None:
+def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "quick_errors", lambda walked: ("unstable",))
-        result = tune(experiment, tmp_path / "out", Settings(generations=2))
+        result = tune(experiment, Settings(generations=2))
     assert all(item.table == editable_document(experiment.table) for item in result.ranked)
-    assert len({item.cost for item in result.state.generations}) == 1
+    assert len({item.cost for item in result.generations}) == 1
 
 
 # ---------------------------------------------------------------------- mistakes of a user
 
 
-def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "note.txt").write_text("mine")
-    with pytest.raises(RunDirectoryError, match="exists; go on with --resume"):
-        open_state(tmp_path, {}, resume=False, force=False)
-    with pytest.raises(RunDirectoryError, match="is not a tuning"):
-        open_state(tmp_path, {}, resume=False, force=True)
-    with pytest.raises(RunDirectoryError, match="--resume goes on with a tuning that was begun"):
-        open_state(tmp_path, {}, resume=True, force=False)
-    assert (tmp_path / "note.txt").read_text() == "mine"
-
-
-def test_another_tuning_cannot_be_gone_on_with(tmp_path: Path) -> None:
-    folder = tmp_path / "out"
-    write_state(open_state(folder, {"seed": 1}, resume=False, force=False), folder)
-    with pytest.raises(RunDirectoryError, match=r"state.json: seed: kept 1, asked for 2; .*--force"):
-        open_state(folder, {"seed": 2}, resume=True, force=False)
-    (folder / STATE_FILE).write_text('{"identity": {"seed": 1}}')
-    with pytest.raises(RunDirectoryError, match="is not the state of a tuning"):
-        open_state(folder, {"seed": 1}, resume=True, force=False)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--reference", "winter"], "--reference 'winter': expected koopman@SPEED"),
-        (["--reference", "koopman@9"], "cover 0.5 to 5 km/h, got 9"),
         (["--minutes", "0"], "minutes: expected a number above 0, got 0.0"),
         (["--seed", "-1"], "seed: expected a whole number of 0 or more, got -1"),
         (["--generations", "0"], "generations: expected 1 or more, got 0"),
         (["--workers", "0"], "--workers: expected 1 or more, got 0"),
-        (["--resume", "--force"], "--resume: does not go with --force"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
         (["--patient", "nobody"], "no person 'nobody'"),
         (["bench_leg"], "expected a wearer who walks"),

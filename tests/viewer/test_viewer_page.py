@@ -42,7 +42,7 @@ from twin_gait.palette import (
     phase_colour,
 )
 from twin_gait.runs.record import load_run, write_run
-from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, with_walk
+from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, shown_run
 from twin_gait.viewer.aids import ROPE, VEST
 from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.body import CLOTH
@@ -160,13 +160,13 @@ def tripped(tmp_path_factory) -> Path:
 
 
 def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
-    stored = load_run(tripped)
+    stored = load_run(tripped).run
     trip = stored.trip
     assert trip is not None and 1.0 <= trip.time < 3.0
     (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
     assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
     assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
-    assert entry["outcome"] == stored.outcome == "held"
+    assert entry["outcome"] == stored.verdict.outcome == "held"
     assert [one["label"] for one in entry["phases"]][-1] == "Hold"
     frames = frames_of(entry)
     assert {1000, trip.tick} <= set(frames["times"])
@@ -179,7 +179,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
 
 
 def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path) -> None:
-    stored = load_run(run_folder)
+    stored = load_run(run_folder).run
     power = {"belt_W": 9.0, "motors_W": 1.0, "wearer_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
     leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}}
     summary = {
@@ -187,15 +187,14 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
         "walk_reference": {"trough": 0.8},
         "power": {**power, "carried_by_belt": True},
     }
-    plain = ShownRun("walk", stored.experiment, stored.log, ("A note.",))
-    (entry,) = embedded(page_of([with_walk(plain, summary)]))["runs"]
+    (entry,) = embedded(page_of([shown_run(stored, summary, notes=("A note.",))]))["runs"]
     assert entry["notes"][0] == "A note." and entry["notes"][1].startswith("The belt carries this walk")
     assert entry["walk"] == [
         ["peaks over carried weight", "left", "right", "healthy"],
         ["trough in midstance", "0.50", "0.50", "0.80"],
     ]
     summary["power"]["carried_by_belt"] = False
-    assert with_walk(plain, summary).notes == ("A note.",)
+    assert shown_run(stored, summary, notes=("A note.",)).notes == ("A note.",)
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:

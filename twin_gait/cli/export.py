@@ -12,7 +12,7 @@ from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.conventions import Convention
-    from twin_gait.runs.record import StoredRun
+    from twin_gait.simulation import Run
 
 PRINT_FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
@@ -91,21 +91,21 @@ def export(arguments: argparse.Namespace) -> int:
     kind = arguments.format or _format_of(out, named)
     if kind in (CSV, *CAN_FILES) and named is not None:
         raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
-    stored, device = load_run(arguments.directory), arguments.of == "device"
+    run, device = load_run(arguments.directory).run, arguments.of == "device"
     convention = find_convention(named or DEFAULT_CONVENTION)
     path = out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
     if kind == FOLDER:
-        return _write_folder(stored, path, convention, device=device, force=arguments.force)
+        return _write_folder(run, path, convention, device=device, force=arguments.force)
     options.check_file("--out", path, force=arguments.force)
     if kind in CAN_FILES:
-        return _write_frames(stored, path, kind)
-    columns = list(stored.log.columns)
+        return _write_frames(run, path, kind)
+    columns = list(run.log.columns)
     if kind == CSV:
-        export_csv(stored.log, path)
+        export_csv(run.log, path)
     else:
         unit = DEGREES if kind == "mot" else RADIANS
-        columns = export_motion(stored.log, path, convention, unit=unit, device=device)
-    print(f"{len(stored.log)} rows, {len(columns)} columns: {path}")
+        columns = export_motion(run.log, path, convention, unit=unit, device=device)
+    print(f"{len(run.log)} rows, {len(columns)} columns: {path}")
     return DONE
 
 
@@ -116,24 +116,24 @@ def _format_of(path: Path | None, convention: str | None) -> str:
     return suffix if suffix in FORMATS else CSV if convention is None else "mot"
 
 
-def _write_frames(stored: StoredRun, path: Path, kind: str) -> int:
+def _write_frames(run: Run, path: Path, kind: str) -> int:
     from twin_gait.export.can import export_can, messages_of, run_frames
     from twin_gait.network.dbc import PACKAGED_DBC, find_dbc
 
-    network = stored.experiment.network
-    written = export_can(run_frames(stored.run, messages_of(stored.experiment)), path, kind)
+    network = run.experiment.network
+    written = export_can(run_frames(run, messages_of(run.experiment)), path, kind)
     print(f"{written} frames, for {find_dbc(PACKAGED_DBC if network is None else network.dbc)}: {path}")
     return DONE
 
 
-def _write_folder(stored: StoredRun, path: Path, convention: Convention, *, device: bool, force: bool) -> int:
+def _write_folder(run: Run, path: Path, convention: Convention, *, device: bool, force: bool) -> int:
     from twin_gait.export import export_inverse_dynamics
     from twin_gait.export.inverse_dynamics import MODEL_FILE, SETUP_FILE
     from twin_gait.runs.folders import FolderKind, staged_directory
 
     kind = FolderKind("a folder of this command", MODEL_FILE)
     with staged_directory(path, kind, force=force) as staging:
-        names = export_inverse_dynamics(stored.run, staging, convention, device=device)
-    print(f"{len(stored.log)} rows, {', '.join(names)}: {path}")
+        names = export_inverse_dynamics(run, staging, convention, device=device)
+    print(f"{len(run.log)} rows, {', '.join(names)}: {path}")
     print(f"in that folder: opensim-cmd run-tool {SETUP_FILE}")
     return DONE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
@@ -84,15 +83,14 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
 
 def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     """Verify, and keep what was found in the folder."""
-    from twin_gait.files import write_atomically
+    from twin_gait.files import write_json
     from twin_gait.firmware.verification import verify
 
     with terminal.progress_bar("verifying", "tick") as progress:
         found = verify(loaded.experiment, progress, terminal.note_compilation)
     document = _document(found)
     if folder is not None:
-        text = json.dumps(terminal.plain(document), indent=2, ensure_ascii=False, allow_nan=False)
-        write_atomically(folder / VERIFICATION, text + "\n")
+        write_json(folder / VERIFICATION, document)
     return document
 
 

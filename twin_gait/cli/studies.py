@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import textwrap
 from collections.abc import Iterator
 from dataclasses import fields
@@ -12,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
-from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
     from twin_gait.studies.sweep.sweep import SweepResult
+    from twin_gait.studies.tune.state import Progress
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -47,8 +46,6 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
-    add("--resume", action="store_true", help="go on with a tuning that was stopped")
-    add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
     add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
     add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
     text = "leave the transitions as they are"
@@ -138,8 +135,7 @@ def compare(arguments: argparse.Namespace) -> int:
     writing.write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     lines = [text, "", str(out / writing.PAGE_FILE)]
-    found = json.loads(writing.summary_text(comparison, who))
-    terminal.answer(arguments, lines, lambda: {**found, "directory": out})
+    terminal.answer(arguments, lines, lambda: {**writing.summary_of(comparison, who), "directory": out})
     return DONE
 
 
@@ -147,61 +143,38 @@ def tune(arguments: argparse.Namespace) -> int:
     """Tune a gait table to one person.
 
     Search for the numbers of a gait table, try the best tables on a robust set, and write the best with a
-    report. It can be stopped at any time and goes on with --resume.
+    report.
     """
     from twin_gait.report.tune import summary
-    from twin_gait.studies import Workers, WorkersLost
+    from twin_gait.runs.folders import check_target
+    from twin_gait.studies import Workers
     from twin_gait.studies.tune import outcome, tune
-    from twin_gait.studies.tune.state import Progress, Settings
+    from twin_gait.studies.tune.state import Settings
 
     options.workers_of(arguments)
-    if arguments.resume and arguments.force:
-        raise ParameterError("--resume: does not go with --force, which begins anew")
-    experiment = options.experiment_of(arguments).experiment
+    experiment, out = options.experiment_of(arguments).experiment, arguments.out
     given = {item.name: vars(arguments)[item.name] for item in fields(Settings) if item.name in arguments}
-    settings = Settings(reference_speed=_reference_speed(arguments.reference), **given)
-    out, again = arguments.out, f"the same command with --resume goes on from there: {arguments.out}"
+    settings = Settings(**given)
+    check_target(out, outcome.TUNING, force=arguments.force)
 
     def note(step: Progress) -> None:
-        terminal.note_line(_stage(experiment.joints, step))
+        terminal.note_line(_stage(step))
 
-    found = None
-    try:
-        with (
-            Workers(options.workers_of(arguments), arguments.scheduler) as workers,
-            terminal.stop_on_interrupt() as should_stop,
-        ):
-            tuning = tune.tune(
-                experiment, out, settings, workers=workers, resume=arguments.resume, force=arguments.force,
-                progress=note, should_stop=should_stop, on_compile=terminal.note_compilation,
-            )  # fmt: skip
-            terminal.clear_line()
-            if tuning is not None:
-                wearer = _wearer(options.person_of(arguments.settings), experiment)
-                with terminal.progress_bar("departures", "walk") as progress:
-                    found = outcome.write_tuning(
-                        tuning, experiment, settings, out, wearer=wearer, workers=workers,
-                        progress=progress, should_stop=should_stop,
-                    )  # fmt: skip
-    except WorkersLost as error:
-        return terminal.lost(error, again)
-    if found is None:
-        return terminal.interrupted(again)
+    with (
+        Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+        terminal.stop_on_interrupt() as should_stop,
+    ):
+        tuning = tune.tune(
+            experiment, settings, workers=workers, progress=note, should_stop=should_stop,
+            on_compile=terminal.note_compilation,
+        )  # fmt: skip
+    terminal.clear_line()
+    if tuning is None:
+        return terminal.interrupted("nothing was written")
+    wearer = _wearer(options.person_of(arguments.settings), experiment)
+    found = outcome.write_tuning(tuning, experiment, settings, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
     return DONE
-
-
-def _reference_speed(text: str | None) -> float | None:
-    """Speed of the reference in [m] / [s]."""
-    from twin_gait.measures.reference import KILOMETRES_PER_HOUR
-
-    if text is None:
-        return None
-    name, _, speed = text.partition("@")
-    expected = "koopman@SPEED in km/h, for example koopman@1.5"
-    if name != "koopman":
-        raise ParameterError(f"--reference {text!r}: expected {expected}")
-    return options.number(f"--reference {text!r}", speed, expected) / KILOMETRES_PER_HOUR
 
 
 def _wearer(person: str | None, experiment: Experiment) -> str:
@@ -210,14 +183,14 @@ def _wearer(person: str | None, experiment: Experiment) -> str:
     return size if person is None else f"{person} ({size})"
 
 
-def _stage(joints: tuple[str, ...], step: Any) -> str:
-    """The stage and the best gait so far in one line."""
+def _stage(step: Progress) -> str:
+    """The stage and the best cost so far in one line."""
     total = "" if step.total is None else f" of {step.total}"
     line = f"{step.elapsed / 60.0:4.1f} min  {step.stage} {step.done}{total}"
-    if step.best_cost < float("inf"):
-        line += f"  best: cost {step.best_cost:.2f} (from {step.start_cost:.2f})"
-    errors = {joint: step.best_values.get(f"{joint}_error_deg") for joint in joints}
-    return line + "".join(f", {joint} {error:.1f}°" for joint, error in errors.items() if error is not None)
+    if step.costs is not None:
+        start, best = step.costs
+        line += f"  best: cost {best:.2f} (from {start:.2f})"
+    return line
 
 
 def faults(arguments: argparse.Namespace) -> int:

@@ -7,10 +7,12 @@ import shlex
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
+
+from twin_gait.files import plain
 
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 
@@ -25,19 +27,6 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callab
         return
 
     print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON knows it."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, bool | int | str) or value is None:
-        return value if not isinstance(value, str) else str(value)
-    if isinstance(value, float):
-        return value if abs(value) < float("inf") else None
-    return plain(value.item()) if hasattr(value, "item") else str(value)
 
 
 def write_on_any_terminal() -> None:

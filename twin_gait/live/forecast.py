@@ -73,7 +73,7 @@ def foresee(
     ends, ahead = _endings(walk, first), f"for the {(run.tick - first) * TICK:.0f} s looked ahead"
     shown = _shown(walk, first, numbers)
     records = _records(shown, first)
-    sides = [summarise_side(shown, record.side, 1, record) for record in records]
+    sides = [summarise_side(shown, record, 1) for record in records]
     verdict, bad = gait_verdict(records), bool(ends)
     if ends:
         told = " and ".join(ends)

@@ -111,28 +111,18 @@ def battery_life(energy: float, power: float) -> float:
     return energy / power if power > 0.0 else math.inf
 
 
-class SwitchChanges(NamedTuple):
-    """Change of a torque at each switch of phase, in [N m], shape ``(n_switches,)`` each."""
-
-    at_switch: np.ndarray  # from the tick before the switch to the tick of the switch
-    # largest from the tick before the switch to any tick up to the end of the blending
-    over_blending: np.ndarray
-
-
 def changes_at_switches(
     torque: np.ndarray, switches: np.ndarray, blending_ticks: np.ndarray | int
-) -> SwitchChanges:
-    """How much a torque changes when the phase does.
+) -> np.ndarray:
+    """Largest change of a torque from the tick before each switch of phase to any up to the end of its blend.
 
     ``torque`` in [N m], shape ``(n,)``; ``switches``: first ticks of new phases, each above 0 and below n,
-    shape ``(m,)``; ``blending_ticks``: length of each fade, or of all; 0 without.
+    shape ``(m,)``; ``blending_ticks``: length of each fade, or of all; 0 without. Returns magnitudes in
+    [N m], shape ``(m,)``.
     """
-    at_switch, over_blending = np.zeros(len(switches)), np.zeros(len(switches))
     ends = np.asarray(switches) + blending_ticks + 1
-    for number, (tick, end) in enumerate(zip(switches, ends, strict=True)):
-        change = np.abs(torque[tick:end] - torque[tick - 1])
-        at_switch[number], over_blending[number] = change[0], change.max()
-    return SwitchChanges(at_switch, over_blending)
+    spans = zip(switches, ends, strict=True)
+    return np.array([np.abs(torque[tick:end] - torque[tick - 1]).max() for tick, end in spans])
 
 
 class EnergyBalance(NamedTuple):

@@ -39,6 +39,13 @@ def stride_count(counted: int, found: int) -> str:
     return text if counted == found else f"{text} (the first {found - counted} of {found} settle)"
 
 
+def in_strides(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
+    """Which ticks are in strides that follow each other, ``last``: or the end of the last one; booleans."""
+    if len(bounds) == 0:
+        return np.zeros(len(ticks), dtype=bool)
+    return np.asarray((ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last))
+
+
 def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Bring every stride to the same length by linear interpolation.
 
@@ -55,6 +62,12 @@ def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
     """Duration of every stride. Returns durations in [s], shape ``(n_strides,)``."""
     return np.asarray((bounds[:, 1] - bounds[:, 0]) * tick)
+
+
+def finite_mean(values: np.ndarray) -> float:
+    """Mean of those values that are defined, in their unit; NaN without any."""
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else math.nan
 
 
 def coefficient_of_variation(values: np.ndarray) -> float:

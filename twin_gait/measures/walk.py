@@ -31,12 +31,13 @@ from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import (
     SKIPPED_STRIDES,
     cadence,
+    in_strides,
     normalise_strides,
     step_times,
     stride_extremes,
     stride_times,
 )
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 
 MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which the trough between the peaks is looked for
 WEIGHT_ACCEPTANCE = slice(6, 21)  # [%] of the cycle, in which the load rises in healthy walking
@@ -118,16 +119,18 @@ def walk_measures(
     ``log``: one row a tick, with the columns whose names end as in ``WALK_COLUMNS``; ``swing_phase``: index
     of swing flexion; None for a table without it; ``skip``: so many strides at the start do not count.
     """
-    contacts, others = leg.contacts, other.contacts
+    contacts, others, force = leg.contacts, other.contacts, leg.normal_force
     assert contacts is not None and others is not None  # there is ground
-    assert leg.clearance is not None and leg.normal_force is not None
+    assert leg.clearance is not None and force is not None
     bounds = leg.strides(skip=skip)
     times = stride_times(bounds, leg.tick)
-    steps = step_times(_inside(contacts.heel_strikes, bounds, last=True), others.heel_strikes, leg.tick)
+    strikes = contacts.heel_strikes[in_strides(contacts.heel_strikes, bounds, last=True)]
+    steps = step_times(strikes, others.heel_strikes, leg.tick)
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
     fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
-    load = leg.normal_force / walkway.carried_weight
+    load = force / walkway.carried_weight
     clearances = swing_clearances(leg.clearance, contacts)
+    powers = {joint: _powers(log, leg.side, joint, bounds) for joint in leg.angles}
     return WalkMeasures(
         strides=len(bounds),
         stride_time=_mean(times),
@@ -136,14 +139,14 @@ def walk_measures(
         load_peak=_mean(stride_extremes(load, bounds)[:, 1]),
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
-        **_pressure(log, leg, bounds),
-        **_joints(log, leg, bounds),
-        clearance=float(min(clearances[_are_inside(swings(contacts)[:, 0], bounds)], default=math.nan)),
-        slip=_slip(leg, fore_aft, bounds, walkway),
-        **_swing(leg, _inside(entries, bounds), bounds),
+        **_pressure(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
+        **_joints(log, leg.side, bounds),
+        clearance=float(min(clearances[in_strides(swings(contacts)[:, 0], bounds)], default=math.nan)),
+        slip=mean_over(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
+        **_swing(force, entries[in_strides(entries, bounds)], bounds),
         further_contacts=len(contacts.further_contacts),
-        motor_power={joint: _motor_power(log, leg, joint, bounds) for joint in leg.angles},
-        wearer_power=sum(_wearer_power(log, leg, joint, bounds) for joint in leg.angles),
+        motor_power={joint: motor for joint, (motor, _) in powers.items()},
+        wearer_power=sum(wearer for _, wearer in powers.values()),
     )
 
 
@@ -166,18 +169,6 @@ def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Wa
 
 def _mean(values: np.ndarray) -> float:
     return float(values.mean()) if len(values) else math.nan
-
-
-def _inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
-    """Ticks in the counted strides, with or without the end of the last one."""
-    return np.asarray(ticks[_are_inside(ticks, bounds, last=last)])
-
-
-def _are_inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
-    """Which ticks are in the counted strides."""
-    if len(bounds) == 0:
-        return np.zeros(len(ticks), dtype=bool)
-    return np.asarray((ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last))
 
 
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -253,11 +244,9 @@ def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> n
     return np.where(loaded, weighted / np.where(loaded, carried, 1.0), np.nan)
 
 
-def _pressure(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
-    assert leg.normal_force is not None  # there is ground
-    curve = pressure_curve(log[f"{leg.side}_foot_pressure_place"].to_numpy(), leg.normal_force, bounds)
+def _pressure(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
     # Up to the least load; what comes then is the next stance.
-    stance = curve[: int(np.argmin(mean_stride(leg.normal_force, bounds)))]
+    stance = pressure_curve(place, load, bounds)[: int(np.argmin(mean_stride(load, bounds)))]
     known = stance[np.isfinite(stance)]
     behind = np.flatnonzero(stance < 0.5)
     crosses = len(behind) > 0 and known[-1] >= 0.5
@@ -267,29 +256,19 @@ def _pressure(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str
     }
 
 
-def _joints(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
-    ankle = wearer_column(log.columns, leg.side, JointName.ANKLE, "angle_rad")
+def _joints(log: pd.DataFrame, side: Side, bounds: np.ndarray) -> dict[str, float]:
+    """Of the wearer's joints, driven or not."""
+    hip, knee, ankle = (wearer_column(log.columns, side, joint, "angle_rad") for joint in JointName)
     lowest = ankle_range = math.nan
     if len(bounds):
-        lowest = float(stride_extremes(_angle(log, leg, JointName.HIP), bounds)[:, 0].mean())
+        lowest = float(stride_extremes(log[hip].to_numpy(), bounds)[:, 0].mean())
     if len(bounds) and ankle in log:
-        ankle_range = float(np.ptp(stride_extremes(_angle(log, leg, JointName.ANKLE), bounds), axis=1).mean())
+        ankle_range = float(np.ptp(stride_extremes(log[ankle].to_numpy(), bounds), axis=1).mean())
     return {
         "ankle_range": ankle_range,
         "hip_lowest": lowest,
-        **knee_shape(mean_stride(_angle(log, leg, JointName.KNEE), bounds)),
+        **knee_shape(mean_stride(log[knee].to_numpy(), bounds)),
     }
-
-
-def _angle(log: pd.DataFrame, leg: LegRecord, joint: JointName) -> np.ndarray:
-    """Angle of a joint of the wearer, controlled or not."""
-    return log[wearer_column(log.columns, leg.side, joint, "angle_rad")].to_numpy()
-
-
-def _slip(leg: LegRecord, fore_aft: np.ndarray, bounds: np.ndarray, walkway: Walkway) -> float:
-    assert leg.normal_force is not None  # there is ground
-    speed = slip_speed(fore_aft, leg.normal_force, walkway)
-    return mean_over(speed, bounds) * _mean(stride_times(bounds, leg.tick))
 
 
 def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.ndarray:
@@ -314,21 +293,18 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.n
     return np.where(loaded, speed, 0.0)
 
 
-def _swing(leg: LegRecord, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
-    assert leg.normal_force is not None  # there is ground
+def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
     place = np.searchsorted(bounds[:, 0], entries, side="right") - 1
     shares = (entries - bounds[place, 0]) / (bounds[place, 1] - bounds[place, 0])
-    return {"swing_entry": _mean(shares), "swing_load": _mean(leg.normal_force[entries])}
+    return {"swing_entry": _mean(shares), "swing_load": _mean(load[entries])}
 
 
-def _motor_power(log: pd.DataFrame, leg: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
-    torque = log[f"{leg.side}_{joint}_motor_torque_Nm"].to_numpy()
-    return mean_over(torque * log[f"{leg.side}_{joint}_velocity_rad_per_s"].to_numpy(), bounds)
-
-
-def _wearer_power(log: pd.DataFrame, leg: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
-    velocity = log[wearer_column(log.columns, leg.side, joint, "velocity_rad_per_s")].to_numpy()
-    return mean_over(log[f"{leg.side}_{joint}_patient_torque_Nm"].to_numpy() * velocity, bounds)
+def _powers(log: pd.DataFrame, side: Side, joint: JointName, bounds: np.ndarray) -> tuple[float, float]:
+    """Mean powers of motor and wearer at a joint in [W]."""
+    motor = log[f"{side}_{joint}_motor_torque_Nm"] * log[f"{side}_{joint}_velocity_rad_per_s"]
+    velocity = log[wearer_column(log.columns, side, joint, "velocity_rad_per_s")]
+    wearer = log[f"{side}_{joint}_patient_torque_Nm"] * velocity
+    return mean_over(motor.to_numpy(), bounds), mean_over(wearer.to_numpy(), bounds)
 
 
 class WalkPower(NamedTuple):

@@ -143,11 +143,10 @@ def _size(figure: Figure) -> None:
             axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
-def write_figures(run: Run, directory: Path, share: slice = slice(None)) -> list[Path]:
+def write_figures(run: Run, directory: Path) -> list[Path]:
     """Draw a run.
 
     A run without strides has no picture of the gait cycle, and one without ground none of the feet.
-    ``share``: which of ``FIGURES``, by their places.
     """
-    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in list(FIGURES.items())[share])
+    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in FIGURES.items())
     return [save(figure, directory / f"{name}.png") for name, figure in drawn if figure is not None]

@@ -1,4 +1,4 @@
-"""Pictures and page of a tuning: gait before and after, parts, convergence, departures."""
+"""Pictures and page of a tuning: gait before and after, parts, trade-offs, convergence."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from twin_gait.gait.signals import ANGLE
-from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR, VERMILLION
+from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report.canvas import (
     SCREEN_WIDTH,
     amount,
@@ -24,7 +24,7 @@ from twin_gait.report.canvas import (
     style_panel,
 )
 from twin_gait.report.pages import paragraphs, render
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
@@ -86,7 +86,6 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
         "parts": draw_parts(outcome["parts"]),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
         "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
-        "departures": draw_departures(outcome["departures"], outcome["joints"]),
     }
 
 
@@ -207,53 +206,3 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(frameon=False)
     return figure
-
-
-def draw_departures(departures: Mapping[str, Mapping[str, Any]], joints: Sequence[str]) -> Figure:
-    """Draw the errors over each quantity that departs; a cross marks a fall or a walk without strides."""
-    figure, panels = _figure(6.4, 2, 3)
-    for axes, (name, item) in zip(panels, departures.items(), strict=False):
-        for which, line in (("before", "--"), ("after", "-")):
-            for joint in map(JointName, joints):
-                errors = _draw_degradation(axes, item, which, joint, line)
-            _mark_lost(axes, item["values"], errors, which)
-        axes.axvline(item["nominal"], color=BLACK, linewidth=0.8, linestyle=":")
-        style_panel(axes, "", "error [°]")
-        axes.set_xlabel(name)
-        axes.set_ylim(bottom=0.0)
-    for axes in panels[len(departures) :]:
-        axes.remove()
-    lines = [Line2D([], [], color=JOINT_COLOURS[JointName(joint)], label=joint) for joint in joints]
-    dots: dict[str, Any] = {"color": GREY, "marker": "o", "markersize": 3}
-    cross: dict[str, Any] = {"linestyle": "none", "marker": "x"}
-    put_legend(
-        figure,
-        [
-            *lines,
-            Line2D([], [], linestyle="--", label="before", **dots),
-            Line2D([], [], linestyle="-", label="after", **dots),
-        ],
-        [
-            Line2D([], [], color=BLACK, label="falls, or makes no strides (after)", **cross),
-            Line2D([], [], color=GREY, label="the same before", **cross),
-            Line2D([], [], color=BLACK, linestyle=":", label="tuned for"),
-        ],
-    )
-    return figure
-
-
-def _draw_degradation(
-    axes: Axes, item: Mapping[str, Any], which: str, joint: JointName, line: str
-) -> np.ndarray:
-    errors = np.array(item[which][f"{joint}_error_deg"], dtype=float)
-    style: dict[str, Any] = {"linestyle": line, "linewidth": 1.4, "marker": "o", "markersize": 3}
-    axes.plot(item["values"], errors, color=JOINT_COLOURS[joint], **style)
-    return errors
-
-
-def _mark_lost(axes: Axes, values: Sequence[float], errors: np.ndarray, which: str) -> None:
-    lost = np.array(values)[np.isnan(errors)].tolist()
-    if lost:
-        height, colour = (0.06, BLACK) if which == "after" else (0.13, GREY)
-        place = axes.get_xaxis_transform()
-        axes.plot(lost, [height] * len(lost), "x", color=colour, transform=place, clip_on=False)

@@ -1,16 +1,15 @@
 """One leg of a run in numbers, for the summary."""
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
-from twin_gait.gait.machine import POSTURE, PhaseSwitch
+from twin_gait.gait.machine import POSTURE
 from twin_gait.gait.table import TICK
 from twin_gait.measures import switching
-from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
+from twin_gait.measures.effort import Load, changes_at_switches, load, saturation_shares
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
@@ -18,6 +17,8 @@ from twin_gait.measures.strides import (
     SKIPPED_STRIDES,
     coefficient_of_variation,
     error_parts,
+    finite_mean,
+    in_strides,
     normalise_strides,
     root_mean_square_error,
     stride_extremes,
@@ -25,6 +26,7 @@ from twin_gait.measures.strides import (
     swing_shares,
 )
 from twin_gait.measures.walk import WalkMeasures
+from twin_gait.parameters import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import summary_of_errors, summary_of_leg
 from twin_gait.simulation.run import Run
@@ -34,11 +36,9 @@ SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start'
 
 
 def summarise_side(
-    run: Run, side: Side, skip: int, record: LegRecord | None = None, measures: WalkMeasures | None = None
+    run: Run, record: LegRecord, skip: int, measures: WalkMeasures | None = None
 ) -> dict[str, Any]:
     """Gait and effort of one leg, with ``measures`` of the walk on a belt; None or NaN if not defined."""
-    if record is None:
-        record = run.leg_record(side)
     return {
         **by_contact(run, record, skip),
         **_by_phase(run, record, skip),
@@ -57,17 +57,20 @@ def summarise_side(
     }
 
 
+def compared_angles(run: Run, record: LegRecord) -> dict[JointName, np.ndarray]:
+    """Angles that healthy walking has too: of the driven joints, and of the ankle where the leg has one."""
+    ankle = wearer_column(run.log, record.side, JointName.ANKLE, "angle_rad")
+    return {**record.angles, **({JointName.ANKLE: run.log[ankle].to_numpy()} if ankle in run.log else {})}
+
+
 def _errors(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
     """Distance of hip, knee and ankle from healthy walking, in parts; nothing without a reference."""
-    ankle = wearer_column(run.log, record.side, JointName.ANKLE, "angle_rad")
-    angles = {**record.angles, **({JointName.ANKLE: run.log[ankle].to_numpy()} if ankle in run.log else {})}
-    known = {joint: reference_cycle(run.experiment, joint) for joint in angles}
-    strides = record.strides(skip=skip)
-    found = {
-        str(joint): summary_of_errors(error_parts(normalise_strides(angles[joint], strides), reference))
-        for joint, reference in known.items()
-        if reference is not None
-    }
+    strides, found = record.strides(skip=skip), {}
+    for joint, angles in compared_angles(run, record).items():
+        reference = reference_cycle(run.experiment, joint)
+        if reference is not None:
+            parts = error_parts(normalise_strides(angles, strides), reference)
+            found[str(joint)] = summary_of_errors(parts)
     return {"errors": found} if found else {}
 
 
@@ -83,32 +86,8 @@ def side_in_brief(run: Run, side: Side) -> dict[str, Any]:
     }
 
 
-def switches_of(run: Run, side: Side) -> list[PhaseSwitch]:
-    """Switches of a leg after the start."""
-    return [switch for switch in run.switches if switch.side is side and 0 < switch.tick < len(run.log)]
-
-
-def blend_lengths(run: Run, switches: Sequence[PhaseSwitch]) -> np.ndarray:
-    """Ticks from each switch until the parameters of the new phase are reached, shape ``(n,)``."""
-    table = run.table
-    return np.array([table.blend_ticks(table.phases_of(item.side)[item.target]) for item in switches], int)
-
-
-def _mean(values: np.ndarray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else math.nan
-
-
-def _least(values: np.ndarray) -> float:
-    return float(values.min()) if len(values) else math.nan
-
-
 def _largest(values: np.ndarray) -> float:
     return float(values.max()) if len(values) else math.nan
-
-
-def _within(tick: int, strides: np.ndarray) -> bool:
-    return len(strides) > 0 and bool(strides[0, 0] <= tick < strides[-1, 1])
 
 
 def _largest_magnitude(values: np.ndarray) -> float:
@@ -127,18 +106,18 @@ def by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
     return {
         "strides": len(every),
         "strides_counted": len(counted),
-        "stride_time_mean_s": _mean(stride_times(counted, TICK)),
+        "stride_time_mean_s": finite_mean(stride_times(counted, TICK)),
         "stride_time_variation": coefficient_of_variation(stride_times(counted, TICK)),
-        "swing_share": _mean(swing_shares(counted, contacts.toe_offs)),
+        "swing_share": finite_mean(swing_shares(counted, contacts.toe_offs)),
         **{
-            f"rmse_{joint}_by_contact_deg": reference_error(run, record, joint, counted)
-            for joint in record.angles
+            f"rmse_{joint}_by_contact_deg": reference_error(run, angles, joint, counted)
+            for joint, angles in record.angles.items()
         },
-        "early_stance_lag_mean_s": _mean(lags),
+        "early_stance_lag_mean_s": finite_mean(lags),
         "early_stance_lag_largest_s": _largest_magnitude(lags),
         "heel_strikes_without_early_stance": int(np.isnan(lags).sum()),
-        "toe_clearance_mean_m": _mean(clearances),
-        "toe_clearance_least_m": _least(clearances),
+        "toe_clearance_mean_m": finite_mean(clearances),
+        "toe_clearance_least_m": -_largest(-clearances),
         "further_contacts": len(contacts.further_contacts),
         "scuffs": len(scuffs(contacts)),
     }
@@ -153,15 +132,15 @@ def _by_phase(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
     return {
         "strides_by_phase": len(every),
         "strides_by_phase_counted": len(counted),
-        "stride_time_by_phase_mean_s": _mean(stride_times(counted, TICK)),
+        "stride_time_by_phase_mean_s": finite_mean(stride_times(counted, TICK)),
         "stride_time_by_phase_variation": coefficient_of_variation(stride_times(counted, TICK)),
         **{
-            f"rmse_{joint}_by_phase_deg": reference_error(run, record, joint, counted)
-            for joint in record.angles
+            f"rmse_{joint}_by_phase_deg": reference_error(run, angles, joint, counted)
+            for joint, angles in record.angles.items()
         },
         "phases_in_order": _in_order(run, record),
         "phase_duration_mean_s": {
-            name: _mean(durations.get(index, np.zeros(0))) for index, name in enumerate(names)
+            name: finite_mean(durations.get(index, np.zeros(0))) for index, name in enumerate(names)
         },
         **_time_outs(run, record),
     }
@@ -195,32 +174,39 @@ def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
     return {"time_outs": len(ticks), "time_outs_after_third_stride": later}
 
 
-def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
-    """RMS distance of a joint's strides from healthy walking in [deg]; NaN without strides or reference."""
+def reference_error(run: Run, angles: np.ndarray, joint: JointName, bounds: np.ndarray) -> float:
+    """RMS distance of a joint's strides from healthy walking in [deg]; NaN without strides or reference.
+
+    ``angles`` of the joint in [rad], one a tick; ``bounds``: its strides, shape ``(n_strides, 2)``.
+    """
     reference = reference_cycle(run.experiment, joint)
     if reference is None:
         return math.nan
-    return math.degrees(root_mean_square_error(normalise_strides(record.angles[joint], bounds), reference))
+    return math.degrees(root_mean_square_error(normalise_strides(angles, bounds), reference))
 
 
 def _effort(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, Any]:
     """Motion and effort of one joint."""
-    name = f"{record.side}_{joint}"
-    actuator, log = run.experiment.plant.actuators[joint], run.log
-    continuous_current = torque_to_current(
-        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio
-    )
-    torque = load(log[f"{name}_motor_torque_Nm"].to_numpy(), actuator.continuous_torque)
-    current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current)
+    name, actuator = f"{record.side}_{joint}", run.experiment.plant.actuators[joint]
+    torque, current = actuator.continuous_torque, continuous_current(actuator)
     return {
         **joint_motion(record, joint, skip),
         **joint_saturation(run, record, joint),
-        "torque_peak_Nm": torque.peak,
-        "torque_rms_Nm": torque.rms,
-        "torque_continuous_share": torque.continuous_share,
-        "current_peak_A": current.peak,
-        "current_rms_A": current.rms,
-        "current_continuous_share": current.continuous_share,
+        **_load("torque", "Nm", load(run.log[f"{name}_motor_torque_Nm"].to_numpy(), torque)),
+        **_load("current", "A", load(run.log[f"{name}_measured_current_A"].to_numpy(), current)),
+    }
+
+
+def continuous_current(actuator: ActuatorParameters) -> float:
+    """Current that a motor can hold in [A]."""
+    return torque_to_current(actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio)
+
+
+def _load(quantity: str, unit: str, found: Load) -> dict[str, float]:
+    return {
+        f"{quantity}_peak_{unit}": found.peak,
+        f"{quantity}_rms_{unit}": found.rms,
+        f"{quantity}_continuous_share": found.continuous_share,
     }
 
 
@@ -229,10 +215,13 @@ def _work(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str,
     name, log, strides = f"{record.side}_{joint}", run.log, record.strides(skip=skip)
     power = (log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"]).to_numpy()
     mass = math.nan if run.experiment.patient is None else run.experiment.patient.mass
+    given, taken = (
+        switching.sums_over(part, strides) for part in (np.maximum(power, 0.0), np.minimum(power, 0.0))
+    )
     return {
-        "power_peak_W": _mean(stride_extremes(power, strides)[:, 1]),
-        "positive_work_J_per_kg": TICK * _mean(switching.sums_over(np.maximum(power, 0.0), strides)) / mass,
-        "negative_work_J_per_kg": TICK * _mean(switching.sums_over(np.minimum(power, 0.0), strides)) / mass,
+        "power_peak_W": finite_mean(stride_extremes(power, strides)[:, 1]),
+        "positive_work_J_per_kg": TICK * finite_mean(given) / mass,
+        "negative_work_J_per_kg": TICK * finite_mean(taken) / mass,
     }
 
 
@@ -240,9 +229,9 @@ def joint_motion(record: LegRecord, joint: JointName, skip: int) -> dict[str, fl
     """Means over the counted strides of range, lowest and highest angle of a joint."""
     extremes = np.degrees(stride_extremes(record.angles[joint], record.strides(skip=skip)))
     return {
-        "range_of_motion_deg": _mean(extremes[:, 1] - extremes[:, 0]),
-        "lowest_deg": _mean(extremes[:, 0]),
-        "peak_deg": _mean(extremes[:, 1]),
+        "range_of_motion_deg": finite_mean(extremes[:, 1] - extremes[:, 0]),
+        "lowest_deg": finite_mean(extremes[:, 0]),
+        "peak_deg": finite_mean(extremes[:, 1]),
     }
 
 
@@ -256,12 +245,7 @@ def joint_saturation(run: Run, record: LegRecord, joint: JointName) -> dict[str,
         torque_limit=limits.torque,
         current_limit=limits.current,
     )
-    return {
-        "saturated_share": saturation.saturated,
-        "at_torque_limit_share": saturation.at_torque_limit,
-        "at_current_limit_share": saturation.at_current_limit,
-        "voltage_limited_share": saturation.voltage_limited,
-    }
+    return {f"{name}_share": share for name, share in saturation._asdict().items()}
 
 
 def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
@@ -270,15 +254,18 @@ def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int)
     ``switch_torque_jump_Nm`` is its largest change in one tick of a blend, and ``switch_torque_change_Nm``
     the largest from before a switch to any tick of its blend.
     """
-    strides = record.strides(skip=skip)
-    switches = [switch for switch in switches_of(run, record.side) if _within(switch.tick, strides)]
-    counted, lengths = np.array([switch.tick for switch in switches], int), blend_lengths(run, switches)
+    phases = run.table.phases_of(record.side)
+    switches = [item for item in run.switches if item.side is record.side and 0 < item.tick < len(run.log)]
+    blends = [(item.tick, run.table.blend_ticks(phases[item.target])) for item in switches]
+    ticks, lengths = np.array(blends, int).reshape(-1, 2).T
+    counts = in_strides(ticks, record.strides(skip=skip))
+    counted, lengths = ticks[counts], lengths[counts]
     command = run.log[f"{record.side}_{joint}_motor_command_torque_Nm"].to_numpy()
     return {
         "switch_torque_jump_Nm": _largest(
             switching.torque_jumps(command, switching.blend_windows(counted, lengths, len(command)))
         ),
-        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, lengths).over_blending),
+        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, lengths)),
     }
 
 
@@ -296,8 +283,8 @@ def _energy_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int
         log[f"{name}_equilibrium_rad"].to_numpy(),
     )
     return {
-        "switch_energy_J": _mean(switching.sums_over(energy, strides)),
-        "switch_energy_put_in_J": _mean(switching.sums_over(np.maximum(energy, 0.0), strides)),
+        "switch_energy_J": finite_mean(switching.sums_over(energy, strides)),
+        "switch_energy_put_in_J": finite_mean(switching.sums_over(np.maximum(energy, 0.0), strides)),
     }
 
 
@@ -309,5 +296,5 @@ def _jerk(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str,
     squared = switching.sums_over(jerk * jerk, strides).sum()
     return {
         "jerk_rms_rad_per_s3": math.sqrt(squared / ticks) if ticks else math.nan,
-        "jerk_dimensionless": _mean(switching.dimensionless_jerk(velocity, jerk, strides, TICK)),
+        "jerk_dimensionless": finite_mean(switching.dimensionless_jerk(velocity, jerk, strides, TICK)),
     }

@@ -1,29 +1,24 @@
 """The run directory: what a run leaves behind, written atomically, and how it is read again."""
 
 import csv
-import io
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiments import load_experiment, resolved_document
 from twin_gait.control import Trip, TripCause
-from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import read_parquet, write_atomically
+from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.outcome import RunEvent, run_events
-from twin_gait.runs.drawing import DrawingProcesses
+from twin_gait.runs.drawing import Drawing
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -40,56 +35,11 @@ ANIMATION_FILE = "animation.html"
 RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
 
 
-@dataclass(frozen=True)
-class StoredRun:
+class StoredRun(NamedTuple):
     """A run read back from its directory."""
 
-    directory: Path  # where it is
-    experiment: Experiment  # what was run
-    log: pd.DataFrame  # one row per tick
+    run: Run  # as :func:`twin_gait.simulate` gave it back
     summary: dict[str, Any]  # content of ``summary.json``
-
-    @property
-    def trip(self) -> Trip | None:
-        """What the safety monitor tripped on, or None."""
-        safety = self.summary.get("safety", {})  # runs of earlier versions have none
-        if not safety.get("tripped"):
-            return None
-        side, _, joint = safety["place"].partition(" ")
-        return Trip(
-            round(safety["time_s"] / TICK),
-            TripCause(safety["cause"]),
-            Side(side) if joint else None,
-            JointName(joint) if joint in list(JointName) else None,
-        )
-
-    @property
-    def outcome(self) -> str:
-        """Outcome in a word; of runs of earlier versions how they ended."""
-        return str(self.summary.get("outcome") or self.summary.get("status", ""))
-
-    @property
-    def events(self) -> tuple[RunEvent, ...]:
-        """Faults, trip, fall and divergence in the order of time."""
-        end = float(self.log["time_s"].iloc[-1]) if len(self.log) else 0.0
-        return run_events(self.experiment.faults, self.trip, str(self.summary.get("status", "")), end)
-
-    @cached_property
-    def run(self) -> Run:
-        """The run as :func:`twin_gait.simulate` gave it back."""
-        world = self.experiment.build_world()
-        table = scaled_table(self.experiment, world)
-        return Run(
-            experiment=self.experiment,
-            table=table,
-            log=self.log,
-            switches=_read_switches(self.directory / SWITCHES_FILE, table),
-            status=RunStatus(self.summary["status"]),
-            reason=self.summary["reason"],
-            wall_s=self.summary["wall_s"],
-            body_weight=world.body_weight,
-            trip=self.trip,
-        )
 
 
 def write_run(
@@ -100,14 +50,14 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
-    drawing_processes: DrawingProcesses | None = None,
+    drawing: Drawing | None = None,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
-    ``drawing_processes``: who draws the figures while all else is written; by default they are drawn here.
+    ``drawing``: who draws the figures while all else is written; by default they are drawn here.
     """
     tell = on_step or (lambda name: None)
-    drawing = drawing_processes or DrawingProcesses()
+    drawing = drawing or Drawing()
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
@@ -122,7 +72,7 @@ def write_run(
     summary = summarise(run)
     if accuracy is not None:
         summary["accuracy"] = accuracy
-    write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    write_json(directory / SUMMARY_FILE, summary)
     if pictures:
         from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
 
@@ -140,18 +90,14 @@ def run_signal(log: pd.DataFrame) -> Callable[[Side, str, str], np.ndarray]:
 
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     """Write a log as parquet, with units, meanings, schema version and status in the metadata."""
-    table = pa.Table.from_pandas(log, preserve_index=False)
-    units = json.dumps({name: unit_of(name) for name in log.columns})
-    metadata = {
-        **(table.schema.metadata or {}),
-        b"twin_gait.schema_version": str(LOG_SCHEMA_VERSION).encode(),
-        b"twin_gait.status": status.encode(),
-        b"twin_gait.units": units.encode(),
-        b"twin_gait.meanings": json.dumps({name: meaning_of(name) for name in log.columns}).encode(),
-    }
-    buffer = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata(metadata), buffer, compression="zstd")
-    write_atomically(path, buffer.getvalue())
+    write_parquet(
+        path,
+        log,
+        schema_version=str(LOG_SCHEMA_VERSION),
+        status=status,
+        units=json.dumps({name: unit_of(name) for name in log.columns}),
+        meanings=json.dumps({name: meaning_of(name) for name in log.columns}),
+    )
 
 
 def switches_csv(
@@ -202,12 +148,37 @@ def load_run(directory: Path) -> StoredRun:
 
 
 def read_run(directory: Path, experiment: Experiment) -> StoredRun:
-    """Read log and summary of a run."""
+    """Read log, switches and summary of a run of an experiment."""
+    world = experiment.build_world()
+    table = scaled_table(experiment, world)
+    switches = _read_switches(directory / SWITCHES_FILE, table)
     try:
         log = read_parquet(directory / LOG_FILE)
         summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError, pa.ArrowException) as error:
+        run = Run(
+            experiment=experiment,
+            table=table,
+            log=log,
+            switches=switches,
+            status=RunStatus(summary["status"]),
+            reason=summary["reason"],
+            wall_s=summary["wall_s"],
+            body_weight=world.body_weight,
+            trip=_trip_of(summary["safety"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
-    if not isinstance(summary, dict):
-        raise ParameterError(f"{directory / SUMMARY_FILE}: expected keys and values")
-    return StoredRun(directory, experiment, log, summary)
+    return StoredRun(run, summary)
+
+
+def _trip_of(safety: Mapping[str, Any]) -> Trip | None:
+    """What the safety monitor tripped on, by that part of a summary."""
+    if not safety["tripped"]:
+        return None
+    side, _, joint = safety["place"].partition(" ")
+    return Trip(
+        round(safety["time_s"] / TICK),
+        TripCause(safety["cause"]),
+        Side(side) if joint else None,
+        JointName(joint) if joint in list(JointName) else None,
+    )

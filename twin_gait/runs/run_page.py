@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,21 +12,19 @@ import pandas as pd
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
-from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
-from twin_gait.measures.outcome import RunEvent
+from twin_gait.measures.outcome import RunEvent, held_from
 from twin_gait.parameters import Patient
 from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
-from twin_gait.viewer.motion import frame_rate, held_rows, phase_changes
+from twin_gait.viewer.motion import frame_rate, phase_changes
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import Setting
 from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import Surroundings
-
-MOST_RUNS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,32 +47,25 @@ class ShownRun:
         return float(self.log["time_s"].iloc[-1] - self.log["time_s"].iloc[0])
 
 
-def shown_run(run: Run, summary: Mapping[str, Any]) -> ShownRun:
-    """A run that has just been made, as its page shows it."""
-    name, outcome = f"twin_gait · {run.experiment.name}", run.verdict.outcome or run.status
-    return with_walk(ShownRun(name, run.experiment, run.log, (), run.events, outcome), summary)
-
-
-def with_walk(shown: ShownRun, summary: Mapping[str, Any]) -> ShownRun:
-    """A run that shows its measures too, and says who carries it, from its summary."""
-    said = tuple(filter(None, (carried_by_belt(summary),)))
-    walk, network = table_of_walk(summary), table_of_network(summary)
-    return replace(shown, notes=(*shown.notes, *said), walk=walk, network=network)
+def shown_run(run: Run, summary: Mapping[str, Any], *, name: str = "", notes: Sequence[str] = ()) -> ShownRun:
+    """A run as its page shows it, with its measures and who carries it from its summary."""
+    return ShownRun(
+        f"twin_gait · {name or run.experiment.name}",
+        run.experiment,
+        run.log,
+        notes=tuple(filter(None, (*notes, carried_by_belt(summary)))),
+        events=run.events,
+        outcome=run.verdict.outcome or run.status,
+        walk=table_of_walk(summary),
+        network=table_of_network(summary),
+    )
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
     """The page of one run, or of two beside each other, their frames at the same ``moments`` in [s]."""
-    if not 1 <= len(runs) <= MOST_RUNS:
-        raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")
-    wanted = np.unique(
-        np.concatenate(
-            [
-                np.asarray(moments, dtype=float),
-                *(phase_changes(run.log) for run in runs),
-                *([event.time for event in run.events] for run in runs),
-            ]
-        )
-    )
+    changes = (phase_changes(run.log) for run in runs)
+    events = ([event.time for event in run.events] for run in runs)
+    wanted = np.unique(np.concatenate([np.asarray(moments, dtype=float), *changes, *events]))
     rate = min(frame_rate(run.duration) for run in runs)
     return recorded_page([_entry(run, rate, wanted.tolist()) for run in runs])
 
@@ -87,7 +78,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             run.experiment.build_world().model,
             title=run.name,
             subtitle=describe(run.experiment.patient, belt),
-            belt_speed=belt_motion_of(run.experiment, run.log),
+            belt_speed=belt_motion_of(run.experiment, held_from(run.events)),
             frames_per_second=frames_per_second,
             moments=moments,
             notes=run.notes,
@@ -124,22 +115,15 @@ def setting_of(experiment: Experiment) -> Setting:
 
 def modes_of(experiment: Experiment) -> Sequence[str]:
     """Names of the operating modes in the order of their codes, or nothing."""
-    modes = getattr(experiment, "modes", None)
-    return () if modes is None else tuple(modes.phases)
+    return () if experiment.modes is None else tuple(experiment.modes.phases)
 
 
-def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
-    """How the belt moved in a run, as the viewer takes it."""
-    walking, tripped = experiment.scenario.walking, trip_time_of(log)
-    if walking is not None and (walking.belt.ramp > 0.0 or math.isfinite(tripped)):
-        return partial(walking.belt_travel, trip_time=tripped)
+def belt_motion_of(experiment: Experiment, trip_time: float | None) -> Belt:
+    """How the belt moved in a run that tripped at a time in [s], or did not, as the viewer takes it."""
+    walking = experiment.scenario.walking
+    if walking is not None and (walking.belt.ramp > 0.0 or trip_time is not None):
+        return partial(walking.belt_travel, trip_time=math.inf if trip_time is None else trip_time)
     return belt_speed_of(experiment)
-
-
-def trip_time_of(log: pd.DataFrame) -> float:
-    """Time of the trip in a log in [s]; infinite without one, and in logs of earlier versions."""
-    held = np.flatnonzero(held_rows(log))
-    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:
@@ -158,21 +142,16 @@ def read_shown_run(directory: Path) -> ShownRun:
     A URDF that has changed since the run forbids to run it again, but not to look at it: the page says so.
     """
     directory = Path(directory).expanduser()
-    name = f"twin_gait · {directory.absolute().name}"
+    notes: tuple[str, ...] = ()
     try:
-        notes: tuple[str, ...] = ()
-        stored = load_run(directory)
+        run, summary = load_run(directory)
     except ParameterFileError as error:
         if error.key != _URDF_KEY:
             raise
-        stored, notes = read_run(directory, _as_it_is_now(directory)), (_URDF_NOTE,)
-    shown = ShownRun(name, stored.experiment, stored.log, notes, stored.events, stored.outcome)
-    if "time_s" not in shown.log.columns or shown.log.empty:
+        path = directory / EXPERIMENT_FILE
+        document = {key: value for key, value in read_yaml(path).items() if key != "provenance"}
+        run, summary = read_run(directory, experiment_from_mapping(document, str(path), directory))
+        notes = (_URDF_NOTE,)
+    if run.log.empty:
         raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
-    return with_walk(shown, stored.summary)
-
-
-def _as_it_is_now(directory: Path) -> Experiment:
-    path = directory / EXPERIMENT_FILE
-    data = {key: value for key, value in read_yaml(path).items() if key != "provenance"}
-    return experiment_from_mapping(data, str(path), directory)
+    return shown_run(run, summary, name=directory.absolute().name, notes=notes)

@@ -4,7 +4,7 @@ import math
 import platform
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -12,21 +12,18 @@ import numpy as np
 import pandas as pd
 
 import twin_gait
-from twin_gait.files import finite_or_none
+from twin_gait.files import plain
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
-from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import summary_of_traffic, with_units
 from twin_gait.runs.leg_summary import (
-    blend_lengths,
     reference_error,
     side_in_brief,
     summarise_side,
-    switches_of,
 )
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -38,18 +35,14 @@ NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "nu
 SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
 
 
-@lru_cache(maxsize=1)
-def _versions() -> Mapping[str, str]:
+@cache
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries that the numbers rest on."""
     return {
         "twin_gait": twin_gait.__version__,
         "python": platform.python_version(),
         **{name: metadata.version(package) for name, package in NUMERIC_LIBRARIES.items()},
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that the numbers rest on."""
-    return dict(_versions())
 
 
 def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
@@ -59,7 +52,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     """
     walk = run.walk_measures(skip=skip_strides)
     sides = {
-        str(side): summarise_side(run, side, skip_strides, measures=walk.get(side)) for side in run.sides
+        str(record.side): summarise_side(run, record, skip_strides, walk.get(record.side))
+        for record in run.leg_records()
     }
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
@@ -80,7 +74,6 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         **_walk(run, skip_strides),
         "symmetry": _symmetry(sides),
         **_battery(run),
-        "largest_torque_jump": _largest_torque_jump(run),
         "safety": _safety(run),
         **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
         **_guide(run),
@@ -88,8 +81,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         **interaction_summary(run, skip_strides),
         **_energy(run),
     }
-    plain: dict[str, Any] = _plain(summary)
-    return plain
+    found: dict[str, Any] = plain(summary)
+    return found
 
 
 # Ends of the names of the columns of a log that a summary in brief reads, beside time and phases.
@@ -110,7 +103,7 @@ READ_IN_BRIEF = (
 
 def summarise_in_brief(run: Run) -> dict[str, Any]:
     """What a table of many runs holds of :func:`summarise`; needs no columns but ``READ_IN_BRIEF``."""
-    plain: dict[str, Any] = _plain(
+    found: dict[str, Any] = plain(
         {
             "seed": run.experiment.seed,
             "duration_s": run.duration,
@@ -122,20 +115,7 @@ def summarise_in_brief(run: Run) -> dict[str, Any]:
             **_energy(run),
         }
     )
-    return plain
-
-
-def _plain(value: Any) -> Any:
-    """Turn numpy numbers and names into Python's own and what is not finite into None."""
-    if isinstance(value, (float, np.floating)):
-        return finite_or_none(float(value))
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    return value if value is None else str(value)
+    return found
 
 
 def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:
@@ -179,53 +159,14 @@ def _battery(run: Run) -> dict[str, float]:
     }
 
 
-def _largest_torque_jump(run: Run) -> dict[str, Any] | None:
-    """Largest change of a motor command within the tick of a switch, and where; None without switches.
-
-    A blend begins from the old parameters, so that only a table without one jumps in that very tick.
-    ``in_one_tick_Nm`` is the largest change from any tick to the next until the end of the blend,
-    ``over_blending_Nm`` the largest from before the switch.
-    """
-    largest: dict[str, Any] | None = None
-    over_blending = in_one_tick = 0.0
-    for side in run.sides:
-        switches = switches_of(run, side)
-        if not switches:
-            continue
-        ticks = blend_lengths(run, switches)
-        starts = np.array([item.tick for item in switches])
-        windows = blend_windows(starts, ticks, len(run.log))
-        for joint in run.table.joints:
-            command = run.log[f"{side}_{joint}_motor_command_torque_Nm"].to_numpy()
-            change = effort.changes_at_switches(command, starts, ticks)
-            over_blending = max(over_blending, float(change.over_blending.max()))
-            in_one_tick = max(in_one_tick, float(torque_jumps(command, windows).max()))
-            place = int(np.argmax(change.at_switch))
-            if largest is None or change.at_switch[place] > largest["at_switch_Nm"]:
-                switch = switches[place]
-                largest = {
-                    "at_switch_Nm": float(change.at_switch[place]),
-                    "side": str(side),
-                    "joint": joint,
-                    "time_s": switch.time,
-                    "from": switch.source,
-                    "to": switch.target,
-                }
-    if largest is None:
-        return None
-    return {**largest, "in_one_tick_Nm": in_one_tick, "over_blending_Nm": over_blending}
-
-
 def _guide(run: Run) -> dict[str, float]:
     """Range of the wrench of the pelvis guide; nothing on the bench."""
     if "guide_force_N" not in run.log or len(run.log) == 0:
         return {}
-    force, moment = run.log["guide_force_N"], run.log["guide_moment_Nm"]
     return {
-        "guide_force_lowest_N": float(force.min()),
-        "guide_force_highest_N": float(force.max()),
-        "guide_moment_lowest_Nm": float(moment.min()),
-        "guide_moment_highest_Nm": float(moment.max()),
+        f"guide_{name}_{end}_{unit}": float(value)
+        for name, unit in (("force", "N"), ("moment", "Nm"))
+        for end, value in run.log[f"guide_{name}_{unit}"].agg(lowest="min", highest="max").items()
     }
 
 
@@ -259,39 +200,39 @@ def interaction_summary(
     """What device and wearer do to each other, and how far they move apart."""
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
-    columns = (f"{side}_{joint}_{BRACE_COLUMNS[-1]}" for side in run.sides for joint in JointName)
-    joints = [name.removesuffix(f"_{BRACE_COLUMNS[-1]}") for name in columns if name in run.log]
-    found = {name: _brace(run.log, name) for name in joints}
+    angle, *_, torque = BRACE_COLUMNS
+    found = {
+        f"{side}_{joint}": _brace(
+            run.log, f"{side}_{joint}_{torque}", f"{side}_{joint}_angle_rad", f"{side}_{joint}_{angle}"
+        )
+        for side in run.sides
+        for joint in JointName
+        if f"{side}_{joint}_{torque}" in run.log
+    }
+    interaction = {
+        name: {
+            "torque_rms_Nm": rms,
+            "torque_peak_Nm": peak,
+            "motion_peak_deg": math.degrees(apart),
+        }
+        for name, (rms, peak, apart) in found.items()
+    }
     for side in run.sides:
         device = run.leg_record(side, device=True)
-        for joint in device.angles:
-            error = reference_error(run, device, joint, device.strides(skip=skip_strides))
-            found[f"{side}_{joint}"]["rmse_of_device_deg"] = error
-    return {"interaction": found | _pelvis_brace(run.log)}
+        for joint, angles in device.angles.items():
+            error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
+            interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
+    height, _, force = PELVIS_BRACE_COLUMNS
+    if force in run.log:
+        rms, peak, apart = _brace(run.log, force, "pelvis_height_m", height)
+        interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}
+    return {"interaction": interaction}
 
 
-def _brace(log: pd.DataFrame, name: str) -> dict[str, float]:
-    torque = log[f"{name}_{BRACE_COLUMNS[-1]}"].to_numpy()
-    apart = (log[f"{name}_angle_rad"] - log[f"{name}_{BRACE_COLUMNS[0]}"]).to_numpy()
-    return {
-        "torque_rms_Nm": effort.root_mean_square(torque),
-        "torque_peak_Nm": float(np.abs(torque).max()),
-        "motion_peak_deg": math.degrees(float(np.abs(apart).max())),
-    }
-
-
-def _pelvis_brace(log: pd.DataFrame) -> dict[str, dict[str, float]]:
-    height, _, brace = PELVIS_BRACE_COLUMNS
-    if brace not in log:
-        return {}
-    force = log[brace].to_numpy()
-    apart = (log["pelvis_height_m"] - log[height]).to_numpy()
-    numbers = {
-        "force_rms_N": effort.root_mean_square(force),
-        "force_peak_N": float(np.abs(force).max()),
-        "motion_peak_mm": 1e3 * float(np.abs(apart).max()),
-    }
-    return {"pelvis": numbers}
+def _brace(log: pd.DataFrame, load: str, device: str, wearer: str) -> tuple[float, float, float]:
+    """RMS and peak of the load of a brace, and how far its two ends come apart; arguments are columns."""
+    values, apart = log[load].to_numpy(), (log[device] - log[wearer]).to_numpy()
+    return effort.root_mean_square(values), float(np.abs(values).max()), float(np.abs(apart).max())
 
 
 def crutch_summary(run: Run) -> dict[str, Any]:
@@ -305,8 +246,7 @@ def crutch_summary(run: Run) -> dict[str, Any]:
     way = float(log["pelvis_forward_m"].iloc[-1] - log["pelvis_forward_m"].iloc[0])
     lean = log[TRUNK_PITCH]
     energy = float(log["battery_power_W"].sum()) * TICK
-    uses = {side: crutch_use(log, side, TICK, run.body_weight) for side in run.sides}
-    arms = {str(side): _in_words(use.__dict__) for side, use in uses.items() if use is not None}
+    uses = {str(side): crutch_use(log, side, TICK, run.body_weight) for side in run.sides}
     return {
         "free_trunk": {
             "distance_m": way,
@@ -314,15 +254,10 @@ def crutch_summary(run: Run) -> dict[str, Any]:
             "lean_lowest_deg": math.degrees(float(lean.min())),
             "lean_highest_deg": math.degrees(float(lean.max())),
             "battery_energy_per_metre_J": energy / way if way > 0.0 else None,
-            "arms": arms,
+            "arms": {side: use for side, use in uses.items() if use is not None},
             "without_arms": _without_arms(run),
         }
     }
-
-
-def _in_words(use: dict[str, float]) -> dict[str, float]:
-    units = {"impulse": "Ns", "push_peak": "N", "moment_peak": "Nm", "work_done": "J", "work_taken": "J"}
-    return {f"{name}_{units[name]}" if name in units else name: value for name, value in use.items()}
 
 
 def _without_arms(run: Run) -> dict[str, Any] | None:

@@ -13,10 +13,10 @@ from .fault_campaign import fault_row as fault_row
 from .fault_campaign import outcome_table as outcome_table
 from .fault_campaign import simulate_faults as simulate_faults
 from .jobs import JobFailed as JobFailed
-from .jobs import Workers as Workers
 from .jobs import run_jobs as run_jobs
 from .sweep.spec import load_sweep as load_sweep
 from .sweep.sweep import run_sweep as run_sweep
 from .tune.parts import rate_walk as rate_walk
 from .tune.tune import tuned_table as tuned_table
+from .workers import Workers as Workers
 from .workers import WorkersLost as WorkersLost

@@ -32,7 +32,9 @@ def step_error(
     names = [f"{side}_{joint}_angle_rad" for side in run.sides for joint in run.experiment.joints]
     common = min(len(run.log), len(reference.log))
     difference = np.abs(run.log[names].to_numpy()[:common] - reference.log[names].to_numpy()[:common])
-    same = _ticks_with_equal_phases(run, reference, common)
+    phases = [f"{side}_phase" for side in run.sides]
+    differ = (run.log[phases][:common] != reference.log[phases][:common]).any(axis=1).to_numpy()
+    same = max(1, int(np.argmax(differ)) if differ.any() else common)
     return {
         "step_s": integration.step,
         "reference_step_s": fine.step,
@@ -42,14 +44,3 @@ def step_error(
         "same_phase_order": [(item.side, item.target) for item in run.switches]
         == [(item.side, item.target) for item in reference.switches],
     }
-
-
-def _ticks_with_equal_phases(run: Run, reference: Run, common: int) -> int:
-    """Ticks until a leg first is in different phases in the two runs."""
-    for side in run.sides:
-        ours = run.log[f"{side}_phase"].cat.codes.to_numpy()[:common]
-        theirs = reference.log[f"{side}_phase"].cat.codes.to_numpy()[:common]
-        different = np.flatnonzero(ours != theirs)
-        if len(different):
-            common = min(common, int(different[0]))
-    return max(common, 1)

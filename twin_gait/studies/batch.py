@@ -25,8 +25,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise_in_brief
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.together import EpisodeFailed, block_size, compile_ahead, simulate_together
-from twin_gait.studies.jobs import JobFailed, Watch, Workers, run_blocks
-from twin_gait.studies.workers import Item, Result
+from twin_gait.studies.jobs import JobFailed, Watch, run_blocks
+from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
 
 
@@ -39,6 +39,7 @@ def run_episodes(
     block: int | None = None,
     workers: int | Workers = 1,
     on_compile: Callable[[], None] | None = None,
+    keep: Callable[[dict[int, Result], str], None] | None = None,
     **watch: Unpack[Watch],
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; a log lives no longer than that.
@@ -53,20 +54,20 @@ def run_episodes(
             :func:`~twin_gait.simulation.together.simulate_together` takes it; everything by default.
         block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
         on_compile: Called if the engine has to be compiled first, which the workers then need not do.
+        keep: Takes the results as they come, see :func:`twin_gait.studies.jobs.run_blocks`.
     """
     if block is None:
-        block = block_ahead(lambda: experiment_of(items[0]), len(items), on_compile) if items else 1
-    walk = partial(measured, experiment_of, measure, columns)
-    return run_blocks(walk, items, block=block, workers=workers, **watch)
+        block = _block_ahead(experiment_of, items, on_compile)
+    walk = partial(_measured, experiment_of, measure, columns)
+    return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
 
 
-def measured(
+def _measured(
     experiment_of: Callable[[Item], Experiment],
     measure: Callable[[Run], Result],
     columns: tuple[str, ...] | None,
     items: Sequence[Item],
 ) -> Iterator[tuple[int, Result]]:
-    """Position and measures of the episodes of a block, as :func:`twin_gait.studies.jobs.run_blocks` asks."""
     try:
         for place, run in simulate_together(map(experiment_of, items), columns=columns):
             yield place, measure(run)
@@ -74,19 +75,20 @@ def measured(
         raise JobFailed(error.index, error.problem) from error
 
 
-def block_ahead(
-    first: Callable[[], Experiment], total: int, on_compile: Callable[[], None] | None = None
+def _block_ahead(
+    experiment_of: Callable[[Item], Experiment],
+    items: Sequence[Item],
+    on_compile: Callable[[], None] | None,
 ) -> int:
-    """Compile for ``total`` episodes before others need it, and tell how many of them to hand over at a time.
-
-    ``first`` makes the experiment of one; a mistake in it is told when its turn comes.
-    """
-    try:
-        experiment = first()
-    except TwinGaitError:
+    """Compile before the workers need it, and tell how many episodes to hand over at a time."""
+    if not items:
         return 1
-    compile_ahead(experiment, total, on_compile)
-    return block_size(experiment, total)
+    try:
+        experiment = experiment_of(items[0])
+    except TwinGaitError:  # a mistake is told when its turn comes
+        return 1
+    compile_ahead(experiment, len(items), on_compile)
+    return block_size(experiment, len(items))
 
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
@@ -143,27 +145,24 @@ def simulate_batch(
     the order in which they finish. With several workers a script must guard its own code, see
     :func:`twin_gait.studies.run_jobs`, which also says what ``watch`` is.
 
-    Raises WorkersLost if worker processes die again and again with the same episode. Raises
+    Raises WorkersLost if a worker process dies. Raises
     ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
     ParameterError if the workers make no sense.
     """
-    base, episodes = Base.of(experiment), list(enumerate(overrides))
-    for episode in episodes:
-        _experiment_of(base, episode)
+    base = Base.of(experiment)
+    for index, override in enumerate(overrides):
+        base.changed(override, f"episode {index}")
     try:
-        experiment_of = partial(_experiment_of, base)
         rows = run_episodes(
-            experiment_of, flat_summary, episodes, columns=READ_IN_BRIEF, workers=workers, **watch
+            base.changed, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
         )
     except JobFailed as error:
         raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
     status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
     names = setting_columns(key for row in overrides for key in row)
-    changes = [
-        {"episode": index, **{names[key]: value for key, value in overrides[index].items()}}
-        for index in range(len(rows))
-    ]
-    settings = pd.DataFrame(changes, columns=["episode", *names.values()]).astype({"episode": int})
+    changes = [{names[key]: value for key, value in row.items()} for row in overrides[: len(rows)]]
+    settings = pd.DataFrame(changes, columns=list(names.values()), index=range(len(rows)))
+    settings.insert(0, "episode", range(len(rows)))
     return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
 
 
@@ -178,7 +177,7 @@ class Base(NamedTuple):
         """Write the document of an experiment."""
         return cls(experiment, experiment_document(experiment))
 
-    def changed(self, override: Override, source: str) -> Experiment:
+    def changed(self, override: Override, source: str = "override") -> Experiment:
         """See :func:`overridden`."""
         document = self.document
         for key, value in override.items():
@@ -216,10 +215,6 @@ def flat_summary(run: Run) -> Flat:
         for joint, effort in values["joints"].items():
             flat |= {f"{side}_{joint}_{name}": effort[name] for name in _JOINT}
     return flat
-
-
-def _experiment_of(base: Base, episode: tuple[int, Override]) -> Experiment:
-    return base.changed(episode[1], f"episode {episode[0]}")
 
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:

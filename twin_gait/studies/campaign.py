@@ -1,22 +1,22 @@
 """The testing campaign of the thesis (section 2.2.3) on the simulated joint bench, and the one it lacked."""
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 
 from twin_gait import __version__
-from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import finite_or_none, write_atomically
+from twin_gait.files import write_atomically, write_json
 from twin_gait.parameters import quantities
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.simulation.bench_joint import LOG_COLUMNS, BenchRun, BenchVariation, simulate_bench
 from twin_gait.simulation.run import RunStatus
+from twin_gait.studies.jobs import Watch, run_jobs
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_joint import (
     BENCH_FRICTION,
@@ -201,56 +201,39 @@ def run_campaign(
     campaign: Campaign,
     directory: Path,
     *,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
+    **watch: Unpack[Watch],
 ) -> CampaignResult:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
     Raises RunDirectoryError if the folder exists or cannot be written.
     """
-    if directory.exists():
-        raise RunDirectoryError(f"{directory}: exists; choose another --out")
-    plans, lines, status = planned_tests(campaign), list[dict[str, Any]](), RunStatus.COMPLETED
+    plans = planned_tests(campaign)
     with staged_directory(directory, CAMPAIGN) as staging:
-        for done, plan in enumerate(plans, start=1):
-            if should_stop is not None and should_stop():
-                status = RunStatus.INTERRUPTED
-                break
-            noise, variation = plan.noise_seed, plan.variation
-            run = simulate_bench(plan.test, seed=noise, variation=variation, on_compile=on_compile)
-            header = {
-                "joint": str(campaign.joint), "protocol": str(campaign.protocol), "mass_kg": f"{plan.mass:g}",
-                "test": plan.number, **{name: f"{value:g}" for name, value in plan.settings.items()},
-                "campaign_seed": campaign.seed,
-            }  # fmt: skip
-            write_atomically(staging / plan.name, log_text(run, header))
-            lines.append(_line(plan, run))
-            if progress is not None:
-                progress(done, len(plans))
+        lines = run_jobs(partial(_perform, campaign, staging, on_compile), plans, **watch)
+        status = RunStatus.COMPLETED if len(lines) == len(plans) else RunStatus.INTERRUPTED
         document = {
-            "synthetic": True, "twin_gait_version": __version__, "joint": str(campaign.joint),
-            "protocol": str(campaign.protocol), "seed": campaign.seed, "status": str(status),
-            "columns": list(LOG_COLUMNS), "bench": asdict(campaign.plain_bench()), "spread": SPREAD,
+            "synthetic": True, "twin_gait_version": __version__, "joint": campaign.joint,
+            "protocol": campaign.protocol, "seed": campaign.seed, "status": status,
+            "columns": LOG_COLUMNS, "bench": asdict(campaign.plain_bench()), "spread": SPREAD,
             "tests": lines,
         }  # fmt: skip
-        text = json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False)
-        write_atomically(staging / SETTINGS_FILE, text + "\n")
+        write_json(staging / SETTINGS_FILE, document)
     return CampaignResult(directory, status, tuple(lines))
 
 
-def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False) -> str:
-    """A log as text: comments, column names with units, one row per millisecond.
-
-    The header's lines ``# name: value`` stand under the one that says that the data are synthetic; ``truth``
-    also gives the columns that no bench can see.
-    """
-    first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
-    lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
-    return "\n".join(lines) + "\n" + run.log(truth=truth).to_csv(index=False, float_format=_DIGITS)
-
-
-def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
+def _perform(
+    campaign: Campaign, folder: Path, on_compile: Callable[[], None] | None, plan: PlannedTest
+) -> dict[str, Any]:
+    """Simulate a test and write its log; its line of ``campaign.json``."""
+    noise, variation = plan.noise_seed, plan.variation
+    run = simulate_bench(plan.test, seed=noise, variation=variation, on_compile=on_compile)
+    header = {
+        "joint": str(campaign.joint), "protocol": str(campaign.protocol), "mass_kg": f"{plan.mass:g}",
+        "test": plan.number, **{name: f"{value:g}" for name, value in plan.settings.items()},
+        "campaign_seed": campaign.seed,
+    }  # fmt: skip
+    write_atomically(folder / plan.name, log_text(run, header))
     velocity = run.column("motor_velocity_rad_per_s")
     return {
         "file": plan.name,
@@ -267,6 +250,17 @@ def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
     }
 
 
+def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False) -> str:
+    """A log as text: comments, column names with units, one row per millisecond.
+
+    The header's lines ``# name: value`` stand under the one that says that the data are synthetic; ``truth``
+    also gives the columns that no bench can see.
+    """
+    first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
+    lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
+    return "\n".join(lines) + "\n" + run.log(truth=truth).to_csv(index=False, float_format=_DIGITS)
+
+
 def summarise(run: BenchRun) -> dict[str, float | None]:
     """Times in [s] when the joint had moved by 1° and reached the stop, or None; RMSE of current in [A]."""
     angle = run.column("link_angle_rad")
@@ -280,12 +274,3 @@ def summarise(run: BenchRun) -> dict[str, float | None]:
 
 def _first(mask: np.ndarray) -> float | None:
     return round(float(np.argmax(mask)) * 1e-3, 3) if mask.any() else None
-
-
-def _finite(value: Any) -> Any:
-    """Infinite numbers have no JSON; they become null."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return finite_or_none(value) if isinstance(value, float) else value

@@ -14,7 +14,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Watch, Workers
+from twin_gait.studies.jobs import JobFailed, Watch
+from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind
 

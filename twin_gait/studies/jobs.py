@@ -6,20 +6,17 @@ Sweeps, tuning, batches, fault campaigns and the studies of the gallery all use 
 from __future__ import annotations
 
 import hashlib
-import itertools
 import threading
-import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, nullcontext
 from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import twin_gait
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.parameters import require
-from twin_gait.studies.workers import ClusterWorkers, Item, Processes, Result, WorkersLost, connected
+from twin_gait.studies.workers import Item, Result, Workers, WorkersLost
 
 # Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
 # script that makes the meshes, in urdf; a checkout keeps it outside of the package.
@@ -56,59 +53,10 @@ class JobFailed(TwinGaitError):
         super().__init__(f"job {index}: {problem}")
 
 
-class Portion(NamedTuple, Generic[Result]):
-    """Results of a block of items."""
-
-    results: dict[int, Result]  # by index of the item
+class _Portion(NamedTuple):
+    results: dict[int, Any]  # of a block, by index of the item
     problem: tuple[int, str] | None  # index and message of the job that failed, after which the block ended
-    wall_s: float  # how long it took in [s]
     processor: str  # its type as the compiler has it: the same name, the same last bits
-
-
-class Workers:
-    """Processes of this machine, or the workers of a Dask cluster, for several calls of :func:`run_jobs`.
-
-    A context manager; processes start with the first job and end with the context. Workers do not outlive a
-    parent that is killed. One process is the calling one.
-
-    ``workers``: processes of this machine. ``cluster``: address of a Dask scheduler such as
-    ``tcp://127.0.0.1:8786``, in place of processes. Raises ParameterError if the workers are below 1, or on
-    entry if there is no scheduler at the address. Raises MissingOptionalDependency: on entry, if
-    dask.distributed is not installed. Raises WorkersLost: on entry, if the cluster has no workers.
-    """
-
-    def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
-        """Choose who works; nothing is started."""
-        require(workers >= 1, "workers", "1 or more", workers)
-        self._cluster = cluster
-        self._runner: Processes | ClusterWorkers = Processes(workers)
-        self._connection: AbstractContextManager[Any] = nullcontext()
-
-    def __enter__(self) -> Workers:
-        if self._cluster is not None:
-            self._connection = connected(self._cluster)
-            self._runner = self._connection.__enter__()
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        if isinstance(self._runner, Processes):
-            self._runner.end()
-        self._connection.__exit__(*exception)
-
-    @property
-    def local(self) -> bool:
-        """Whether they are processes of this machine."""
-        return isinstance(self._runner, Processes)
-
-    def slots(self) -> int:
-        """How many jobs run at a time; workers of a cluster may come and go."""
-        return self._runner.slots()
-
-    def as_they_come(
-        self, function: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Generator[Result, None, None]:
-        """Results in the order in which they come; items are taken one by one when there is room."""
-        return self._runner.run(function, items)
 
 
 def run_jobs(
@@ -122,9 +70,9 @@ def run_jobs(
 
     The results do not depend on the workers. With several, the function must belong to a module that they can
     import (``functools.partial`` of one will do), items and results must be picklable, and a script must
-    guard its own code by ``if __name__ == "__main__":``, because every worker imports it. Items under way
-    when a worker dies are done again by others. Ctrl-C ends the workers and raises ``KeyboardInterrupt``;
-    to keep what is done use ``should_stop``.
+    guard its own code by ``if __name__ == "__main__":``, because every worker imports it. What a lost worker
+    of a cluster had under way is done again by others. Ctrl-C ends the workers and raises
+    ``KeyboardInterrupt``; to keep what is done use ``should_stop``.
 
     Args:
         function: The function.
@@ -138,9 +86,9 @@ def run_jobs(
     Raises:
         JobFailed: If a call raised an error of this package, telling which.
         ParameterError: If the workers are below 1.
-        WorkersLost: If workers die again and again with the same item, or the cluster is lost.
+        WorkersLost: If a process dies, or the cluster is lost.
     """
-    return run_blocks(partial(one_by_one, function), items, block=1, workers=workers, **watch)
+    return run_blocks(partial(_one_by_one, function), items, block=1, workers=workers, **watch)
 
 
 def run_blocks(
@@ -149,55 +97,40 @@ def run_blocks(
     *,
     block: int,
     workers: int | Workers = 1,
+    keep: Callable[[dict[int, Result], str], None] | None = None,
     **watch: Unpack[Watch],
 ) -> list[Result]:
     """:func:`run_jobs` with a function of up to ``block`` items at once.
 
     It gives position among them and result of each, in any order, and raises :class:`JobFailed` with the
-    position of an item that failed.
+    position of an item that failed. ``keep`` takes the results of a block as they come, by index of the item,
+    also those before a failure, and the type of the processor that made them; then none are returned.
     """
-    total, stop = len(items), watch.get("should_stop")
+    total, done = len(items), 0
     tell = watch.get("progress") or (lambda done, total: None)
-    done: dict[int, Result] = {}
-    with (
-        nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own,
-        closing(portions(function, items, total, own, block=block, should_stop=stop)) as coming,
-    ):
-        for portion in coming:
-            done |= portion.results
-            if portion.problem:
-                raise JobFailed(*portion.problem)
-            tell(len(done), total)
-    return [done[index] for index in range(len(done))]
+    results: dict[int, Result] = {}
+    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
+        chunks = _chunks(items, even_size(total, block, own.slots()), watch.get("should_stop"))
+        with closing(own.as_they_come(partial(_do, function, sources_hash()), chunks)) as coming:
+            for portion in coming:
+                if keep is None:
+                    results |= portion.results
+                else:
+                    keep(portion.results, portion.processor)
+                if portion.problem:
+                    raise JobFailed(*portion.problem)
+                done += len(portion.results)
+                tell(done, total)
+    return [results[index] for index in range(len(results))]
 
 
-def one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
+def _one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
     """A function of one item as :func:`run_blocks` takes it."""
     for place, item in enumerate(items):
         try:
             yield place, function(item)
         except TwinGaitError as error:
             raise JobFailed(place, str(error)) from error
-
-
-def portions(
-    function: BlockFunction[Item, Result],
-    items: Iterable[Item],
-    total: int,
-    workers: Workers,
-    *,
-    block: int = 1,
-    should_stop: Stop | None = None,
-) -> Generator[Portion[Result], None, None]:
-    """Results block by block, in the order in which they come, for a caller that keeps them as they come.
-
-    Items are taken when there is room, up to ``block`` at a time. A portion with a problem is not the last
-    unless the caller leaves.
-
-    Raises WorkersLost: as in :func:`run_jobs`, or if a worker has other sources.
-    """
-    chunks = _chunks(items, total, even_size(total, block, workers.slots()), should_stop)
-    return workers.as_they_come(partial(_do, function, sources_hash()), chunks)
 
 
 def even_size(total: int, block: int, slots: int) -> int:
@@ -211,34 +144,29 @@ class _Chunk(NamedTuple):
     first: int
     items: tuple[Any, ...]
 
-    def __str__(self) -> str:
-        ends = dict.fromkeys(str(item)[:100] for item in (self.items[0], self.items[-1]))
-        return " to ".join(ends)
 
-
-def _chunks(items: Iterable[Any], total: int, size: int, should_stop: Stop | None) -> Iterator[_Chunk]:
-    waiting = iter(items)
-    for first in range(0, total, size):
+def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[_Chunk]:
+    """Items are taken when there is room for them: a sequence may make them one by one."""
+    for first in range(0, len(items), size):
         if should_stop is not None and should_stop():
             return
-        yield _Chunk(first, tuple(itertools.islice(waiting, size)))
+        last = min(first + size, len(items))
+        yield _Chunk(first, tuple(items[place] for place in range(first, last)))
 
 
-def _do(function: BlockFunction[Any, Result], sources: str, chunk: _Chunk) -> Portion[Result]:
+def _do(function: BlockFunction[Any, Result], sources: str, chunk: _Chunk) -> _Portion:
     """Do the items of a chunk, up to the first that fails, in whatever process."""
     if sources != sources_hash():
         raise WorkersLost("a worker has another version of twin_gait; install the same everywhere")
-    results: dict[int, Result] = {}
+    results: dict[int, Any] = {}
     problem = None
     with _ONE_AT_A_TIME:
-        began = time.perf_counter()
         try:
             for place, result in function(chunk.items):
                 results[chunk.first + place] = result
         except JobFailed as error:  # a text, because not every exception can be pickled
             problem = (chunk.first + error.index, error.problem)
-        wall = time.perf_counter() - began
-    return Portion(results, problem, wall, str(import_module("llvmlite.binding").get_host_cpu_name()))
+    return _Portion(results, problem, str(import_module("llvmlite.binding").get_host_cpu_name()))
 
 
 @lru_cache(maxsize=1)

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Unpack
 
 import numpy as np
 import pandas as pd
@@ -17,8 +18,9 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.simulation import Run
-from twin_gait.simulation.together import EpisodeFailed, simulate_together
+from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.compare.measures import Measures, run_measures
+from twin_gait.studies.jobs import JobFailed, Watch
 from twin_gait.worlds.scenario import BELT_SPEED
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
@@ -128,37 +130,38 @@ def compare(
     controllers: Sequence[Controller],
     *,
     seeds: int = 1,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
+    **watch: Unpack[Watch],
 ) -> Comparison | None:
     """Run every controller on every day; all controllers meet the same days.
 
     Returns the comparison, or None if it was stopped; what cannot be compared is a ParameterError.
     """
     _check(experiment, seeds)
-    days = [varied(experiment, seed) for seed in range(seeds)]
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
-    walks = (controller.change(days[seed]) for controller, seed in asked)
-    rows: dict[int, dict[str, object]] = {}
-    nominal: dict[str, Run] = {}
+    day_of, measure = partial(_changed, experiment), partial(_measured, experiment.seed)
     try:
-        for place, run in simulate_together(walks, on_compile=on_compile, should_stop=should_stop):
-            name, seed = asked[place][0].name, asked[place][1]
-            if seed == 0:
-                nominal[name] = run
-            ending = {"status": str(run.status), "trip": ""}
-            if run.trip is not None:
-                ending["trip"] = f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
-            rows[place] = {"controller": name, "seed": seed, **ending, **run_measures(run)}
-            if progress is not None:
-                progress(len(rows), len(asked))
-    except EpisodeFailed as error:
+        found = run_episodes(day_of, measure, asked, on_compile=on_compile, **watch)
+    except JobFailed as error:
         raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
-    if len(rows) < len(asked):
+    if len(found) < len(asked):
         return None
-    table = pd.DataFrame([rows[place] for place in range(len(asked))])
+    told = [(controller.name, seed, *item) for (controller, seed), item in zip(asked, found, strict=True)]
+    table = pd.DataFrame([{"controller": name, "seed": seed, **row} for name, seed, row, _ in told])
+    nominal = {name: run for name, _, _, run in told if run is not None}
     return Comparison(experiment, tuple(controllers), seeds, table, nominal)
+
+
+def _changed(experiment: Experiment, asked: tuple[Controller, int]) -> Experiment:
+    controller, seed = asked
+    return controller.change(varied(experiment, seed))
+
+
+def _measured(nominal_seed: int, run: Run) -> tuple[dict[str, object], Run | None]:
+    """A row of the table, and the run itself if it is of the nominal day."""
+    trip = "" if run.trip is None else f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
+    row = {"status": str(run.status), "trip": trip, **run_measures(run)}
+    return row, run if run.experiment.seed == nominal_seed else None
 
 
 def _check(experiment: Experiment, seeds: int) -> None:

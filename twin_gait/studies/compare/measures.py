@@ -7,37 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.core.actuator import torque_to_current
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 from twin_gait.gait.table import TICK
-from twin_gait.measures.effort import (
-    battery_life,
-    interaction_torque,
-    load,
-    opposing_torque,
-    positive_work,
-    root_mean_square,
-    share_of_work,
-)
+from twin_gait.measures import effort, strides
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
-from twin_gait.measures.reference import WINTER_JOINTS, gait_profile_score, gait_variable_score
-from twin_gait.measures.strides import (
-    PERCENT,
-    SKIPPED_STRIDES,
-    cadence,
-    double_support_share,
-    normalise_strides,
-    step_times,
-    stride_lengths,
-    stride_times,
-    symmetry_index,
-)
+from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.walk import ground_speed
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.replay.request import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
-from twin_gait.runs.leg_summary import summarise_side
+from twin_gait.runs.leg_summary import continuous_current, summarise_side
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Outcome, Side
 
@@ -77,9 +56,9 @@ def run_measures(run: Run) -> Measures:
 
 def _leg(run: Run, side: Side) -> _Leg:
     record = run.leg_record(side)
-    strides = record.strides()
-    span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
-    return _Leg(record, strides, span, summarise_side(run, side, SKIPPED_STRIDES))
+    counted = record.strides()
+    span = slice(int(counted[0, 0]), int(counted[-1, 1])) if len(counted) else slice(0, 0)
+    return _Leg(record, counted, span, summarise_side(run, record, strides.SKIPPED_STRIDES))
 
 
 def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
@@ -87,17 +66,17 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
     assert contacts is not None and others is not None  # there is a belt
     assert record.loaded is not None and other.record.loaded is not None
     assert run.walkway is not None  # it carries a share of the weight
-    times = stride_times(leg.strides, TICK)
+    times = strides.stride_times(leg.strides, TICK)
     speed = ground_speed(run.log, leg.strides, TICK, run.walkway)
     strikes = contacts.heel_strikes[contacts.heel_strikes >= leg.span.start]
     return {
         "strides": float(len(leg.strides)),
         "stride_time_s": leg.summary["stride_time_mean_s"],
-        "cadence_per_min": cadence(times),
-        "stride_length_m": float(stride_lengths(times, speed).mean()),
-        "step_time_s": _mean(step_times(strikes, others.heel_strikes, TICK)),
+        "cadence_per_min": strides.cadence(times),
+        "stride_length_m": float(strides.stride_lengths(times, speed).mean()),
+        "step_time_s": strides.finite_mean(strides.step_times(strikes, others.heel_strikes, TICK)),
         "swing_share": leg.summary["swing_share"],
-        "double_support_share": double_support_share(record.loaded, other.record.loaded, leg.strides),
+        "double_support_share": strides.double_support_share(record.loaded, other.record.loaded, leg.strides),
         "toe_clearance_m": leg.summary["toe_clearance_least_m"],
         "scuffs": float(leg.summary["scuffs"]),
     }
@@ -115,33 +94,17 @@ def _mean_speed(run: Run) -> float:
     return walking.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
 
 
-def _mean(values: np.ndarray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else math.nan
-
-
 def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
     """Range of motion, deviation from healthy gait, smoothness."""
-    cycles = np.degrees(normalise_strides(leg.record.angles[joint], leg.strides))
+    cycles = np.degrees(strides.normalise_strides(leg.record.angles[joint], leg.strides))
     reference, known = reference_cycle(run.experiment, joint), leg.summary["joints"][joint]
-    winter = math.nan
-    if joint in WINTER_JOINTS:
-        winter = gait_variable_score(cycles, np.degrees(winter_cycle(joint)))
     koopman = math.nan if reference is None else gait_variable_score(cycles, np.degrees(reference))
     return {
         "range_of_motion_deg": known["range_of_motion_deg"],
         "gvs_koopman_deg": koopman,
-        "gvs_winter_deg": winter,
         # The logarithm is after Balasubramanian et al. (2015); nearer to 0 is smoother.
         "smoothness": -math.log(known["jerk_dimensionless"]),
     }
-
-
-def winter_cycle(joint: JointName) -> np.ndarray:
-    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``."""
-    walk = normative_walk(WINTER, strides=2)
-    angles = walk.recording.angles[Side.LEFT][str(joint)]
-    return np.asarray(np.interp(PERCENT / 100.0 * walk.cycle_time, np.arange(len(angles)) * TICK, angles))
 
 
 def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
@@ -152,15 +115,14 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
     # What acts on the wearer works on their own motion, which with braces is not that of the device.
     velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
     device = _device_torque(log, name, actuator.armature)
-    effort = voluntary_torque(run, side, joint)[span]
-    continuous = torque_to_current(actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio)
-    current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous)
+    own = voluntary_torque(run, side, joint)[span]
+    current = effort.load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current(actuator))
     return {
-        "interaction_rms_Nm": root_mean_square(device),
-        "effort_rms_Nm": root_mean_square(effort),
-        "opposing_rms_Nm": root_mean_square(opposing_torque(device, effort)),
-        "device_work_J": positive_work(device, velocity, TICK),
-        "wearer_work_J": positive_work(effort, velocity, TICK),
+        "interaction_rms_Nm": effort.root_mean_square(device),
+        "effort_rms_Nm": effort.root_mean_square(own),
+        "opposing_rms_Nm": effort.root_mean_square(effort.opposing_torque(device, own)),
+        "device_work_J": effort.positive_work(device, velocity, TICK),
+        "wearer_work_J": effort.positive_work(own, velocity, TICK),
         "assistance_level": assistance_level(run, side, joint, (span.start + span.stop) // 2),
         "current_rms_A": current.rms,
         "current_rms_share": current.continuous_share,
@@ -184,15 +146,14 @@ def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
     conditions = {item: patient.conditions.get((side, item), JointCondition()) for item in JointName}
     if conditions[joint].passive == 0.0:
         return np.zeros(len(log))
-    hip, knee, ankle = (wearer_column(log, side, item, "angle_rad") for item in JointName)
-    angles = [
-        log[name] - conditions[item].contracture
-        for name, item in ((hip, JointName.HIP), (knee, JointName.KNEE))
-    ]
+    columns = {item: wearer_column(log, side, item, "angle_rad") for item in JointName}
+    hip, knee = (
+        log[columns[item]] - conditions[item].contracture for item in (JointName.HIP, JointName.KNEE)
+    )
     if joint is JointName.HIP:
-        return np.array([passive_hip_torque(*pair) for pair in zip(*angles, strict=True)])
-    angles.append(log[ankle] if ankle in log else pd.Series(np.zeros(len(log))))
-    return np.array([passive_knee_torque(*three) for three in zip(*angles, strict=True)])
+        return np.array([*map(passive_hip_torque, hip, knee)])
+    ankle = log.get(columns[JointName.ANKLE], np.zeros(len(log)))
+    return np.array([*map(passive_knee_torque, hip, knee, ankle)])
 
 
 def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
@@ -201,7 +162,7 @@ def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.nda
         return log[f"{name}_brace_torque_Nm"].to_numpy()
     columns = ("motor_torque_Nm", "friction_torque_Nm", "velocity_rad_per_s")
     motor, friction, velocity = (log[f"{name}_{column}"].to_numpy() for column in columns)
-    return interaction_torque(motor, friction, velocity, rotor_inertia, TICK)
+    return effort.interaction_torque(motor, friction, velocity, rotor_inertia, TICK)
 
 
 def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> float:
@@ -225,7 +186,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
         settled = spell.end - spell.start > run.table.blend_ticks(phases[spell.phase])
         if spell.start >= since and settled and asked > 0.0:
             shares.append(given[spell.end - 1] / asked)
-    return _mean(np.array(shares))
+    return strides.finite_mean(np.array(shares))
 
 
 def _together(run: Run, found: Measures) -> Measures:
@@ -241,10 +202,9 @@ def _together(run: Run, found: Measures) -> Measures:
     power = float(run.log["battery_power_W"].mean())
     work = {who: sum(every(f"{who}_work_J")) for who in ("wearer", "device")}
     torques = [sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in joints) for side in run.sides]
-    known = [joint for joint in joints if joint in WINTER_JOINTS]
     rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
     ranges = {
-        f"{joint}_range_symmetry": symmetry_index(*every("range_of_motion_deg", (joint,)))
+        f"{joint}_range_symmetry": strides.symmetry_index(*every("range_of_motion_deg", (joint,)))
         for joint in reversed(joints)
     }
     return {
@@ -257,18 +217,17 @@ def _together(run: Run, found: Measures) -> Measures:
             for name in _PER_JOINT
         },
         "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
-        "gps_winter_deg": gait_profile_score(every("gvs_winter_deg", known)),
-        "step_time_symmetry": symmetry_index(*both("step_time_s")),
-        "swing_symmetry": symmetry_index(*both("swing_share")),
+        "step_time_symmetry": strides.symmetry_index(*both("step_time_s")),
+        "swing_symmetry": strides.symmetry_index(*both("swing_share")),
         **ranges,
-        "interaction_symmetry": symmetry_index(*torques),
-        **{name: root_mean_square(np.array(every(name))) for name in rms},
-        "wearer_work_share": share_of_work(work["wearer"], work["device"]),
+        "interaction_symmetry": strides.symmetry_index(*torques),
+        **{name: effort.root_mean_square(np.array(every(name))) for name in rms},
+        "wearer_work_share": effort.share_of_work(work["wearer"], work["device"]),
         "assistance_level": float(np.mean(every("assistance_level"))),
         "smoothness": float(np.mean(every("smoothness"))),
         "current_rms_share": max(every("current_rms_share")),
         "battery_power_W": power,
-        "battery_life_h": battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
+        "battery_life_h": effort.battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
         "energy_per_metre_J": power / _mean_speed(run),
     }
 

@@ -1,6 +1,5 @@
 """The folder of a comparison: one page, its figure, and the numbers as CSV and JSON."""
 
-import json
 import math
 from functools import cache
 from itertools import product
@@ -12,7 +11,7 @@ import yaml
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from twin_gait.files import finite_or_none, write_atomically
+from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.strides import normalise_strides
 from twin_gait.palette import (
     BLUE,
@@ -83,7 +82,7 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
         write_atomically(staging / PAGE_FILE, page_of(comparison, who, picture))
         table = comparison.table.to_csv(index=False, lineterminator="\n")
         write_atomically(staging / RUNS_FILE, table)
-        write_atomically(staging / SUMMARY_FILE, summary_text(comparison, who))
+        write_json(staging / SUMMARY_FILE, summary_of(comparison, who))
 
 
 def subtitle_of(comparison: Comparison, who: str) -> str:
@@ -97,10 +96,36 @@ def subtitle_of(comparison: Comparison, who: str) -> str:
 
 def conclusions(comparison: Comparison) -> list[str]:
     """What the measures say, as a few paragraphs."""
-    joints = comparison.experiment.joints
+    return paragraphs("compare.txt", _content(comparison))
+
+
+def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
+    """The report as HTML."""
+    measures = shown_measures(comparison.experiment.joints)
+    # Labels that mean the same share their explanation.
+    meanings: dict[str, list[str]] = {}
+    for item in comparison.controllers:
+        meanings.setdefault(item.explanation, []).append(item.title)
+    for shown in (shown for rows in measures.values() for shown in rows.values()):
+        meanings.setdefault(shown.meaning, []).append(shown.label)
+    content = {
+        **_content(comparison),
+        "title": "Controllers compared",
+        "subtitle": subtitle_of(comparison, who),
+        "text": conclusions(comparison),
+        "measures": measures,
+        "meanings": meanings,
+        "figure": picture,
+    }
+    return render("compare.html", content)
+
+
+def _content(comparison: Comparison) -> dict[str, Any]:
+    """What the templates ask for."""
+    joints, controllers = comparison.experiment.joints, comparison.controllers
     names = {name: shown for rows in shown_measures(joints).values() for name, shown in rows.items()}
-    walked = {item.name: comparison.walked(item.name) for item in comparison.controllers}
-    walking = [item for item in comparison.controllers if walked[item.name]]
+    walked = {item.name: comparison.walked(item.name) for item in controllers}
+    walking = [item for item in controllers if walked[item.name]]
 
     def mean(controller: Controller, number: str) -> float:
         return comparison.interval(controller.name, number).mean
@@ -109,9 +134,9 @@ def conclusions(comparison: Comparison) -> list[str]:
         ordered = sorted(walking, key=lambda item: mean(item, number))
         return ordered[0], ordered[-1]
 
-    content = {
+    return {
         "joints": joints,
-        "controllers": comparison.controllers,
+        "controllers": controllers,
         "seeds": comparison.seeds,
         "duration": comparison.experiment.duration,
         "walked": {name: count for name, count in walked.items() if count},
@@ -123,38 +148,6 @@ def conclusions(comparison: Comparison) -> list[str]:
         "shown": lambda item, number: text_of(comparison.interval(item.name, number), names[number]),
         "label": lambda number: names[number].label,
     }
-    return paragraphs("compare.txt", content)
-
-
-def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
-    """The report as HTML."""
-    measures = {
-        group: [
-            {
-                **shown._asdict(),
-                "texts": [
-                    text_of(comparison.interval(item.name, name), shown) for item in comparison.controllers
-                ],
-            }
-            for name, shown in rows.items()
-        ]
-        for group, rows in shown_measures(comparison.experiment.joints).items()
-    }
-    # Labels that mean the same share their explanation.
-    meanings: dict[str, list[str]] = {}
-    rows = [(row["meaning"], row["label"]) for group in measures.values() for row in group]
-    for meaning, label in [*((item.explanation, item.title) for item in comparison.controllers), *rows]:
-        meanings.setdefault(str(meaning), []).append(str(label))
-    content = {
-        "title": "Controllers compared",
-        "subtitle": subtitle_of(comparison, who),
-        "text": conclusions(comparison),
-        "controllers": comparison.controllers,
-        "measures": measures,
-        "meanings": meanings,
-        "figure": picture,
-    }
-    return render("compare.html", content)
 
 
 def figure_of(comparison: Comparison) -> Figure:
@@ -190,21 +183,16 @@ def figure_of(comparison: Comparison) -> Figure:
     return figure
 
 
-def summary_text(comparison: Comparison, who: str) -> str:
-    """Means, intervals and paragraphs as JSON; null where a number is not defined."""
-    rows = zip(comparison.controllers, comparison.means(), strict=True)
-    document: dict[str, Any] = {
+def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
+    """Means, intervals and paragraphs."""
+    return {
         "patient": who,
         "subtitle": subtitle_of(comparison, who),
         "seeds": comparison.seeds,
         "versions": versions(),
         "paragraphs": conclusions(comparison),
         "controllers": {
-            item.name: {
-                "walked": comparison.walked(item.name),
-                "numbers": {name: finite_or_none(value) for name, value in row.items()},
-            }
-            for item, row in rows
+            item.name: {"walked": comparison.walked(item.name), "numbers": row}
+            for item, row in zip(comparison.controllers, comparison.means(), strict=True)
         },
     }
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"

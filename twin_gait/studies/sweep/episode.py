@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,20 @@ if TYPE_CHECKING:
     from twin_gait.studies.sweep.spec import Sweep
 
 
-def episodes_of(sweep: Sweep, indices: Iterable[int]) -> Iterator[Episode]:
-    """Episodes of a sweep as jobs, one by one: a million of them at once would take memory."""
-    document = json.dumps(sweep.document["experiment"])
-    return (Episode(index, sweep.design[index], sweep.seed, document) for index in indices)
+class Episodes(Sequence["Episode"]):
+    """Episodes of a sweep as jobs, made one by one: a million of them at once would take memory."""
+
+    def __init__(self, sweep: Sweep, numbers: Sequence[int]) -> None:
+        """Take those with some numbers."""
+        self._sweep, self._numbers = sweep, numbers
+        self._document = json.dumps(sweep.document["experiment"])
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __getitem__(self, place: Any) -> Any:
+        number = self._numbers[place]
+        return Episode(number, self._sweep.design[number], self._sweep.seed, self._document)
 
 
 class Episode(NamedTuple):

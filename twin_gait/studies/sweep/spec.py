@@ -1,17 +1,19 @@
 """Sweep specifications as YAML, their base experiment, and their design: a grid, a Latin hypercube or a list.
 
-Values are kept in columns, one array per key, so that a million episodes take some tens of megabytes.
+What an episode changes is made when it is asked for, so that a million of them take no memory.
 """
+
+from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
 from twin_gait.configuration.documents import content_hash
 from twin_gait.configuration.experiment_file import experiment_from_mapping
@@ -42,8 +44,16 @@ class Range(Strict):
 
     start: Number = Field(alias="from")
     stop: Number = Field(alias="to")
-    count: Count | None = None  # values that a grid takes of it
+    count: Count | None = Field(default=None, ge=2)  # values that a grid takes of it
     scale: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _ascends(self) -> Range:
+        if self.start >= self.stop:
+            raise ValueError(f"expected from below to, got {self.start:g} and {self.stop:g}")
+        if self.scale == "log" and self.start <= 0.0:
+            raise ValueError(f"expected from above 0 on a log scale, got {self.start:g}")
+        return self
 
     def at(self, share: float) -> float:
         """Value at a share of the way; both ends are exact."""
@@ -55,15 +65,15 @@ class Range(Strict):
 
 
 Levels = Range | Sequence[Any]
-_MISSING = object()  # marks a key that a row of a list does not change
 
 
 @dataclass(frozen=True, eq=False)
 class Design(Sequence[Mapping[str, Any]]):
-    """Overrides of every episode: each point ``repetitions`` times in a row."""
+    """Overrides of every episode: each point ``repetitions`` times in a row; made when it is asked for."""
 
-    columns: Mapping[str, np.ndarray]  # values of each key, one per point
+    keys: tuple[str, ...]  # what some point overrides
     points: int
+    point: Callable[[int], Mapping[str, Any]]  # overrides of one, by its number
     repetitions: int = 1
 
     def __post_init__(self) -> None:
@@ -72,29 +82,39 @@ class Design(Sequence[Mapping[str, Any]]):
     def __len__(self) -> int:
         return self.points * self.repetitions
 
-    def __iter__(self) -> Iterator[Mapping[str, Any]]:
-        return (self[index] for index in range(len(self)))
-
     def __getitem__(self, index: Any) -> Any:
         if not 0 <= index < len(self):
             raise IndexError(index)
-        values = {key: column[index // self.repetitions] for key, column in self.columns.items()}
-        return {key: value for key, value in values.items() if value is not _MISSING}
+        return self.point(index // self.repetitions)
 
     def column(self, key: str) -> list[Any]:
         """Values of a key over all episodes; None where it is not changed."""
-        plain = [None if value is _MISSING else value for value in self.columns[key]]
-        return [value for value in plain for _ in range(self.repetitions)]
+        return [point.get(key) for point in self]
+
+
+def _check_size(episodes: int) -> None:
+    if not 1 <= episodes <= MOST_EPISODES:
+        raise ParameterError(f"expected 1 to {MOST_EPISODES} episodes, got {episodes}")
 
 
 def grid(parameters: Mapping[str, Levels], repetitions: int = 1) -> Design:
     """Every combination; the first key changes slowest."""
     levels = {key: _values(key, item) for key, item in parameters.items()}
     sizes = [len(values) for values in levels.values()]
-    _check_size(math.prod(sizes) * repetitions)
-    places = np.unravel_index(np.arange(math.prod(sizes)), sizes)
-    columns = {key: _objects(levels[key])[place] for key, place in zip(levels, places, strict=True)}
-    return Design(columns, math.prod(sizes), repetitions)
+
+    def point(number: int) -> dict[str, Any]:
+        places = np.unravel_index(number, sizes)
+        return {key: levels[key][int(place)] for key, place in zip(levels, places, strict=True)}
+
+    return Design(tuple(levels), math.prod(sizes), point, repetitions)
+
+
+def _values(key: str, item: Levels) -> Sequence[Any]:
+    if not isinstance(item, Range):
+        return item
+    if item.count is None:
+        raise ParameterError(f"{key}: expected a count of 2 or more values of the grid")
+    return [item.at(number / (item.count - 1)) for number in range(item.count)]
 
 
 def latin_hypercube(
@@ -104,46 +124,22 @@ def latin_hypercube(
     from scipy.stats import qmc  # takes longer to import than a hundred walks to check
 
     _check_size(samples * repetitions)
-    shares = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed)).random(samples)
-    columns = {
-        key: _objects([_at(key, item, share) for share in shares[:, place].tolist()])
-        for place, (key, item) in enumerate(parameters.items())
-    }
-    return Design(columns, samples, repetitions)
+    drawn = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed)).random(samples)
+
+    def point(number: int) -> dict[str, Any]:
+        shares = zip(parameters.items(), drawn[number].tolist(), strict=True)
+        return {
+            key: item.at(share) if isinstance(item, Range) else item[int(share * len(item))]
+            for (key, item), share in shares
+        }
+
+    return Design(tuple(parameters), samples, point, repetitions)
 
 
 def listed(rows: Sequence[Mapping[str, Any]], repetitions: int = 1) -> Design:
     """The rows of a list, which need not change the same keys."""
     keys = dict.fromkeys(key for row in rows for key in row)
-    columns = {key: _objects([row.get(key, _MISSING) for row in rows]) for key in keys}
-    return Design(columns, len(rows), repetitions)
-
-
-def _check_size(episodes: int) -> None:
-    if not 1 <= episodes <= MOST_EPISODES:
-        raise ParameterError(f"expected 1 to {MOST_EPISODES} episodes, got {episodes}")
-
-
-def _values(key: str, item: Levels) -> Sequence[Any]:
-    if not isinstance(item, Range):
-        return item
-    if item.count is None or item.count < 2:
-        raise ParameterError(f"{key}: expected a count of 2 or more values of the grid, got {item.count}")
-    return [_at(key, item, number / (item.count - 1)) for number in range(item.count)]
-
-
-def _at(key: str, item: Levels, share: float) -> Any:
-    if not isinstance(item, Range):
-        return item[int(share * len(item))]
-    if item.start >= item.stop or (item.scale == "log" and item.start <= 0.0):
-        expected = "from below to" if item.start >= item.stop else "from above 0 on a log scale"
-        raise ParameterError(f"{key}: expected {expected}, got {item.start:g} and {item.stop:g}")
-    return item.at(share)
-
-
-def _objects(values: Sequence[Any]) -> np.ndarray:
-    """Array of any values, lists among them left whole."""
-    return np.fromiter(values, dtype=object, count=len(values))
+    return Design(tuple(keys), len(rows), rows.__getitem__, repetitions)
 
 
 # Keys that a method needs, and those that it does not use: a key without use is a misunderstanding.

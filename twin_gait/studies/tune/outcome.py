@@ -1,41 +1,33 @@
 """The folder of a tuning: ``table.yaml``, ``tune.json``, ``report.html`` and the figures."""
 
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from twin_gait import __version__
 from twin_gait.checking.check import counts
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import write_atomically
+from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
+from twin_gait.runs.folders import FolderKind, staged_directory
+from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
-from twin_gait.studies.jobs import Watch, Workers
-from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, errors_of, part_costs
+from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import (
-    check_walker,
-    departures,
-    search_cases,
-    standing,
-    table_of,
-    walk_all,
-    walker,
-)
+from twin_gait.studies.tune.walks import check_walker, search_cases, standing, table_of, walker
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
+TUNING = FolderKind("a tuning", OUTCOME_FILE)
 _REFERENCE = "Koopman et al. (2014) at {:.3g} km/h, from foot contact to foot contact"
 # A part that changes by less than this share of its goal counts as unchanged.
 SAME = 0.05
@@ -48,60 +40,41 @@ def write_tuning(
     directory: Path,
     *,
     wearer: str,
-    workers: Workers | None = None,
-    **watch: Unpack[Watch],
-) -> dict[str, Any] | None:
-    """Choose the table, see how it degrades, and write everything beside the state, for a wearer in words.
+    force: bool = False,
+) -> dict[str, Any]:
+    """Choose the table and write everything, for a wearer in words.
 
-    Returns content of ``tune.json``; None if it was stopped before. Raises ParameterError if no table passes
-    the check.
+    Returns content of ``tune.json``. Raises ParameterError if no table passes the check. Raises
+    RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
     """
     chosen = choose(tuning, experiment)
-    table, start = final_table(chosen, experiment, wearer), tuning.before.table
-    departed = walk_departures(start, table, experiment, settings, workers or Workers(), **watch)
-    if departed is None:
-        return None
-    result = outcome(tuning, chosen, experiment, settings, wearer, departed)
-    curves = gait_curves(start, table, experiment, settings)
-    _write(directory.expanduser().absolute(), table, result, curves)
+    table = final_table(chosen, experiment, wearer)
+    result = outcome(tuning, chosen, experiment, settings, wearer)
+    curves = gait_curves(tuning.before.table, table, experiment, settings)
+    figures = draw_figures(result, curves)
+    with staged_directory(directory, TUNING, force=force) as staging:
+        (staging / FIGURES_FOLDER).mkdir()
+        for name, figure in figures.items():
+            write_atomically(staging / FIGURES_FOLDER / f"{name}.png", picture_bytes(figure))
+        write_atomically(staging / REPORT_FILE, page(result, figures))
+        write_atomically(staging / TABLE_FILE, dump_yaml(table))
+        write_json(staging / OUTCOME_FILE, result)
     return result
 
 
-def _write(
-    directory: Path, table: dict[str, Any], result: dict[str, Any], curves: dict[str, dict[str, np.ndarray]]
-) -> None:
-    folder, figures = directory / FIGURES_FOLDER, draw_figures(result, curves)
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise RunDirectoryError(f"{folder}: cannot be written ({error.strerror})") from error
-    for name, figure in figures.items():
-        write_atomically(folder / f"{name}.png", picture_bytes(figure))
-    write_atomically(directory / REPORT_FILE, page(result, figures))
-    write_atomically(directory / TABLE_FILE, dump_yaml(table))
-    # The last one: where it is, the folder is whole.
-    write_atomically(directory / OUTCOME_FILE, json.dumps(result, indent=2, allow_nan=False) + "\n")
-
-
 def outcome(
-    tuning: Tuning,
-    chosen: Chosen,
-    experiment: Experiment,
-    settings: Settings,
-    wearer: str,
-    departed: Mapping[str, Any],
+    tuning: Tuning, chosen: Chosen, experiment: Experiment, settings: Settings, wearer: str
 ) -> dict[str, Any]:
-    """Content of ``tune.json``; ``departed`` is from :func:`walk_departures`."""
+    """Content of ``tune.json``."""
     before = tuning.before
-    assert tuning.state.start_cost is not None  # a completed tuning has it
-    speed = settings.reference_speed or check_walker(experiment)[0].speed
-    after, generations = chosen.finalist, tuning.state.generations
+    speed = check_walker(experiment)[0].speed
+    after, generations = chosen.finalist, tuning.generations
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
         "experiment": experiment.name,
         "wearer": wearer,
-        "belt_speed_m_per_s": check_walker(experiment)[0].speed,
+        "belt_speed_m_per_s": speed,
         "reference": _REFERENCE.format(speed * KILOMETRES_PER_HOUR),
         "table_before": experiment.table.name,
         "joints": list(experiment.joints),
@@ -112,7 +85,7 @@ def outcome(
         "worst_cost": WORST,
         "excess": {"aim": AIM, "weight": HELD_TO},
         "cost": {
-            "search": {"before": tuning.state.start_cost, "after": after.search_cost},
+            "search": {"before": generations[0].cost, "after": after.search_cost},
             "robust": {"before": before.cost, "after": after.cost},
         },
         "robust_set": [
@@ -120,7 +93,6 @@ def outcome(
             for (name, first), (_, second) in zip(before.walks, after.walks, strict=True)
         ],
         "trade_offs": _trade_offs(tuning, after, experiment),
-        "departures": dict(departed),
         "parameters": _parameters(tuning, after),
         "convergence": {
             "best": [item.cost for item in generations],
@@ -131,44 +103,10 @@ def outcome(
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
             "candidates": sum(len(item.tried) for item in generations),
-            "elapsed_s": tuning.state.elapsed,
-            "versions": tuning.state.identity["versions"],
+            "elapsed_s": tuning.elapsed,
+            "versions": versions(),
         },
     }
-
-
-def walk_departures(
-    before: Mapping[str, Any],
-    after: Mapping[str, Any],
-    experiment: Experiment,
-    settings: Settings,
-    workers: Workers,
-    **watch: Unpack[Watch],
-) -> dict[str, Any] | None:
-    """How two tables degrade as the world departs from what one of them was tuned for.
-
-    By quantity: its nominal value, the values, and of both tables the errors of the joints in [deg], None
-    where it fell or hardly walked, and the falls. None if it was stopped.
-    """
-    found = departures(experiment)
-    tables = table_of(before), table_of(after)
-    walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
-    walks = [
-        case.change(replace(walked, table=table)) for item in found for table in tables for case in item.cases
-    ]
-    results = walk_all(walks, workers, reference_speed=settings.reference_speed, **watch)
-    if results is None:
-        return None
-    rest = iter(results)
-    table: dict[str, Any] = {}
-    for item in found:
-        sides = {which: [next(rest) for _ in item.cases] for which in ("before", "after")}
-        table[item.name] = {
-            "nominal": item.nominal,
-            "values": list(item.values),
-            **{which: _degradation(walks) for which, walks in sides.items()},
-        }
-    return table
 
 
 def gait_curves(
@@ -179,11 +117,9 @@ def gait_curves(
     A walk without a counted stride has no curve.
     """
     walking, patient = check_walker(experiment)
-    speed = settings.reference_speed or walking.speed
+    speed, height = walking.speed, patient.height
     curves: dict[str, dict[str, np.ndarray]] = {
-        str(joint): {
-            "reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=patient.height))
-        }
+        str(joint): {"reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=height))}
         for joint in experiment.joints
     }
     walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
@@ -225,18 +161,12 @@ def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict
         standing([walk for name, walk in finalist.walks if name in names])
         for finalist in (tuning.before, after)
     )
-    candidates = [item for generation in tuning.state.generations for item in generation.tried]
+    candidates = [item for generation in tuning.generations for item in generation.tried]
     return {"cases": names[1:], "candidates": candidates, "before": before, "after": after_it}
 
 
 def _walk(walk: Rating) -> dict[str, Any]:
     return {"cost": walk.cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
-
-
-def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
-    errors = [part.name for part in errors_of(walks[0].joints)]
-    found = {name: [None if walk.fell else walk.values[name] for walk in walks] for name in errors}
-    return {**found, "fell": [walk.fell for walk in walks]}
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:

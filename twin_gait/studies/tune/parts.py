@@ -11,8 +11,9 @@ with value x, goal g and weight w of each part. A fall after a share s of the ti
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,23 +21,22 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from twin_gait.experiment import Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square
-from twin_gait.measures.leg_record import LegRecord, wearer_column
-from twin_gait.measures.strides import (
-    SKIPPED_STRIDES,
-    error_parts,
-    normalise_strides,
-    root_mean_square_error,
-    symmetry_index,
-)
+from twin_gait.measures.leg_record import LegRecord
+from twin_gait.measures.strides import SKIPPED_STRIDES, error_parts, normalise_strides, symmetry_index
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle, reference_measures
-from twin_gait.runs.leg_summary import by_contact, joint_motion, joint_saturation, torque_at_switches
+from twin_gait.runs.leg_summary import (
+    by_contact,
+    compared_angles,
+    joint_motion,
+    joint_saturation,
+    reference_error,
+    torque_at_switches,
+)
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
-from twin_gait.worlds.scenario import BELT_SPEED
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
@@ -89,40 +89,79 @@ def rated_parts(values: Mapping[str, float | None], joints: tuple[str, ...]) -> 
     return (*parts_of(joints), *(part for part in _FREE if part.name in values))
 
 
-def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
-    """Value of each part of a walk against a reference in [m] / [s]; None where it has too few strides."""
-    legs = run.leg_records()
-    sides = [_leg(run, leg) for leg in legs]
-    joints = [joint for side in sides for joint in side["joints"].values()]
-    walks = list(run.walk_measures().values())
-    least = [side["toe_clearance_least_m"] for side in sides]
-    # Contacts of a foot that has just landed; further contacts in swing are scuffs.
-    bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
+def part_values(run: Run) -> dict[str, float | None]:
+    """Value of each part of a walk, none below zero; None where it has too few strides."""
+    legs, walks = run.leg_records(), run.walk_measures()
+    contacts = [by_contact(run, leg, SKIPPED_STRIDES) for leg in legs]
+    found = [
+        _leg_values(run, leg, contact, walks[leg.side]) for leg, contact in zip(legs, contacts, strict=True)
+    ]
+    # Of the legs the larger value counts; what is not defined in one is not in both.
+    values = {name: float(np.max([0.0, *(leg[name] for leg in found)])) for name in found[0]}
+    values |= {"fore_aft_pct": _fore_aft(run, walks.values()), "asymmetry_pct": _asymmetry(legs, contacts)}
+    return {name: finite_or_none(value) for name, value in (values | _free_trunk_values(run)).items()}
+
+
+def _leg_values(run: Run, leg: LegRecord, contact: Mapping[str, Any], walk: WalkMeasures) -> dict[str, float]:
+    """Parts of one leg: its errors, the ground's forces, the knee under them, contacts and motors.
+
+    ``contact`` is what :func:`by_contact` tells of it. NaN where a number is not defined.
+    """
+    angles, strides = compared_angles(run, leg), contact["strides"] or math.nan
+    healthy = defaultdict(lambda: math.nan, reference_measures(run.experiment))
+    limits = [joint_saturation(run, leg, joint)["saturated_share"] for joint in leg.angles]
+    switches = [torque_at_switches(run, leg, joint, SKIPPED_STRIDES) for joint in leg.angles]
     return {
         **{
-            f"{joint}_error_deg": _off_reference(run, legs, joint, reference_speed, root_mean_square_error)
-            for joint in (*legs[0].angles, JointName.ANKLE)  # driven or not
+            f"{joint}_error_deg": reference_error(run, angles[joint], joint, leg.strides())
+            if joint in angles
+            else math.nan
+            for joint in (*leg.angles, JointName.ANKLE)  # driven or not
         },
-        "offset_deg": _largest(
-            _off_reference(run, legs, joint, reference_speed, lambda *item: abs(error_parts(*item).offset))
-            for joint in legs[0].angles
-        ),
-        **_of_walk(run, walks, reference_speed),
-        "stride_variation_pct": _percent(_largest(side["stride_time_variation"] for side in sides)),
-        "second_contacts_per_stride": _per_stride(bounces),
-        "scuffs_per_stride": _per_stride([(side["scuffs"], side["strides"]) for side in sides]),
-        "saturated_pct": _percent(_largest(joint["saturated_share"] for joint in joints)),
-        "torque_change_Nm": _largest(joint["switch_torque_change_Nm"] for joint in joints),
-        "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
-        "clearance_lack_mm": None
-        if None in least
-        else max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least))),
-        "asymmetry_pct": _percent(_asymmetry(sides)),
-        **_of_free_trunk(run),
+        "offset_deg": float(np.max([abs(_offset(run, leg, joint)) for joint in leg.angles])),
+        "knee_at_contact_deg": math.degrees(walk.knee_at_contact),
+        "yield_lack_deg": math.degrees(healthy["knee_yield"] - walk.knee_yield),
+        "stride_time_error_pct": 100.0 * abs(walk.stride_time / healthy["stride_time"] - 1.0),
+        "load_peak_pct": 100.0 * (walk.load_peak - 1.0),
+        "trough_pct": 100.0 * (1.0 - walk.trough),
+        "slow_loading_pct": 100.0 * (1.0 - walk.least_load),
+        "propulsion_lack_pct": 100.0 * (1.0 - walk.propulsion_peak / healthy["propulsion_peak"]),
+        "stride_variation_pct": 100.0 * contact["stride_time_variation"],
+        # Contacts of a foot that has just landed; further contacts in swing are scuffs.
+        "second_contacts_per_stride": (contact["further_contacts"] - contact["scuffs"]) / strides,
+        "scuffs_per_stride": contact["scuffs"] / strides,
+        "saturated_pct": 100.0 * float(np.max(limits)),
+        "torque_change_Nm": float(np.max([item["switch_torque_change_Nm"] for item in switches])),
+        "torque_jump_Nm": float(np.max([item["switch_torque_jump_Nm"] for item in switches])),
+        "clearance_lack_mm": NEEDED_CLEARANCE - 1e3 * contact["toe_clearance_least_m"],
     }
 
 
-def _of_free_trunk(run: Run) -> dict[str, float | None]:
+def _offset(run: Run, leg: LegRecord, joint: JointName) -> float:
+    """Mean difference of a joint from healthy walking in [deg]; NaN without strides or reference."""
+    reference = reference_cycle(run.experiment, joint)
+    if reference is None:
+        return math.nan
+    return math.degrees(error_parts(normalise_strides(leg.angles[joint], leg.strides()), reference).offset)
+
+
+def _fore_aft(run: Run, walks: Iterable[WalkMeasures]) -> float:
+    """Mean fore-aft force of both feet in [%] of the carried weight."""
+    assert run.walkway is not None  # a walk to be tuned carries weight
+    return 100.0 * abs(sum(walk.fore_aft_force for walk in walks) / run.walkway.carried_weight)
+
+
+def _asymmetry(legs: Sequence[LegRecord], contacts: Sequence[Mapping[str, Any]]) -> float:
+    """Largest symmetry index in [%], without its sign, of the share of swing and the ranges of the joints."""
+    ranges = [
+        [joint_motion(leg, joint, SKIPPED_STRIDES)["range_of_motion_deg"] for joint in leg.angles]
+        for leg in legs
+    ]
+    left, right = ([contact["swing_share"], *own] for contact, own in zip(contacts, ranges, strict=True))
+    return 100.0 * float(np.max([abs(symmetry_index(*pair)) for pair in zip(left, right, strict=True)]))
+
+
+def _free_trunk_values(run: Run) -> dict[str, float]:
     """Way and crutches; nothing where the pelvis is guided."""
     walking = run.experiment.scenario.walking
     if walking is None or run.experiment.scenario.pelvis is not PelvisGuide.FREE:
@@ -132,59 +171,9 @@ def _of_free_trunk(run: Run) -> dict[str, float | None]:
     loads = (run.log.get(f"{side}_crutch_normal_force_N") for side in run.sides)
     shares = [float(load.mean()) / run.body_weight for load in loads if load is not None]
     return {
-        "slowness_pct": _lack(100.0 * (1.0 - speed / walking.speed)),
-        "crutch_load_pct": _percent(max(shares, default=0.0)),
+        "slowness_pct": max(0.0, 100.0 * (1.0 - speed / walking.speed)),
+        "crutch_load_pct": 100.0 * max(shares, default=0.0),
     }
-
-
-def _of_walk(
-    run: Run, walks: Sequence[WalkMeasures], reference_speed: float | None
-) -> dict[str, float | None]:
-    """Parts of the ground's forces, the knee under them, and cadence; the worse leg."""
-    assert run.walkway is not None  # a walk to be tuned is on a belt
-    healthy = reference_measures(_as_referred(run, reference_speed))
-
-    def worst(lack: Callable[[WalkMeasures], float]) -> float | None:
-        """Largest lack of a leg, none below zero; None without a reference."""
-        return _largest(_lack(lack(walk)) for walk in walks) if healthy else None
-
-    push = sum(walk.fore_aft_force for walk in walks) / run.walkway.carried_weight
-    return {
-        "knee_at_contact_deg": worst(lambda walk: math.degrees(walk.knee_at_contact)),
-        "yield_lack_deg": worst(lambda walk: math.degrees(healthy["knee_yield"] - walk.knee_yield)),
-        "stride_time_error_pct": worst(
-            lambda walk: 100.0 * abs(walk.stride_time / healthy["stride_time"] - 1.0)
-        ),
-        "load_peak_pct": worst(lambda walk: 100.0 * (walk.load_peak - 1.0)),
-        "trough_pct": worst(lambda walk: 100.0 * (1.0 - walk.trough)),
-        "slow_loading_pct": worst(lambda walk: 100.0 * (1.0 - walk.least_load)),
-        "fore_aft_pct": _lack(100.0 * abs(push)),
-        "propulsion_lack_pct": worst(
-            lambda walk: 100.0 * (1.0 - walk.propulsion_peak / healthy["propulsion_peak"])
-        ),
-    }
-
-
-def _lack(value: float) -> float | None:
-    """A value, 0 if it is negative, None if it is not defined."""
-    return None if math.isnan(value) else max(0.0, value)
-
-
-def _leg(run: Run, leg: LegRecord) -> dict[str, Any]:
-    """Those numbers of the summary of a leg that the parts are made of; None for what is not defined."""
-
-    def defined(*numbers: Mapping[str, float]) -> dict[str, Any]:
-        return {name: finite_or_none(value) for item in numbers for name, value in item.items()}
-
-    joints = {
-        joint: defined(
-            joint_motion(leg, joint, SKIPPED_STRIDES),
-            joint_saturation(run, leg, joint),
-            torque_at_switches(run, leg, joint, SKIPPED_STRIDES),
-        )
-        for joint in leg.angles
-    }
-    return {**defined(by_contact(run, leg, SKIPPED_STRIDES)), "joints": joints}
 
 
 class Rating(NamedTuple):
@@ -206,18 +195,15 @@ class Rating(NamedTuple):
         return rated_parts(self.values, self.joints)
 
 
-def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
-    """Rate a walk on the treadmill as tuning does: its cost, the parts that it is the sum of, and more.
-
-    The reference walks at ``reference_speed`` in [m] / [s], or at that of the belt.
-    """
-    values, joints = part_values(run, reference_speed), tuple(run.table.joints)
+def rate_walk(run: Run) -> Rating:
+    """Rate a walk as tuning does: its cost, the parts that it is the sum of, and more."""
+    values, joints = part_values(run), tuple(run.table.joints)
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
     torques = run.log.filter(regex="_motor_torque_Nm$").to_numpy().ravel()
-    cost, deviations = walk_cost(values, lasted, fell, joints), _deviations(run, reference_speed)
-    return Rating(cost, values, fell, lasted, deviations, root_mean_square(torques), joints)
+    cost = walk_cost(values, lasted, fell, joints)
+    return Rating(cost, values, fell, lasted, _deviations(run), root_mean_square(torques), joints)
 
 
 def walk_cost(
@@ -262,13 +248,13 @@ def nominal_cost(walk: Rating) -> float:
     return total if total <= half else WORST - half * half / total
 
 
-def residuals(walk: Rating) -> np.ndarray | None:
-    """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; None of one that fell.
+def residuals(walk: Rating) -> np.ndarray:
+    """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; none of one that fell.
 
     The errors are told sample by sample, and so more than by a number for each joint.
     """
     if walk.fell or not walk.deviations:
-        return None
+        return np.zeros(0)
     costs = part_costs(walk.values, walk.joints)
     others = [math.sqrt(costs[part.name]) for part in walk.parts[len(walk.joints) :]]
     return np.array([*walk.deviations, *others, *_lacks(walk)])
@@ -282,75 +268,16 @@ def _lacks(walk: Rating) -> list[float]:
     ]
 
 
-def _deviations(run: Run, reference_speed: float | None) -> tuple[float, ...]:
+def _deviations(run: Run) -> tuple[float, ...]:
     """Mean strides less the reference over goal, every 5 %, with squares that add up to 1 at the goals."""
     legs = run.leg_records()
     found: list[float] = []
     for leg in legs:
         for joint, angles in leg.angles.items():
             cycles = normalise_strides(angles, leg.strides())
-            reference = _reference(run, joint, reference_speed)
+            reference = reference_cycle(run.experiment, joint)
             if not len(cycles) or reference is None:
                 return ()
             apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLES_APART]
             found += (apart / (ERROR_GOALS[joint] * math.sqrt(len(legs) * len(apart)))).tolist()
     return tuple(found)
-
-
-def _as_referred(run: Run, reference_speed: float | None) -> Experiment:
-    """The experiment, on a belt at the speed of the reference walk if one is given."""
-    experiment = run.experiment
-    if reference_speed is None:
-        return experiment
-    return replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, reference_speed))
-
-
-def _reference(run: Run, joint: JointName, reference_speed: float | None) -> np.ndarray | None:
-    """Reference angles in [rad] at ``PERCENT``; those of the summary unless a speed is given."""
-    return reference_cycle(_as_referred(run, reference_speed), joint)
-
-
-def _off_reference(
-    run: Run,
-    legs: Sequence[LegRecord],
-    joint: JointName,
-    reference_speed: float | None,
-    measure: Callable[[np.ndarray, np.ndarray], float],
-) -> float | None:
-    """Measure of the strides, from foot contact to foot contact, and the reference in [deg], larger leg."""
-    reference = _reference(run, joint, reference_speed)
-    found: list[float | None] = []
-    for leg in legs:
-        angles = leg.angles.get(joint)
-        if joint is JointName.ANKLE:  # the wearer's, which a brace may move against the device
-            column = wearer_column(run.log.columns, leg.side, joint, "angle_rad")
-            angles = run.log[column].to_numpy() if column in run.log else None
-        if reference is None or angles is None:
-            return None
-        off = measure(normalise_strides(angles, leg.strides()), reference)
-        found.append(finite_or_none(math.degrees(off)))
-    return _largest(found)
-
-
-def _largest(values: Iterable[float | None]) -> float | None:
-    """Largest value; None if there is none, or one is not defined."""
-    listed = list(values)
-    if not listed or any(value is None for value in listed):
-        return None
-    return max(float(value) for value in listed if value is not None)
-
-
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100.0 * share
-
-
-def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:
-    return _largest(count / strides if strides else None for count, strides in counted)
-
-
-def _asymmetry(sides: Sequence[Mapping[str, Any]]) -> float | None:
-    """Largest symmetry index, without its sign, of the share of swing and the ranges of the joints."""
-    pairs = [[side["swing_share"] for side in sides]]
-    for joint in sides[0]["joints"]:
-        pairs.append([side["joints"][joint]["range_of_motion_deg"] for side in sides])
-    return _largest(None if None in pair else abs(symmetry_index(*pair)) for pair in pairs)

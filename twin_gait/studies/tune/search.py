@@ -45,12 +45,12 @@ class Generation(NamedTuple):
 
 @dataclass
 class Descent:
-    """Where a search stands: plain numbers, which a file keeps."""
+    """Where a search stands."""
 
     point: list[float]  # coordinates from 0 to 1
     cost: float  # there
-    residuals: list[float]  # there; empty if it does not walk
-    slopes: list[list[float]]  # J by number of the table; empty before the first generation
+    residuals: np.ndarray  # there; empty if it does not walk
+    slopes: np.ndarray | None = None  # J by number of the table; None before the first generation
     reach: float = REACH  # by which numbers are moved for the slopes
     damping: float = DAMPING  # that did best
     generation: int = 0  # generations that are over
@@ -70,36 +70,34 @@ class Descent:
             found.append([*self.point[:place], moved, *self.point[place + 1 :]])
         return found
 
-    def learn(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray | None]) -> None:
+    def learn(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray]) -> None:
         """Take in the slopes towards the neighbours; those to another kind of gait count as 0."""
-        own = np.array(self.residuals)
+        own = self.residuals
         slopes = np.zeros((len(neighbours), len(own)))
         for place, (neighbour, there) in enumerate(zip(neighbours, residuals, strict=True)):
-            if there is not None and len(own) and there @ there <= OTHER_GAIT * (own @ own):
+            if len(there) and len(own) and there @ there <= OTHER_GAIT * (own @ own):
                 slopes[place] = (there - own) / (neighbour[place] - self.point[place])
-        if self.slopes:
-            slopes = MEMORY * np.array(self.slopes) + (1.0 - MEMORY) * slopes
-        self.slopes = slopes.tolist()
+        self.slopes = slopes if self.slopes is None else MEMORY * self.slopes + (1.0 - MEMORY) * slopes
 
     def steps(self) -> list[tuple[float, list[float]]]:
         """Dampings, and the points where their steps lead, in full and in part; none before it walks."""
-        if not self.residuals:
+        if not len(self.residuals) or self.slopes is None:
             return []
         point, found = np.array(self.point), []
-        wanted = np.append(-np.array(self.residuals), np.zeros(len(point)))
+        wanted = np.append(-self.residuals, np.zeros(len(point)))
         for damping in (factor * self.damping for factor in FACTORS):
-            damped = np.vstack((np.array(self.slopes).T, damping * np.eye(len(point))))
+            damped = np.vstack((self.slopes.T, damping * np.eye(len(point))))
             # The solver wants room between the bounds, also for a number that is at both ends of its range.
             step = lsq_linear(damped, wanted, (-point - _ROOM, 1.0 - point + _ROOM)).x
             for part in PARTS_OF_STEPS:
                 found.append((damping, np.clip(point + part * step, 0.0, 1.0).tolist()))
         return found
 
-    def go_to(self, point: list[float], cost: float, residuals: list[float], damping: float | None) -> None:
+    def go_to(self, point: list[float], cost: float, residuals: np.ndarray, damping: float | None) -> None:
         """Go on from another point, for the gain of a step with some damping, or of a neighbour."""
         self.point, self.cost = point, cost
         if len(residuals) != len(self.residuals):
-            self.slopes = []  # it walks now
+            self.slopes = None  # it walks now
         self.residuals = residuals
         if damping is not None:
             self.damping = float(np.clip(damping, *DAMPINGS))

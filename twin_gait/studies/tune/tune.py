@@ -1,10 +1,8 @@
 """Tune a gait table to a wearer: search, robust set, and the choice of the table."""
 
-import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,20 +14,11 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.together import compile_ahead
-from twin_gait.studies.jobs import Stop, Workers
+from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.space import editable_document, parameters_of, table_with, with_own_sides
-from twin_gait.studies.tune.state import (
-    Finalist,
-    Progress,
-    Settings,
-    State,
-    Tuning,
-    identity,
-    open_state,
-    write_state,
-)
+from twin_gait.studies.tune.state import Finalist, Progress, Settings, Tuning
 from twin_gait.studies.tune.walks import (
     Case,
     check_walker,
@@ -43,9 +32,10 @@ from twin_gait.studies.tune.walks import (
     walker,
     weighted_cost,
 )
+from twin_gait.studies.workers import Workers
 from twin_gait.worlds.scenario import BELT_SPEED
 
-# Share of the minutes for the search; the robust set, the departures and the report take the rest.
+# Share of the minutes for the search; the robust set and the report take the rest.
 SEARCH_SHARE = 0.75
 SEARCH_WALKS = 1000  # or more, for which loops are compiled
 RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
@@ -64,22 +54,19 @@ class Stages:
         experiment: Experiment,
         settings: Settings,
         workers: Workers,
-        state: State,
-        directory: Path,
         progress: Callable[[Progress], None] | None,
         should_stop: Stop | None,
     ) -> None:
         """Begin; nothing is walked. The arguments are those of :func:`twin_gait.studies.tune.tune.tune`."""
-        self._settings, self._workers, self._state = settings, workers, state
-        self._directory, self._should_stop = directory, should_stop
+        self._settings, self._workers, self._should_stop = settings, workers, should_stop
         self._progress = progress or (lambda step: None)
-        self._began, self._before = time.perf_counter(), state.elapsed
+        self._began = time.perf_counter()
         self._experiment = replace(experiment, seed=settings.seed)
         self._table = editable_document(experiment.table)
         self._parameters = parameters_of(
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
-        self._best: tuple[float, Mapping[str, float | None]] = (float("inf"), {})
+        self._generations: list[Generation] = []
         corners = corner_cases() if settings.everyone else ()
         self._search_cases = (*search_cases(self._experiment), *corners)
         self._robust_cases = (*robust_cases(self._experiment), *corners)
@@ -87,23 +74,22 @@ class Stages:
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
         """Run all stages, unless somebody asks to stop."""
         self._compile(on_compile)
-        self._search(self._started())
+        descent = self._start()
+        while not self._over(descent):
+            self._tell("search", descent.generation, self._settings.generations)
+            self._generations.append(self._generation(descent))
         finalists = self._finalists()
         ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
-        self.keep()
-        return Tuning(self._parameters, self._state, finalists[0], tuple(ranked))
-
-    def keep(self) -> None:
-        """Write the state."""
-        self._state.elapsed = self._elapsed()
-        write_state(self._state, self._directory)
+        generations = tuple(self._generations)
+        return Tuning(self._parameters, generations, finalists[0], tuple(ranked), self._elapsed())
 
     def _elapsed(self) -> float:
-        return self._before + time.perf_counter() - self._began
+        return time.perf_counter() - self._began
 
     def _tell(self, stage: str, done: int, total: int | None) -> None:
-        start = float("inf") if self._state.start_cost is None else self._state.start_cost
-        self._progress(Progress(stage, done, total, self._elapsed(), start, *self._best))
+        found = self._generations
+        costs = (found[0].cost, found[-1].cost) if found else None
+        self._progress(Progress(stage, done, total, self._elapsed(), costs))
 
     def _compile(self, on_compile: Callable[[], None] | None) -> None:
         """Compile here what no worker has to, before all of them would."""
@@ -129,7 +115,6 @@ class Stages:
         results = walk_all(
             [case.change(replace(walked, table=table)) for table in tables for case in cases],
             self._workers,
-            reference_speed=settings.reference_speed,
             progress=(lambda done, total: self._tell("robust set", done, total)) if last else None,
             should_stop=self._should_stop,
         )
@@ -137,27 +122,13 @@ class Stages:
             raise Stopped
         return results
 
-    def _started(self) -> Descent:
-        """Walk the table that is to be bettered, or go on."""
+    def _start(self) -> Descent:
+        """Walk the table that is to be bettered."""
         walks = self._walk([self._experiment.table], self._search_cases)
         cost, nominal = weighted_cost(walks), walks[0]
-        self._state.start_cost = cost
-        self._best = cost, nominal.values
-        if self._state.descent is None:
-            point = [item.start_coordinate for item in self._parameters]
-            self._state.descent = Descent(point, cost, _listed(nominal), [])
-            first = Generation(point, cost, nominal_cost(nominal), [standing(walks)])
-            self._state.generations.append(first)
-        self.keep()
-        return self._state.descent
-
-    def _search(self, descent: Descent) -> None:
-        if descent.cost < self._best[0]:
-            self._best = (descent.cost, {})  # found before the tuning was stopped; its parts were not kept
-        while not self._over(descent):
-            self._tell("search", descent.generation, self._settings.generations)
-            self._state.generations.append(self._generation(descent))
-            self.keep()
+        point = [item.start_coordinate for item in self._parameters]
+        self._generations.append(Generation(point, cost, nominal_cost(nominal), [standing(walks)]))
+        return Descent(point, cost, residuals(nominal))
 
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
@@ -165,9 +136,8 @@ class Stages:
         points = descent.neighbours()
         tables = [self._table_at(point) for point in points]
         walks = self._walk(tables, [first])
-        slopes = replace(descent)  # as long as the generation may be stopped, the state is that before it
-        slopes.learn(points, [residuals(walk) for walk in walks])
-        steps = slopes.steps()
+        descent.learn(points, [residuals(walk) for walk in walks])
+        steps = descent.steps()
         dampings = [None] * len(points) + [damping for damping, _ in steps]
         points += [point for _, point in steps]
         tables += [self._table_at(point) for _, point in steps]
@@ -180,17 +150,17 @@ class Stages:
         for number, place in enumerate(raced):
             known[place] += others[number * size : (number + 1) * size]
         costs = {place: weighted_cost(known[place]) for place in raced}
-        descent.slopes = slopes.slopes
-        for place in sorted(costs, key=lambda place: costs[place]):
-            if costs[place] >= descent.cost:
-                descent.stay()
-                break
-            if not quick_errors(replace(self._experiment, table=tables[place])):
-                descent.go_to(points[place], costs[place], _listed(walks[place]), dampings[place])
-                self._best = costs[place], walks[place].values
-                break
-        else:
+        better = (
+            place
+            for place in sorted(costs, key=lambda place: costs[place])
+            if costs[place] < descent.cost
+            and not quick_errors(replace(self._experiment, table=tables[place]))
+        )
+        best = next(better, None)
+        if best is None:
             descent.stay()
+        else:
+            descent.go_to(points[best], costs[best], residuals(walks[best]), dampings[best])
         tried = [standing(item) for item in known.values()]
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
@@ -208,12 +178,11 @@ class Stages:
 
     def _finalists(self) -> list[Finalist]:
         """What was to be bettered, and where the search stood, over the robust set."""
-        start_cost = self._state.start_cost
-        assert start_cost is not None  # walked before
+        start = self._generations[0]
         chosen: list[tuple[tuple[float, ...] | None, float, dict[str, Any]]] = [
-            (None, start_cost, self._table)
+            (None, start.cost, self._table)
         ]
-        for item in leaders(self._state.generations, FINALISTS):
+        for item in leaders(self._generations, FINALISTS):
             table = table_with(self._table, self._parameters, item.point)
             if all(table != other for _, _, other in chosen):
                 chosen.append((tuple(item.point), item.cost, table))
@@ -224,11 +193,6 @@ class Stages:
             Finalist(table, points, cost, tuple(zip(names, results[i * len(cases) :], strict=False)))
             for i, (points, cost, table) in enumerate(chosen)
         ]
-
-
-def _listed(walk: Rating) -> list[float]:
-    found = residuals(walk)
-    return [] if found is None else found.tolist()
 
 
 def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
@@ -243,26 +207,20 @@ def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
 
 def tune(
     experiment: Experiment,
-    directory: Path,
     settings: Settings,
     *,
     workers: Workers | None = None,
-    resume: bool = False,
-    force: bool = False,
     progress: Callable[[Progress], None] | None = None,
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Tuning | None:
-    """Search and rank, keeping the state in a folder after every step.
+    """Search and rank.
 
-    The result depends on the experiment, the settings and the number of generations, neither on the workers
-    nor on how often it was stopped and resumed.
+    The result depends on the experiment, the settings and the number of generations, not on the workers.
 
     Args:
         experiment: A wearer who walks on the ground, and the table that is to be bettered.
-        resume: Whether to go on with what is in the folder.
-        force: Whether an earlier tuning may be replaced.
-        should_stop: Asked before each walk; True ends the tuning, which can be resumed.
+        should_stop: Asked before each walk; True ends the tuning.
 
     Returns:
         The tuning; None if it was stopped.
@@ -270,25 +228,16 @@ def tune(
     Raises:
         ParameterError: If there is nothing to tune, or the settings make no sense.
         ParameterFileError: If a walk could not be run.
-        RunDirectoryError: If the folder may not be used.
     """
     check_walker(experiment)
-    if (settings.everyone or settings.reference_speed) and not experiment.scenario.adjusts(BELT_SPEED):
-        raise ParameterError(
-            f"{experiment.name}: has no belt; leave out --everyone (other belts) and --reference (its speed)"
-        )
+    if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
+        raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
         experiment = replace(experiment, table=with_own_sides(experiment.table))
-    directory = directory.expanduser().absolute()
-    own = identity(experiment, settings)
-    state = open_state(directory, own, resume=resume, force=force)
-    # One that is stopped at once leaves a folder that can be resumed.
-    write_state(state, directory)
-    work = Stages(experiment, settings, workers or Workers(), state, directory, progress, should_stop)
+    stages = Stages(experiment, settings, workers or Workers(), progress, should_stop)
     try:
-        return work.everything(on_compile)
+        return stages.everything(on_compile)
     except Stopped:
-        work.keep()
         return None
 
 
@@ -305,11 +254,9 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     Raises:
         ParameterError: If there is nothing to tune, or no table passes the check.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        tuning = tune(experiment, Path(folder) / "tuning", Settings(**settings), workers=workers)
-        assert tuning is not None  # nobody stops it
-        chosen = choose(tuning, experiment)
-    return table_of(chosen.finalist.table)
+    tuning = tune(experiment, Settings(**settings), workers=workers)
+    assert tuning is not None  # nobody stops it
+    return table_of(choose(tuning, experiment).finalist.table)
 
 
 class Chosen(NamedTuple):

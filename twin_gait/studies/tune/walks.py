@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial, reduce
+from functools import reduce
 from typing import Any, NamedTuple, Unpack
 
 from twin_gait.checking import exits, graph, leaving, stability
@@ -15,11 +15,12 @@ from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
-from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
+from twin_gait.parameters import HEAVIEST_WEARER, Patient
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Watch, Workers
+from twin_gait.studies.jobs import JobFailed, Watch
 from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
+from twin_gait.studies.workers import Workers
 from twin_gait.worlds import Walking
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
 
@@ -79,17 +80,10 @@ def quick_errors(experiment: Experiment) -> tuple[str, ...]:
     return tuple(sorted({item.rule for item in found if item.severity is Severity.ERROR}))
 
 
-def walk_all(
-    walks: Sequence[Experiment],
-    workers: Workers,
-    *,
-    reference_speed: float | None = None,
-    **watch: Unpack[Watch],
-) -> list[Rating] | None:
+def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating] | None:
     """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
-    rate = partial(rate_walk, reference_speed=reference_speed)
     try:
-        results = run_episodes(itself, rate, walks, columns=READ, block=WIDTH, workers=workers, **watch)
+        results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
     except JobFailed as error:
         raise ParameterFileError("the tuning", f"walk {error.index}", error.problem) from error
     return results if len(results) == len(walks) else None
@@ -134,15 +128,6 @@ class Case(NamedTuple):
 
     name: str  # in words
     change: Change  # what it makes of an experiment, whatever its table
-
-
-class Departure(NamedTuple):
-    """One quantity that departs from its nominal value; values ascend, the nominal one among them."""
-
-    name: str
-    nominal: float
-    values: tuple[float, ...]
-    cases: tuple[Case, ...]
 
 
 def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
@@ -201,39 +186,6 @@ def corner_cases() -> tuple[Case, ...]:
     )
 
 
-def departures(experiment: Experiment) -> tuple[Departure, ...]:
-    """How the world may depart from the one that a table is tuned for, one quantity at a time."""
-    walking, patient = check_walker(experiment)
-    masses = [patient.mass * factor for factor in (0.7, 0.85, 1.0, 1.15, 1.3)]
-    masses = sorted({min(HEAVIEST_WEARER, mass) for mass in masses})
-    heights = [patient.height + step for step in (-0.1, -0.05, 0.0, 0.05, 0.1)]
-    of = experiment.plant.friction_ratio
-    ratio = sum(of.get(joint, 1.0) for joint in experiment.joints) / len(experiment.joints)
-    ratios = sorted({0.2, LOW_FRICTION, ratio, 0.75, HIGH_FRICTION})
-    actuators = experiment.plant.actuators
-    efficiency = sum(item.gear_efficiency for item in actuators.values()) / len(actuators)
-    efficiencies = sorted({LOW_EFFICIENCY, LOADED_EFFICIENCY, 0.9, 0.95, efficiency, 1.0})
-    share = walking.support_share
-    shares = [share + step for step in (-0.2, -0.1, 0.0, 0.1, 0.2) if 0.0 <= share + step < 1.0]
-    speeds = [walking.speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
-    belt = _departure("belt speed [m/s]", walking.speed, speeds, _speed)
-    return (
-        _departure("wearer's mass [kg]", patient.mass, masses, lambda x: _mass(experiment, x / patient.mass)),
-        _departure("wearer's height [m]", patient.height, heights, _height),
-        _departure("true friction over model", ratio, ratios, _friction),
-        _departure("gear efficiency", efficiency, efficiencies, _efficiency),
-        _departure("supported share of weight", share, shares, _support),
-        *((belt,) if experiment.scenario.adjusts(BELT_SPEED) else ()),
-    )
-
-
-def _departure(
-    name: str, nominal: float, values: list[float], change: Callable[[float], Change]
-) -> Departure:
-    cases = tuple(Case(f"{name}: {x:.3g}", _nothing if x == nominal else change(x)) for x in values)
-    return Departure(name, nominal, tuple(values), cases)
-
-
 def _nothing(walked: Experiment) -> Experiment:
     return walked
 
@@ -268,10 +220,6 @@ def _wearer(mass: float, height: float) -> Change:
         patient=replace(check_walker(walked)[1], mass=mass, height=height),
         control=replace(walked.control, patient=None),
     )
-
-
-def _height(height: float) -> Change:
-    return lambda walked: replace(walked, patient=replace(check_walker(walked)[1], height=height))
 
 
 def _plant(change: Callable[[PlantParameters], PlantParameters]) -> Change:
