@@ -289,23 +289,6 @@ def test_a_mesh_has_the_colours_of_the_urdf_or_its_own(material: str, expected: 
             np.testing.assert_allclose(part.shape.vertices.min(axis=0), [0.0, 0.0, 5.0])
 
 
-@pytest.mark.parametrize(("normals", "second"), [(True, "shade"), (True, "sun"), (False, "sun")])
-def test_an_obj_has_the_colours_of_its_library(normals: bool, second: str, tmp_path: Path) -> None:
-    (tmp_path / "looks.mtl").write_text("newmtl sun\nKa 1 1 1\nKd 1 0.8 0\nnewmtl shade\nKd 0.1 0.1 0.2\n")
-    corner = "{0}//{0}" if normals else "{0}"
-    first, last = (" ".join(corner.format(n) for n in numbers) for numbers in ((1, 3, 2), (1, 2, 4, 3)))
-    points = "".join(f"{kind} {p}\n" for kind in ("v", "vn") for p in ("0 0 0.1", "1 0 0", "0 1 0", "0 0 1"))
-    (tmp_path / "piece.obj").write_text(
-        f"mtllib looks.mtl\n{points}usemtl sun\nf {first}\nusemtl {second}\nf {last}\n"
-    )
-    urdf = tmp_path / "piece.urdf"
-    visual = '<visual><geometry><mesh filename="piece.obj"/></geometry></visual>'
-    urdf.write_text(f'<robot name="piece"><link name="a">{visual}</link></robot>')
-    parts = load_visuals(build_model(urdf), urdf).parts
-    found = {part.colour[:3]: len(part.shape.faces) for part in parts}
-    assert found == ({(1, 0.8, 0): 3} if second == "sun" else {(1, 0.8, 0): 1, (0.1, 0.1, 0.2): 2})
-
-
 def test_the_colours_of_a_mesh_lie_where_its_file_has_them() -> None:
     urdf = robot_urdf("ur_description/urdf/ur5_robot.urdf")
     parts = load_visuals(build_model(urdf), urdf).parts
