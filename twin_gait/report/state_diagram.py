@@ -14,7 +14,7 @@ from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, State, StateTable, Transition
 from twin_gait.palette import phase_colour
-from twin_gait.report.diagram_layout import Arrow, ArrowGroup, Rectangle, arrow_groups, bounds, lay_out
+from twin_gait.report.diagram_layout import ArrowGroup, Label, Rectangle, arrow_groups, bounds, lay_out
 from twin_gait.report.pages import render
 
 
@@ -160,15 +160,15 @@ def state_diagram_svg(table: StateTable) -> str:
     groups = arrow_groups(table)
     sizes = [_label_size(item) for item in groups]
     layout = lay_out(groups, len(table.phases), (_box_width(table), 36.0 + SMALL_LINE * rows), sizes)
-    left, top, width, height = bounds([*layout.boxes, *layout.labels], _MARGIN)
+    left, top, width, height = bounds([*layout.boxes, *(label.place for label in layout.labels)], _MARGIN)
     top, height = top - _HEAD, height + _HEAD + _FOOT
     x, foot = left + _MARGIN, top + height - _FOOT + 12.0
     texts = [_Text(x, top + _HEAD - 6.0, table.name, "title")]
     texts += [_Text(x, foot + LINE * row, text, "faint") for row, text in enumerate(_legend(table))]
     for position, box in enumerate(layout.boxes):
         texts += _box_texts(table, position, box)
-    for place, curve, group in zip(layout.labels, layout.arrows, groups, strict=True):
-        texts += _label_texts(place, curve, group)
+    for label, group in zip(layout.labels, groups, strict=True):
+        texts += _label_texts(label, group)
     content = {
         "name": _FORBIDDEN.sub("\ufffd", table.name),
         "left": left,
@@ -257,11 +257,13 @@ def _label_size(group: ArrowGroup) -> tuple[float, float]:
     return _CHARACTER * max(len(text) for text, _ in lines), LINE * len(lines)
 
 
-def _label_texts(place: Rectangle, curve: Arrow, group: ArrowGroup) -> Iterator[_Text]:
+def _label_texts(label: Label, group: ArrowGroup) -> Iterator[_Text]:
     """A label, set flush on the side of its arrow."""
+    place = label.place
     anchor, x = "middle", place.x
-    if abs(curve.normal.x) > 0.35:
-        side = 1.0 if curve.normal.x > 0.0 else -1.0
-        anchor, x = ("start" if side > 0.0 else "end"), place.x - side * place.width / 2.0
+    if label.normal.real > 0.35:
+        anchor, x = "start", place.x - place.width / 2.0
+    elif label.normal.real < -0.35:
+        anchor, x = "end", place.x + place.width / 2.0
     for row, (text, style) in enumerate(_label_lines(group)):
         yield _Text(x, place.y - place.height / 2.0 + LINE * (row + 0.75), text, style, anchor)
