@@ -1,9 +1,9 @@
-"""Pictures and page of a tuning: gait before and after, parts, convergence, departures."""
+"""Pictures and page of a tuning: gait before and after, trade-offs, convergence, departures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -83,7 +83,6 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     """
     return {
         "gait": draw_gait(curves),
-        "parts": draw_parts(outcome["parts"]),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
         "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
         "departures": draw_departures(outcome["departures"], outcome["joints"]),
@@ -111,26 +110,6 @@ def draw_gait(curves: Curves) -> Figure:
         style_panel(axes, f"{joint}, mean stride from foot contact", flexion(joint))
     labels = {name: name if name == "reference" else f"{name} leg" for name in styles}
     put_legend(figure, [Line2D([], [], label=labels[name], **style) for name, style in styles.items()])
-    return figure
-
-
-def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw every part as a share of its goal, before and after."""
-    figure, (axes,) = _figure(4.6)
-    rows = np.arange(len(parts))[::-1]
-    for shift, which, colour in ((0.2, "before", BEFORE_COLOUR), (-0.2, "after", AFTER_COLOUR)):
-        shares = [100.0 * part[which] / part["goal"] if part[which] is not None else 0.0 for part in parts]
-        bars = axes.barh(rows + shift, shares, height=0.36, color=colour, label=which)
-        labels = [amount(part[which], part["unit"]) for part in parts]
-        axes.bar_label(bars, labels, padding=3, fontsize=8)
-    axes.axvline(100.0, color=BLACK, linewidth=0.9, linestyle=":")
-    axes.set_yticks(rows, [part["title"] for part in parts])
-    for label, part in zip(axes.get_yticklabels(), parts, strict=True):
-        label.set_color(VERMILLION if part["verdict"] == "traded" else BLACK)
-    style_panel(axes, "nominal case: less is better, the dotted line is the goal", "")
-    axes.set_xlabel("share of the goal [%]")
-    axes.margins(x=0.12)
-    axes.legend(frameon=False, loc="lower right")
     return figure
 
 
@@ -212,11 +191,21 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
 def draw_departures(departures: Mapping[str, Mapping[str, Any]], joints: Sequence[str]) -> Figure:
     """Draw the errors over each quantity that departs; a cross marks a fall or a walk without strides."""
     figure, panels = _figure(6.4, 2, 3)
+    dots: dict[str, Any] = {"marker": "o", "markersize": 3, "linewidth": 1.4}
+    cross: dict[str, Any] = {"linestyle": "none", "marker": "x"}
+    # Walk, its lines, and where and in which colour its falls are marked.
+    walks: tuple[tuple[str, Literal["--", "-"], float, str], ...]
+    walks = (("before", "--", 0.13, GREY), ("after", "-", 0.06, BLACK))
     for axes, (name, item) in zip(panels, departures.items(), strict=False):
-        for which, line in (("before", "--"), ("after", "-")):
-            for joint in map(JointName, joints):
-                errors = _draw_degradation(axes, item, which, joint, line)
-            _mark_lost(axes, item["values"], errors, which)
+        for which, line, height, colour in walks:
+            for joint in joints:
+                errors = np.array(item[which][f"{joint}_error_deg"], dtype=float)
+                joint_colour = JOINT_COLOURS[JointName(joint)]
+                axes.plot(item["values"], errors, color=joint_colour, linestyle=line, **dots)
+            lost = np.array(item["values"])[np.isnan(errors)]
+            if len(lost):
+                place: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+                axes.plot(lost, np.full(len(lost), height), color=colour, **cross, **place)
         axes.axvline(item["nominal"], color=BLACK, linewidth=0.8, linestyle=":")
         style_panel(axes, "", "error [°]")
         axes.set_xlabel(name)
@@ -224,36 +213,11 @@ def draw_departures(departures: Mapping[str, Mapping[str, Any]], joints: Sequenc
     for axes in panels[len(departures) :]:
         axes.remove()
     lines = [Line2D([], [], color=JOINT_COLOURS[JointName(joint)], label=joint) for joint in joints]
-    dots: dict[str, Any] = {"color": GREY, "marker": "o", "markersize": 3}
-    cross: dict[str, Any] = {"linestyle": "none", "marker": "x"}
-    put_legend(
-        figure,
-        [
-            *lines,
-            Line2D([], [], linestyle="--", label="before", **dots),
-            Line2D([], [], linestyle="-", label="after", **dots),
-        ],
-        [
-            Line2D([], [], color=BLACK, label="falls, or makes no strides (after)", **cross),
-            Line2D([], [], color=GREY, label="the same before", **cross),
-            Line2D([], [], color=BLACK, linestyle=":", label="tuned for"),
-        ],
-    )
+    lines += [Line2D([], [], color=GREY, linestyle=line, label=which, **dots) for which, line, *_ in walks]
+    marks = [
+        Line2D([], [], color=BLACK, label="falls, or makes no strides (after)", **cross),
+        Line2D([], [], color=GREY, label="the same before", **cross),
+        Line2D([], [], color=BLACK, linestyle=":", label="tuned for"),
+    ]
+    put_legend(figure, lines, marks)
     return figure
-
-
-def _draw_degradation(
-    axes: Axes, item: Mapping[str, Any], which: str, joint: JointName, line: str
-) -> np.ndarray:
-    errors = np.array(item[which][f"{joint}_error_deg"], dtype=float)
-    style: dict[str, Any] = {"linestyle": line, "linewidth": 1.4, "marker": "o", "markersize": 3}
-    axes.plot(item["values"], errors, color=JOINT_COLOURS[joint], **style)
-    return errors
-
-
-def _mark_lost(axes: Axes, values: Sequence[float], errors: np.ndarray, which: str) -> None:
-    lost = np.array(values)[np.isnan(errors)].tolist()
-    if lost:
-        height, colour = (0.06, BLACK) if which == "after" else (0.13, GREY)
-        place = axes.get_xaxis_transform()
-        axes.plot(lost, [height] * len(lost), "x", color=colour, transform=place, clip_on=False)
