@@ -178,15 +178,6 @@ def test_creased_mesh_has_no_vertex_twice() -> None:
     assert len(np.unique(rows, axis=0)) == len(rows) <= len(ball.vertices)
 
 
-def test_only_a_mesh_with_a_hole_or_inside_out_is_drawn_from_both_sides() -> None:
-    box = shapes.rounded_box((0.1, 0.2, 0.3), 0.01)
-    assert shapes.is_closed(box)
-    assert shapes.is_closed(shapes.merged([box, shapes.ellipsoid((0.1, 0.1, 0.1))]))
-    assert not shapes.is_closed(box._replace(faces=box.faces[1:]))
-    assert not shapes.is_closed(box._replace(faces=box.faces[:, ::-1]))
-    assert not shapes.is_closed(box._replace(faces=np.concatenate((box.faces[:1, ::-1], box.faces[1:]))))
-
-
 # ---------------------------------------------------------------------------------- torques
 
 

@@ -131,18 +131,7 @@ def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, column
     heights = np.linspace(top, bottom, rings)
     skin = np.array([np.interp(heights, table[::-1, 0], table[::-1, column]) for column in range(5)]).T
     outside = skin + np.array([0.0, 0.0, 0.0, 0.004, 0.004])
-    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
-    rows = [
-        np.column_stack((x + a * np.cos(angle), y + b * np.sin(angle), np.full_like(angle, z)))
-        for z, x, y, a, b in (skin[0], *outside, skin[-1])
-    ]
-    row, column = np.meshgrid(np.arange(rings + 1), np.arange(columns), indexing="ij")
-    first = (row * (columns + 1) + column).ravel()
-    below = first + columns + 1
-    faces = np.concatenate(
-        (np.stack((first, below, below + 1), 1), np.stack((first, below + 1, first + 1), 1))
-    )
-    return shapes.creased(np.concatenate(rows), faces)
+    return shapes.surface(shapes.elliptic(np.array([skin[-1], *outside[::-1], skin[0]]), columns))
 
 
 def _foot(patient: Patient) -> Shape:

@@ -91,7 +91,7 @@ class Figure:
                 colour=(colour[0], colour[1], colour[2]),
                 opacity=opacity,
                 roughness=0.8 if dark else 0.42,
-                two_sided=not shapes.is_closed(part.shape),
+                two_sided=True,  # it may have holes
             )
             self.draw(part.joint, f"visual_{number}", part.shape, material)
 
