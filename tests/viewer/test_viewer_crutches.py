@@ -83,7 +83,7 @@ def test_arms_reach_from_the_shoulders_to_the_tips_of_the_log(walk: Run, drawn: 
     scene, _, motion = drawn
     forearms = set()
     for frame in range(0, len(motion.times), 7):
-        state, row = scene.state_at(motion, frame, 0.0), walk.log.iloc[round(1000 * motion.times[frame])]
+        state, row = scene.state_at(motion, frame), walk.log.iloc[round(1000 * motion.times[frame])]
         lean, up = row["trunk_pitch_rad"], SHOULDER_HEIGHT * HEIGHT
         shoulder = (
             row["pelvis_forward_m"] + up * np.sin(lean),
@@ -108,7 +108,7 @@ def test_arms_reach_from_the_shoulders_to_the_tips_of_the_log(walk: Run, drawn: 
 def test_a_crutch_has_the_force_of_the_log_beside_its_tip(walk: Run, drawn: Drawn) -> None:
     scene, _, motion = drawn
     frame = int(np.argmax(walk.log["left_crutch_normal_force_N"].to_numpy()[:500:33]))
-    state, row = scene.state_at(motion, frame, 0.0), walk.log.iloc[round(1000 * motion.times[frame])]
+    state, row = scene.state_at(motion, frame), walk.log.iloc[round(1000 * motion.times[frame])]
     path = f"{FORCE_ROOT}/left_crutch"
     force = np.hypot(row["left_crutch_normal_force_N"], row["left_crutch_friction_force_N"])
     assert state[path, "visible"] is True
@@ -128,7 +128,7 @@ def test_the_trunk_joint_carries_what_the_urdf_shows_of_the_pelvis(walk: Run) ->
 
 def test_the_eye_goes_along_and_the_metres_stay(drawn: Drawn) -> None:
     scene, recorder, motion = drawn
-    state = scene.state_at(motion, len(motion.times) - 1, 0.0)
+    state = scene.state_at(motion, len(motion.times) - 1)
     way = SPEED * motion.times[-1]
     assert state["/meshcat", "position"] == pytest.approx([-way, 0.0, 0.0])
     assert state[surroundings.FLOOR, "position"][0] == pytest.approx(way)
@@ -144,7 +144,7 @@ def test_a_harness_is_drawn_where_one_carries_and_its_trolley_follows(
     held = floor_walk(0.5, "scenario.harness.share=0.3")
     scene, _ = scene_of(held)
     motion = read_motion(held.log, held.experiment.build_world().model)
-    state = scene.state_at(motion, len(motion.times) - 1, 0.0)
+    state = scene.state_at(motion, len(motion.times) - 1)
     x, _, _ = state[TROLLEY, "position"]
     lower = state[f"{ROPES}/0", "position"]
     assert x == pytest.approx(lower[0]) and x > held.log["pelvis_forward_m"].iloc[-1]
@@ -154,7 +154,7 @@ def test_a_harness_is_drawn_where_one_carries_and_its_trolley_follows(
 
 def test_the_chair_stands_where_the_log_has_its_front_edge(drawn: Drawn) -> None:
     scene, recorder, motion = drawn
-    state = scene.state_at(motion, 0, 0.0)
+    state = scene.state_at(motion, 0)
     assert state[CHAIR, "position"][0] == -0.2 and state[CHAIR, "visible"]
     seat = next(c for c in recorder.commands() if c["path"] == f"{CHAIR}/seat")
     buffer = seat["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data
@@ -190,7 +190,7 @@ def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn
     live.show(0.4, motion.q[frame].tolist(), row.to_dict())
     sent = {(c["path"], c["property"]): c["value"] for c in live.window._recorder.commands()
             if c["type"] == "set_property"}  # fmt: skip
-    expected = scene.state_at(motion, frame, 0.0)
+    expected = scene.state_at(motion, frame)
     shown = [key for key in expected if key[0].startswith((ROOT, surroundings.ROOT, f"{FORCE_ROOT}/left_"))]
     assert len(shown) > 12
     assert {key: sent[key] for key in shown} == {key: expected[key] for key in shown}

@@ -19,7 +19,7 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import arrows, shapes, surroundings
 from twin_gait.viewer import scene as drawn_scene
-from twin_gait.viewer.commands import FULL_TORQUE, Command, Material, Recorder, rgb
+from twin_gait.viewer.commands import FULL_TORQUE, Recorder, rgb
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.shapes import Shape
@@ -361,7 +361,7 @@ def test_every_mesh_moves_with_the_joint_that_carries_it(
 @pytest.mark.parametrize("speed", [0.42, -0.3])
 def test_belt_marks_travel_with_the_belt(speed: float) -> None:
     times = np.linspace(0.0, 3.0, 200)
-    offsets = np.array([surroundings.belt_offset(time, speed) for time in times])
+    offsets = np.array([surroundings.belt_offset(time * speed) for time in times])
     gap = (offsets + speed * times) / surroundings.BELT_MARK_SPACING
     np.testing.assert_allclose(gap, np.round(gap), atol=1e-9)  # whole spacings apart: marks look alike
     assert offsets.min() > -surroundings.BELT_MARK_SPACING - 1e-12 and offsets.max() <= 0.0
@@ -390,7 +390,7 @@ def test_trail_is_the_path_of_the_sole_over_the_last_stride(worn_twin: LegModel)
     assert (stride.begin, stride.end) == (3.0, math.inf)
     for time, shown in ((0.0, False), (2.9, False), (3.1, True), (4.0, True)):
         frame = int(np.searchsorted(motion.times, time - 1e-9))
-        assert scene.state_at(motion, frame, 0.0)[stride.path, "visible"] is shown
+        assert scene.state_at(motion, frame)[stride.path, "visible"] is shown
     drawn = meshes_of(recorder)[stride.path]
     for frame in np.flatnonzero((motion.times >= 1.5) & (motion.times <= 3.0)):
         heel, toe = (worn_twin.frame_position(motion.q[frame], f"right_{end}") for end in ("heel", "toe"))
@@ -435,7 +435,7 @@ def test_after_the_last_path_that_is_kept_no_old_one_is_shown(
     scene.draw_trails(motion)
     (stride,) = scene.trails
     assert (stride.begin, stride.end) == pytest.approx((3.0, 4.5))
-    shown = [scene.state_at(motion, frame, 0.0)[stride.path, "visible"] for frame in range(len(motion.times))]
+    shown = [scene.state_at(motion, frame)[stride.path, "visible"] for frame in range(len(motion.times))]
     np.testing.assert_array_equal(shown, (motion.times >= stride.begin) & (motion.times < stride.end))
 
 
@@ -496,7 +496,7 @@ def test_torques_of_a_log_reach_the_arrows(bench: LegModel) -> None:
     motion = read_motion(log, bench)
     scene = build_scene(Recorder(), bench)
     paths = scene.arcs[Side.RIGHT]["hip"].paths
-    first, last = (scene.state_at(motion, frame, 0.0) for frame in (0, len(motion.times) - 1))
+    first, last = (scene.state_at(motion, frame) for frame in (0, len(motion.times) - 1))
     assert first[paths[3], "visible"] and not first[paths[-3], "visible"]
     assert last[paths[-3], "visible"] and not last[paths[3], "visible"]
 
@@ -538,21 +538,11 @@ def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Pat
     assert scene.view.height > 0.9
 
 
-def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    drawn: dict[str, Shape] = {}
-    set_object = surroundings.set_object
-
-    def note(path: str, shape: Shape, material: Material) -> Command:
-        drawn[path] = shape
-        return set_object(path, shape, material)
-
-    monkeypatch.setattr(surroundings, "set_object", note)
-    surroundings.draw_treadmill(Recorder())
-    marks, frame = (
-        drawn[path].vertices[:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/treadmill/frame")
-    )
+def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt() -> None:
+    recorder = Recorder()
+    surroundings.draw_treadmill(recorder)
+    drawn = meshes_of(recorder)
+    marks, frame = (drawn[path][:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/treadmill/frame"))
     # From an offset of one spacing backwards to none.
     assert marks.min() - surroundings.BELT_MARK_SPACING > frame.min() and marks.max() < frame.max()
     walked = simulate(load_experiment("treadmill", ["duration_s=5"]).experiment)
@@ -564,4 +554,4 @@ def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt(
         for contact in leg.contact_frames
     ]
     assert min(heights) < -0.01  # the ground of the model is soft
-    assert min(heights) > drawn[f"{ROOT}/treadmill/belt_surface"].vertices[:, 2].max() - 5e-4
+    assert min(heights) > drawn[f"{ROOT}/treadmill/belt_surface"][:, 2].max() - 5e-4

@@ -13,7 +13,7 @@ from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
 from twin_gait.viewer.body import CLOTH, RINGS, SKIN, STRAP, band, girth, trunk_axes, trunk_rings
-from twin_gait.viewer.commands import Material, Window, draw_lightly
+from twin_gait.viewer.commands import Material, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
@@ -59,9 +59,7 @@ def _shoulder_strap(hook: np.ndarray, front: float, rings: np.ndarray, height: f
     angle = math.radians(52.0)
     end = [x + front * half_x * math.sin(angle), math.copysign(half_y * math.cos(angle), hook[1]), height]
     middle = 0.5 * (hook + end) + [front * 0.035, 0.0, 0.02]
-    share = np.linspace(0.0, 1.0, 9)[:, None]
-    path = (1 - share) ** 2 * hook + 2 * share * (1 - share) * middle + share**2 * np.array(end)
-    return shapes.tube(path, 0.007, columns=6)
+    return shapes.tube(shapes.bend(hook, middle, np.array(end)), 0.007, columns=6)
 
 
 @dataclass(frozen=True)
@@ -173,7 +171,7 @@ def _draw_upper_arm(window: Window, path: str, scale: float) -> None:
     """Draw an upper arm of 1 m along z, thick as it is."""
     for name, table, material in (("sleeve", RINGS["sleeve"], CLOTH), ("skin", RINGS["upper_arm"], SKIN)):
         rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in table]
-        draw_lightly(window, f"{path}/{name}", shapes.limb(rings), material)
+        draw_mesh(window, f"{path}/{name}", shapes.limb(rings), material)
 
 
 def _draw_forearm(window: Window, path: str, length: float, forearm: float, scale: float) -> None:
@@ -186,13 +184,13 @@ def _draw_forearm(window: Window, path: str, length: float, forearm: float, scal
     fist = np.eye(4)
     fist[:3, 3] = (_HANDLE, 0.0, grip + 0.005)
     hand = shapes.moved(shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale)), fist)
-    draw_lightly(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
+    draw_mesh(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
     # Behind the forearm up to the cuff.
     top, bottom = (length - share * forearm for share in _CUFF)
     at_cuff = np.array([-0.045 * scale, 0.0, 0.5 * (top + bottom)])
     line = np.array([[0.0, 0.0, 0.04], [0.0, 0.0, 0.4 * grip], [0.0, 0.0, grip - 0.02], at_cuff])
-    draw_lightly(window, f"{path}/shaft", shapes.tube(line, 0.0115, columns=12), STEEL, casts=True)
+    draw_mesh(window, f"{path}/shaft", shapes.tube(line, 0.0115, columns=12), STEEL, casts=True)
     cuff = band(np.array(rings), top, bottom, rings=3)
     handle = shapes.tube(np.array([[x, 0.0, grip] for x in (-0.012, 0.05, 0.105)]), 0.0155, columns=12)
-    draw_lightly(window, f"{path}/plastic", shapes.merged([cuff, handle]), PLASTIC, casts=True)
-    draw_lightly(window, f"{path}/tip", shapes.turned(_TIP, columns=20), RUBBER, casts=True)
+    draw_mesh(window, f"{path}/plastic", shapes.merged([cuff, handle]), PLASTIC, casts=True)
+    draw_mesh(window, f"{path}/tip", shapes.turned(_TIP, columns=20), RUBBER, casts=True)

@@ -69,7 +69,7 @@ def recorded_run(
     drives = shown_joints(log, model.sides[0])
     scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
-    scene.apply(scene.state_at(motion, 0, belt_speed))
+    scene.apply(scene.state_at(motion, 0))
     recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))
     return page_data(
         mode="recorded",
@@ -140,7 +140,7 @@ def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:
 
 def _tracks(scene: Scene, motion: Motion, belt_speed: Belt) -> Iterator[Track]:
     """Everything that moves or changes colour; what stays as it is has no track."""
-    states = [scene.state_at(motion, frame, belt_speed=0.0) for frame in range(len(motion.times))]
+    states = [scene.state_at(motion, frame) for frame in range(len(motion.times))]
     for place, name in states[0]:
         if name == "color":
             continue
@@ -183,14 +183,14 @@ def _belt_track(duration: float, belt: Belt) -> Track:
     spacing = surroundings.BELT_MARK_SPACING
     looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK))).tolist()
     ways = [belt(time) if callable(belt) else belt * time for time in looks]
-    times, offsets = [0.0], [-float(ways[0] % spacing)]
+    times, offsets = [0.0], [surroundings.belt_offset(ways[0])]
     for (before, old), (time, way) in pairwise(zip(looks, ways, strict=True)):
         if way // spacing > old // spacing:
             jump = float(np.interp(spacing * (way // spacing), (old, way), (before, time)))
             times += [jump, jump + _SWITCH]
             offsets += [-spacing, 0.0]
         times.append(max(time, times[-1] + _SWITCH))
-        offsets.append(-float(way % spacing))
+        offsets.append(surroundings.belt_offset(way))
     values = np.outer(np.round(offsets, 5), [1.0, 0.0, 0.0])
     return _thinned(Track(surroundings.BELT, "position", np.array(times), values))
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, TorqueArc, arc_arrow, arc_material
-from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
+from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
 
@@ -68,18 +68,16 @@ class Figure:
             window.send(set_property(path, "position", position))
             window.send(set_property(path, "quaternion", quaternion))
 
-    def draw(self, joint: str, name: str, shape: Shape, material: Material) -> str:
+    def draw(self, joint: str, name: str, shape: Shape, material: Material, *, casts: bool = True) -> str:
         """Draw a mesh on a joint.
 
         ``joint``: name of the joint; ``universe`` for what does not move; ``name``: name of the part, once
-        per joint; ``shape``: mesh in the frame of the joint.
+        per joint; ``shape``: mesh in the frame of the joint; ``casts``: whether it casts a shadow if it is
+        opaque.
         """
         path = f"{self.paths[joint]}/{name}"
-        self._window.send(set_object(path, shape, material))
         # Shadows fall on the ground only: on curved parts they cost much and show the texels of the map.
-        self._window.send(set_property(f"{path}/<object>", "receiveShadow", False))
-        if material.opacity < 1.0 or shape.opacity is not None:
-            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
+        draw_mesh(self._window, path, shape, material, casts=casts and material.opacity == 1.0)
         return path
 
     def draw_visuals(self, visuals: Visuals) -> None:
@@ -205,8 +203,8 @@ class Figure:
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
             arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
             name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
-            paths[number] = self.draw(parent, name, shapes.moved(arrow, placement), arc_material(number))
-            self._window.send(set_property(f"{paths[number]}/<object>", "castShadow", False))
+            at_motor = shapes.moved(arrow, placement)
+            paths[number] = self.draw(parent, name, at_motor, arc_material(number), casts=False)
             self._window.send(set_property(paths[number], "visible", False))
         return TorqueArc(paths, full_torque)
 

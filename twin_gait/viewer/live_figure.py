@@ -142,7 +142,13 @@ class LiveFigure:
         legs = {side: self._leg(side, time, posture, row) for side in self._model.sides}
         columns = {name: np.array([value]) for name, value in row.items() if not isinstance(value, str)}
         motion = Motion(np.array([time]), posture[None, :], legs, self._phases, columns)
-        self._scene.apply(self._scene.state_at(motion, 0, belt_speed) | self._belt(time, belt_speed))
+        self._scene.apply(self._scene.state_at(motion, 0))
+        # The way that the belt has gone, because its speed may change.
+        self._travelled += belt_speed * max(0.0, time - self._time)
+        self._time = time
+        if belt_speed != 0.0:
+            offset = surroundings.belt_offset(self._travelled)
+            self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
         numbers = [self._numbers(side, row) for side in self._model.sides]
         sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}
         sample |= {"mode": int(row[MODE])} if MODE in row else {}
@@ -193,12 +199,3 @@ class LiveFigure:
         values = {key: float(row[column]) for key, column in self._columns[side].items()}
         values |= {str(joint): _DEGREES * values[joint] for joint in self._drives}
         return values | {"phase": self._phase(side, row)}
-
-    def _belt(self, time: float, speed: float) -> dict[tuple[str, str], Any]:
-        # The way that the belt has gone, because its speed may change.
-        self._travelled += speed * max(0.0, time - self._time)
-        self._time = time
-        if speed == 0.0:
-            return {}
-        offset = surroundings.belt_offset(self._travelled, 1.0)
-        return {(surroundings.BELT, "position"): [offset, 0.0, 0.0]}

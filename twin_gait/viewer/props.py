@@ -7,7 +7,7 @@ import numpy as np
 
 from twin_gait.parameters import ChairParameters
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, Window, set_object, set_property
+from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
@@ -43,11 +43,6 @@ _STRIP_LENGTH, _STRIP_WIDTH = 9.0, 1.30  # of what is seen of it [m]
 _FLOOR_HEIGHT = -0.02  # [m]
 _MARKED = 60  # [m] of it that have marks
 _LINOLEUM = Material(colour=(0.76, 0.80, 0.86), roughness=0.95, glow=0.14)
-# Segments of a digit, in turn from the top clockwise, and the middle one: ends in lengths of a segment.
-_SEGMENTS = ((0, 2, 1, 2), (1, 2, 1, 1), (1, 1, 1, 0), (0, 0, 1, 0), (0, 1, 0, 0), (0, 2, 0, 1), (0, 1, 1, 1))
-_DIGITS = ("012345", "12", "01643", "01623", "5612", "05623", "056432", "012", "0123456", "561023")
-_SEGMENT = np.array([0.036, 0.075])  # forwards and across [m]: long across, because one looks at it flatly
-_STROKE = 0.010  # [m]
 
 
 def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:
@@ -139,28 +134,17 @@ class DrawnWalkway:
         draw_floor(window, _FLOOR_HEIGHT, radius=3.2)
         strip = box((_STRIP_LENGTH, _STRIP_WIDTH, 0.03), (0.0, 0.0, BELT_TOP - _FLOOR_HEIGHT - 0.015), 0.004)
         place(window, "floor/walkway", strip, _LINOLEUM, under_shadows=True)
+        # Every fifth is twice as thick.
         lines = [
-            plate((float(x), 0.0), 0.012, _STRIP_WIDTH) for x in range(1 - round(_STRIP_LENGTH), _MARKED + 1)
+            plate((float(x), 0.0), 0.012 if x % 5 else 0.024, _STRIP_WIDTH)
+            for x in range(1 - round(_STRIP_LENGTH), _MARKED + 1)
         ]
-        numbers = [_number(metre) for metre in range(_MARKED + 1)]
-        window.send(set_object(METRES, shapes.merged([*lines, *numbers]), MARK))
-        window.send(set_property(f"{METRES}/<object>", "castShadow", False))
+        draw_mesh(window, METRES, shapes.merged(lines), MARK, under_shadows=True)
 
     def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
         """The eye goes along: all else comes towards it, but for the floor."""
         way = float(motion.q[frame][self._forward])
         return {("/meshcat", "position"): [-way, 0.0, 0.0], (FLOOR, "position"): [way, 0.0, _FLOOR_HEIGHT]}
-
-
-def _number(metre: int) -> Shape:
-    """Number on the ground beside its line, read from the right side of the walker."""
-    strokes = []
-    for number, digit in enumerate(str(metre)):
-        corner = np.array([metre + 0.04 + 1.7 * _SEGMENT[0] * number, 0.05 - 0.5 * _STRIP_WIDTH])
-        for name in _DIGITS[int(digit)]:
-            ends = corner + _SEGMENT * np.array(_SEGMENTS[int(name)]).reshape(2, 2)
-            strokes.append(plate(ends.mean(axis=0), *(np.ptp(ends, axis=0) + _STROKE)))
-    return shapes.merged(strokes)
 
 
 @dataclass(frozen=True)
@@ -187,5 +171,4 @@ def draw_rail(window: Window, hooks: np.ndarray) -> None:
     bar = shapes.tube(middle + np.outer([-1.25, 0.0, 1.25], hooks[0] - middle), 0.016, columns=12)
     place(window, "trolley/bar", shapes.merged([bar, hanger]), STEEL)
     rail = box((_MARKED + 10.0, 0.06, 0.05), (0.5 * _MARKED, 0.0, above[2] + 0.025), 0.01)
-    place(window, "rail", rail, STEEL)
-    window.send(set_property(f"{ROOT}/rail/<object>", "castShadow", False))
+    draw_mesh(window, f"{ROOT}/rail", rail, STEEL)

@@ -14,7 +14,7 @@ from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.aids import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
-from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_lightly, rgb, set_property
+from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure, Motor
 from twin_gait.viewer.motion import Motion, PhaseSpells
 from twin_gait.viewer.props import Trolley, draw_rail
@@ -105,7 +105,7 @@ class Scene:
         for number, hook in enumerate(hooks):
             x, y, _ = self.figure.world_point(neutral, joint, hook)
             path = f"{ROPES}/{number}"
-            draw_lightly(self._window, path, rope_shape(), ROPE)
+            draw_mesh(self._window, path, rope_shape(), ROPE)
             self.ropes.append(Rope(path, joint, hook, np.array([x, y, height]), on_rail))
         if on_rail:
             self.elements.append(Trolley(joint, hooks[0]))
@@ -128,7 +128,7 @@ class Scene:
                 shape = trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
                 if shape is not None:
                     path = f"{TRAILS}/{side}_{number}"
-                    draw_lightly(self._window, path, shape, _TRAIL)
+                    draw_mesh(self._window, path, shape, _TRAIL)
                     self.apply({(path, "visible"): False})
                     self.trails.append(StrideTrail(path, span[1], following))
 
@@ -170,8 +170,8 @@ class Scene:
                 state |= arc.state(float(torques[joint]))
         return state
 
-    def state_at(self, motion: Motion, frame: int, belt_speed: surroundings.Belt) -> State:
-        """Everything that a frame of a motion shows."""
+    def state_at(self, motion: Motion, frame: int) -> State:
+        """Everything that a frame of a motion shows, but for the belt."""
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])
         for side, leg in motion.legs.items():
@@ -186,9 +186,6 @@ class Scene:
             state |= stride.state(time)
         for element in self.elements:
             state |= element.state(self.figure, motion, frame)
-        if belt_speed != 0.0:
-            offset = surroundings.belt_offset(time, belt_speed)
-            state[surroundings.BELT, "position"] = [offset, 0.0, 0.0]
         return state
 
     def apply(self, state: State) -> None:

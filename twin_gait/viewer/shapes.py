@@ -156,6 +156,13 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     return merged([rings, first, last])
 
 
+def bend(start: np.ndarray, corner: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Parabola that touches the lines to a corner where it starts and ends: points, shape ``(9, 3)``."""
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    back = 1.0 - share
+    return np.asarray(back**2 * start + 2.0 * share * back * corner + share**2 * end)
+
+
 def _carried_along(ahead: np.ndarray) -> np.ndarray:
     """A direction across each piece of a path that turns no more than the path does."""
     across = np.empty_like(ahead)
