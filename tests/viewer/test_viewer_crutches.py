@@ -168,8 +168,8 @@ def test_the_chair_stands_where_the_log_has_its_front_edge(drawn: Drawn) -> None
 
 def test_a_page_has_crutches_and_the_mode_of_every_moment(walk: Run) -> None:
     page = recorded_run(
-        walk.log, walk.experiment.build_world().model, title="t", frames_per_second=30.0, modes=MODES,
-        **setting_of(walk.experiment),
+        walk.log, walk.experiment.build_world().model, about={"title": "t", "modes": MODES},
+        frames_per_second=30.0, **setting_of(walk.experiment),
     )  # fmt: skip
     frames: dict[str, Any] = json.loads(zlib.decompress(b64decode(page["frames"])))
     assert page["modes"] == ["Sitting", "Walking"]

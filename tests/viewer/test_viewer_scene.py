@@ -270,7 +270,8 @@ def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
     paths = [path for arc in scene.arcs[Side.RIGHT].values() for path in arc.paths.values()]
     assert len(paths) == 2 * 2 * arrows.LEVELS
     assert all(visible[path] is False for path in paths)
-    scene.apply(scene.torque_state(Side.RIGHT, {"hip": 0.5 * FULL_TORQUE, "knee": -FULL_TORQUE}))
+    for joint, torque in (("hip", 0.5 * FULL_TORQUE), ("knee", -FULL_TORQUE)):
+        scene.apply(scene.arcs[Side.RIGHT][joint].state(torque))
     visible = properties_of(recorder, "visible")
     seen = {path for path in paths if visible[path]}
     assert seen == {
@@ -376,7 +377,7 @@ def walk(model: LegModel, duration: float = 4.0, rate: float = 30.0) -> Motion:
         q[:, model.pelvis_index] = 0.95
     starts = np.arange(0.0, duration, 0.3)
     phases = PhaseSpells(starts, np.arange(len(starts)) % len(PHASES))
-    leg = LegMotion(phases=phases, curves={}, footing=None)
+    leg = LegMotion(phases=phases, curves={})
     return Motion(times, q, {Side.RIGHT: leg}, PHASES)
 
 

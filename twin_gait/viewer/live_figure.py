@@ -13,14 +13,12 @@ from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Command, Recorder, pack
 from twin_gait.viewer.motion import (
     MODE,
-    Footing,
     LegMotion,
     Motion,
     PhaseSpells,
-    centre_of_pressure,
     leg_columns,
 )
-from twin_gait.viewer.page import leg_entry, page_data
+from twin_gait.viewer.page import About, leg_entry, page_data
 from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.vocabulary import HOLD, JointName, Side
@@ -106,7 +104,7 @@ class LiveFigure:
         read. Raises ViewerError if a mesh cannot be read.
         """
         self.window = LiveWindow()
-        self._model, self._phases, self._slope = model, (*phases, HOLD), setting.get("slope", 0.0)
+        self._model, self._phases = model, (*phases, HOLD)
         self._drives = tuple(drives)
         self._scene = build_scene(self.window, model, drives=drives, **setting)
         self._forces = {"force": bool(self._scene.arrows), "crutch": setting.get("crutches") is not None}
@@ -114,8 +112,8 @@ class LiveFigure:
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
         self.page = page_data(
-            mode="live", title=title, subtitle=subtitle, missing_meshes=self._scene.missing_meshes,
-            view=self._scene.view, phases=self._phases, modes=modes, arrows=bool(self._scene.arrows),
+            About(title=title, subtitle=subtitle, modes=modes), mode="live", view=self._scene.view,
+            missing_meshes=self._scene.missing_meshes, phases=self._phases, arrows=bool(self._scene.arrows),
             legs=[leg_entry(side, ["phase", *columns]) for side, columns in self._columns.items()],
         )  # fmt: skip
         self.window.describe(self.page)
@@ -139,9 +137,13 @@ class LiveFigure:
         posture = np.asarray(q, dtype=float)
         if not np.isfinite(posture).all():
             return  # a walk that diverged stays as it was last seen
-        legs = {side: self._leg(side, time, posture, row) for side in self._model.sides}
+        now = np.array([time])
+        legs = {
+            side: LegMotion(PhaseSpells(now, np.array([self._phase(side, row)])), curves={})
+            for side in self._model.sides
+        }
         columns = {name: np.array([value]) for name, value in row.items() if not isinstance(value, str)}
-        motion = Motion(np.array([time]), posture[None, :], legs, self._phases, columns)
+        motion = Motion(now, posture[None, :], legs, self._phases, columns)
         self._scene.apply(self._scene.state_at(motion, 0))
         # The way that the belt has gone, because its speed may change.
         self._travelled += belt_speed * max(0.0, time - self._time)
@@ -172,16 +174,6 @@ class LiveFigure:
                     leg[key]["times"] += [round(tick * TICK, 3) for tick in ticks]
                     leg[key]["values"] += [None if item is None else item * factor for item in values]
         return curves
-
-    def _leg(self, side: Side, time: float, q: np.ndarray, row: Mapping[str, Any]) -> LegMotion:
-        footing = None
-        if side in self._scene.arrows:
-            force = [[row[f"{side}_foot_friction_force_N"], row[f"{side}_foot_normal_force_N"]]]
-            point = centre_of_pressure(self._model, q, self._model.legs[side].contact_frames, self._slope)
-            footing = Footing(np.array(force), point[None, :])
-        phase = PhaseSpells(np.array([time]), np.array([self._phase(side, row)]))
-        torques = {str(joint): np.array([row[f"{side}_{joint}_motor_torque_Nm"]]) for joint in self._drives}
-        return LegMotion(phases=phase, curves={}, footing=footing, torques=torques)
 
     def _phase(self, side: Side, row: Mapping[str, Any]) -> int:
         held = row["safety_state"] == SafetyState.HOLD.code

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -69,44 +69,63 @@ def viewer_folder() -> Path:
     return folder
 
 
+class About(TypedDict, total=False):
+    """What a page says of a run, or of a live scene.
+
+    Attributes:
+        title: Its heading.
+        subtitle: The line below.
+        notes: What else the card is to say.
+        events: What befell the run.
+        outcome: How it ended, in a word.
+        walk: Table of the walk in texts, a head and rows.
+        network: Table of the bus, likewise.
+        modes: Names of the operating modes in the order of their codes.
+    """
+
+    title: Required[str]
+    subtitle: str
+    notes: Sequence[str]
+    events: Iterable[RunEvent]
+    outcome: str
+    walk: Sequence[Sequence[str]]
+    network: Sequence[Sequence[str]]
+    modes: Sequence[str]
+
+
 def page_data(
+    about: About,
     *,
     mode: str,
-    title: str,
-    subtitle: str,
-    missing_meshes: Sequence[str],
     view: View,
-    phases: Sequence[str],
-    legs: Sequence[Mapping[str, Any]],
-    modes: Sequence[str] = (),
-    arrows: bool,
-    duration: float | None = None,
-    notes: Sequence[str] = (),
-    events: Iterable[RunEvent] = (),
+    phases: Sequence[str] = (),
+    legs: Sequence[Mapping[str, Any]] = (),
+    missing_meshes: Sequence[str] = (),
+    arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``modes``: operating modes
-    in the order of their codes; ``duration`` in [s], or None if there is no end; ``notes``: what else the
-    card is to say.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``more``: what they read
+    in that mode only.
     """
     arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
     return {
+        **about,
         "mode": mode,
-        "title": _unicode(title),
-        "subtitle": _unicode(subtitle),
-        "notes": [*map(_unicode, notes), *_notes(missing_meshes)],
+        "title": _unicode(about["title"]),
+        "subtitle": _unicode(about.get("subtitle", "")),
+        "notes": [*map(_unicode, about.get("notes", ())), *_notes(missing_meshes)],
         "view": asdict(view),
         "phases": _phase_entries(phases),
-        "modes": [_unicode(_words(name)) for name in modes],
-        "events": event_entries(events),
+        "modes": [_unicode(_words(name)) for name in about.get("modes", ())],
+        "events": event_entries(about.get("events", ())),
         "parts": _part_entries(legs),
         "legs": list(legs),
         "arrow": {"label": arrow, "colour": GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries(legs) if legs else [],
         "floor": FLOOR,  # what a dark page darkens
-        "duration": duration,
+        "duration": None,  # in [s], unless there is no end
         "footnote": FOOTNOTE,
         **more,
     }

@@ -1,7 +1,7 @@
 """A scene that has been drawn, and what changes in it: posture, forces, colours of phases, belt."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol
@@ -70,6 +70,7 @@ class Scene:
         self.elements: list[Element] = []  # what else moves
         self.trails: list[StrideTrail] = []  # paths of the feet per stride, once a motion is known
         self.legs: dict[Side, LegJoints] = {}
+        self.ground = np.eye(3)  # its axes, column by column
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
         self._window = window
         self._shown: State = {}
@@ -162,22 +163,29 @@ class Scene:
             state |= rope.state(self.figure, q)
         return state
 
-    def torque_state(self, side: Side, torques: Mapping[str, float]) -> State:
-        """Arrows of the motor torques of a leg: in [N m] by the name of the joint, as in the log."""
-        state: State = {}
-        for joint, arc in self.arcs.get(side, {}).items():
-            if joint in torques:
-                state |= arc.state(float(torques[joint]))
-        return state
+    def _force_state(self, side: Side, motion: Motion, frame: int) -> State:
+        """Arrow of the force of the ground on a foot, in the axes of the ground."""
+        names = [f"{side}_foot_{name}_force_N" for name in ("friction", "normal")]
+        if side not in self.arrows or any(name not in motion.columns for name in names):
+            return {}
+        force = np.nan_to_num([motion.columns[name][frame] for name in names])
+        # A log of an earlier version does not know where the sole is pressed.
+        places = motion.columns.get(f"{side}_foot_pressure_place")
+        share = 0.5 if places is None else float(places[frame])
+        ends = [self.figure.frame_point(motion.q[frame], name) for name in self.legs[side].contact_frames]
+        along, left, _ = (ends[0] + share * (ends[-1] - ends[0])) @ self.ground
+        return arrow_state(self.arrows[side], force, np.array([along, left, 0.0]))
 
     def state_at(self, motion: Motion, frame: int) -> State:
         """Everything that a frame of a motion shows, but for the belt."""
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])
+        for side, arcs in self.arcs.items():
+            for joint, arc in arcs.items():
+                torques = motion.columns.get(f"{side}_{joint}_motor_torque_Nm")
+                state |= {} if torques is None else arc.state(float(torques[frame]))
         for side, leg in motion.legs.items():
-            state |= self.torque_state(side, {name: values[frame] for name, values in leg.torques.items()})
-            if leg.footing is not None and side in self.arrows:
-                state |= arrow_state(self.arrows[side], leg.footing.force[frame], leg.footing.point[frame])
+            state |= self._force_state(side, motion, frame)
             if leg.phases is not None:
                 code = leg.phases.at(time)
                 colour = rgb(phase_colour(motion.phase_names[code], code))

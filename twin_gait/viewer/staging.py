@@ -82,7 +82,9 @@ def build_scene(
         scene.elements.append(DrawnWalkway(window, model.forward_index))
     else:
         slope = setting.get("slope", 0.0)
-        window.send(set_transform(FORCE_ROOT, surroundings.tilted(slope)))
+        pose = surroundings.tilted(slope)
+        window.send(set_transform(FORCE_ROOT, pose))
+        scene.ground = pose[:3, :3]
         surroundings.draw_treadmill(window, slope)
     for side, leg in model.legs.items():
         if leg.contact_frames:
