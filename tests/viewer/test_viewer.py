@@ -194,7 +194,7 @@ def test_a_leg_without_visuals_is_drawn_as_sticks_with_its_vertical_up(tmp_path:
     model = LegModel(bare_urdf(tmp_path), legs, up_axis="y")
     recorder = Recorder()
     scene = build_scene(recorder, model)
-    assert {path.rsplit("/", 1)[-1] for path in drawn_paths(recorder)} >= {"stick", "ball", "motor_cover"}
+    assert {path.rsplit("/", 1)[-1] for path in drawn_paths(recorder)} >= {"sticks", "motor_cover"}
     # Hip flexed by 90 degrees: the thigh, 0.4 m long, points forward.
     knee = scene.figure.world_point(np.array([math.pi / 2.0, 0.0]), "k")
     np.testing.assert_allclose(knee, [0.4, 0.0, 0.0], atol=1e-12)

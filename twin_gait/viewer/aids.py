@@ -12,7 +12,7 @@ from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_BREADTH, TRUNK_L
 from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
-from twin_gait.viewer.body import CLOTH, RINGS, SKIN, STRAP, band, girth, trunk_axes, trunk_rings
+from twin_gait.viewer.body import RINGS, SKIN, STRAP, band, girth, trunk_axes, trunk_rings
 from twin_gait.viewer.commands import Material, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
@@ -77,12 +77,10 @@ class Rope:
         lower = figure.world_point(q, self.joint, self.lower)
         upper = np.array([lower[0], *self.upper[1:]]) if self.on_rail else self.upper
         span = upper - lower
-        length = float(np.linalg.norm(span))
-        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), span / length)
         return {
-            (self.path, "position"): [float(value) for value in lower],
-            (self.path, "quaternion"): [float(value) for value in turn.coeffs()],
-            (self.path, "scale"): [1.0, 1.0, length],
+            (self.path, "position"): lower.tolist(),
+            (self.path, "quaternion"): _pointing(span),
+            (self.path, "scale"): [1.0, 1.0, float(np.linalg.norm(span))],
         }
 
 
@@ -115,7 +113,7 @@ def _pointing(direction: np.ndarray) -> list[float]:
     forward = np.cross([0.0, 1.0, 0.0], upward)
     forward /= np.linalg.norm(forward)
     turn = pin.Quaternion(np.column_stack((forward, np.cross(upward, forward), upward)))
-    return [float(value) for value in turn.coeffs()]
+    return list(turn.coeffs().tolist())
 
 
 class DrawnCrutches:
@@ -160,7 +158,7 @@ class DrawnCrutches:
                 (arm, "position"): shoulder.tolist(),
                 (arm, "quaternion"): _pointing(elbow - shoulder),
                 (arm, "scale"): [1.0, 1.0, float(np.linalg.norm(elbow - shoulder))],
-                (rest, "position"): [float(value) for value in tip],
+                (rest, "position"): tip.tolist(),
                 (rest, "quaternion"): _pointing(elbow - tip),
                 **arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT),
             }
@@ -169,9 +167,8 @@ class DrawnCrutches:
 
 def _draw_upper_arm(window: Window, path: str, scale: float) -> None:
     """Draw an upper arm of 1 m along z, thick as it is."""
-    for name, table, material in (("sleeve", RINGS["sleeve"], CLOTH), ("skin", RINGS["upper_arm"], SKIN)):
-        rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in table]
-        draw_mesh(window, f"{path}/{name}", shapes.limb(rings), material)
+    rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in RINGS["upper_arm"]]
+    draw_mesh(window, f"{path}/skin", shapes.limb(rings), SKIN)
 
 
 def _draw_forearm(window: Window, path: str, length: float, forearm: float, scale: float) -> None:

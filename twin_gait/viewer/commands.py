@@ -197,9 +197,9 @@ def _integer(colour: Sequence[float]) -> int:
     return (red << 16) + (green << 8) + blue
 
 
-# Objects first, because setting one clears its properties; the animation last, because its tracks
-# look for the objects.
-_ORDER = ("set_object", "set_transform", "set_property", "set_animation")
+# Objects first, because setting one clears its properties; the animation after them, because its tracks
+# look for the objects. What a live page says stands around them: what it is, and its last numbers.
+_ORDER = ("page", "set_object", "set_transform", "set_property", "set_animation", "sample")
 
 
 class Recorder:
@@ -211,8 +211,7 @@ class Recorder:
 
     def send(self, command: Command) -> None:
         """Remember a command."""
-        key = (command["type"], command["path"], command.get("property", ""))
-        self._commands[key] = command
+        self._commands[key_of(command)] = command
 
     def commands(self) -> list[Command]:
         """Commands in the order in which a viewer must take them."""
@@ -220,4 +219,9 @@ class Recorder:
 
     def packed(self) -> bytes:
         """All commands, one after the other as :func:`pack` has them."""
-        return b"".join(pack(command) for command in self.commands())
+        return b"".join(map(pack, self.commands()))
+
+
+def key_of(command: Command) -> tuple[str, str, str]:
+    """What a later command of the same key makes needless."""
+    return command["type"], command["path"], command.get("property", "")

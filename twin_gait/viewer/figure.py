@@ -1,7 +1,7 @@
 """The articulated figure: one group per joint, so that a posture is one rotation per joint."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -93,19 +93,6 @@ class Figure:
             )
             self.draw(part.joint, f"visual_{number}", part.shape, material)
 
-    def draw_sticks(self, legs: Iterable[LegJoints], visuals: Visuals) -> None:
-        """Draw a stick for every segment of a leg that shows nothing, and a ball at its joint."""
-        material = Material(colour=STICK_COLOUR, roughness=0.5)
-        for leg in legs:
-            for _, joint in leg.items():
-                if joint in visuals.joints():
-                    continue
-                end = self.segment(joint, leg)
-                length = float(np.linalg.norm(end))
-                radius = _STICK_RADIUS * length
-                self.draw(joint, "stick", _stick(radius, end), material)
-                self.draw(joint, "ball", shapes.ellipsoid((1.5 * radius,) * 3), material)
-
     def draw_skeleton(self) -> None:
         """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
         ends = [self._ends(index) for index in range(self.model.njoints)]
@@ -113,10 +100,12 @@ class Figure:
         radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
         material = Material(colour=STICK_COLOUR, roughness=0.8)
         for name, tips in zip(map(str, self.model.names), ends, strict=True):
-            if name != FIXED_JOINT:
-                self.draw(name, "ball", shapes.ellipsoid((1.5 * radius,) * 3, columns=16), material)
-            if tips:
-                self.draw(name, "sticks", shapes.merged(_stick(radius, end) for end in tips), material)
+            sticks = [
+                shapes.moved(shapes.capsule(radius, float(np.linalg.norm(end))), along(end)) for end in tips
+            ]
+            balls = [shapes.ellipsoid((1.5 * radius,) * 3, columns=16)] if name != FIXED_JOINT else []
+            if sticks or balls:
+                self.draw(name, "sticks", shapes.merged([*balls, *sticks]), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
         """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
@@ -251,10 +240,6 @@ class Figure:
 def _off_axis(point: np.ndarray, axis: np.ndarray) -> float:
     """Distance of a point from an axis through the origin in [m]."""
     return float(np.linalg.norm(point - (point @ axis) * axis))
-
-
-def _stick(radius: float, end: np.ndarray) -> Shape:
-    return shapes.moved(shapes.capsule(radius, float(np.linalg.norm(end))), along(end))
 
 
 def along(direction: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Command, Recorder, pack
+from twin_gait.viewer.commands import Command, Recorder, key_of, pack
 from twin_gait.viewer.motion import (
     MODE,
     LegMotion,
@@ -27,34 +27,30 @@ _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 
 
-class LiveWindow:
+class LiveWindow(Recorder):
     """Window that keeps the whole scene and collects the changes of a frame."""
 
     def __init__(self) -> None:
         """Start empty."""
-        self._recorder = Recorder()
+        super().__init__()
         self._changes: dict[Hashable, Command] = {}
-        self._notes: dict[str, Command] = {}
         self._samples = 0
 
     def send(self, command: Command) -> None:
-        """Take a drawing command."""
-        self._recorder.send(command)
-        self._changes[command["type"], command["path"], command.get("property", "")] = command
+        """Take a command."""
+        super().send(command)
+        self._changes[key_of(command)] = command
 
     def describe(self, page: Command) -> None:
         """Take the description of the page."""
-        self._note("page", page, "page")
+        self.send({"type": "page", "path": "", "page": page})
 
     def sample(self, sample: Command) -> None:
         """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
+        command = {"type": "sample", "path": "", "sample": sample}
+        super().send(command)
         self._samples += 1
-        self._note("sample", sample, ("sample", self._samples))
-
-    def _note(self, kind: str, content: Command, key: Hashable) -> None:
-        command = {"type": kind, "path": "", kind: content}
-        self._notes[kind] = command
-        self._changes[key] = command
+        self._changes["sample", self._samples] = command
 
     def changes(self) -> list[Change]:
         """What has changed since the last call: a key each, and the packed command."""
@@ -64,9 +60,7 @@ class LiveWindow:
 
     def everything(self) -> list[Change]:
         """The whole scene for a page that has just been opened: description, drawing, last numbers."""
-        page, sample = self._notes.get("page"), self._notes.get("sample")
-        commands = [page, *self._recorder.commands(), sample]
-        return [(index, pack(command)) for index, command in enumerate(commands) if command is not None]
+        return [(index, pack(command)) for index, command in enumerate(self.commands())]
 
 
 class Trace(NamedTuple):

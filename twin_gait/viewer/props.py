@@ -1,6 +1,5 @@
 """What stands around the figure in some worlds: a bench, a chair, a walkway with its rail."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,6 @@ _LEG = 0.05  # thickness of a table leg [m]
 CHAIR = f"{ROOT}/chair"
 SEAT = "seat_forward_m"  # column of its front edge
 _CHAIR_WIDTH, _SEAT_THICKNESS, _CHAIR_LEG = 0.46, 0.05, 0.035  # [m]
-TROLLEY = f"{ROOT}/trolley"
 METRES = f"{ROOT}/metres"
 _STRIP_LENGTH, _STRIP_WIDTH = 9.0, 1.30  # of what is seen of it [m]
 _FLOOR_HEIGHT = -0.02  # [m]
@@ -147,28 +145,8 @@ class DrawnWalkway:
         return {("/meshcat", "position"): [-way, 0.0, 0.0], (FLOOR, "position"): [way, 0.0, _FLOOR_HEIGHT]}
 
 
-@dataclass(frozen=True)
-class Trolley:
-    """The bar that ropes hang from, on a rail over the walkway."""
-
-    joint: str  # joint that carries the lower ends of the ropes
-    hook: np.ndarray  # one of them in the frame of that joint in [m], shape ``(3,)``
-
-    def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
-        """It is above them."""
-        x = float(figure.world_point(motion.q[frame], self.joint, self.hook)[0])
-        return {(TROLLEY, "position"): [x, 0.0, 0.0]}
-
-
-def draw_rail(window: Window, hooks: np.ndarray) -> None:
-    """Draw the rail, and the trolley as it is at the origin.
-
-    ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
-    """
-    middle = hooks.mean(axis=0)
-    above = middle + np.array([0.0, 0.0, 0.06])
-    hanger = shapes.moved(shapes.cylinder(0.012, 0.06), translation(0.5 * (middle + above)))
-    bar = shapes.tube(middle + np.outer([-1.25, 0.0, 1.25], hooks[0] - middle), 0.016, columns=12)
-    place(window, "trolley/bar", shapes.merged([bar, hanger]), STEEL)
-    rail = box((_MARKED + 10.0, 0.06, 0.05), (0.5 * _MARKED, 0.0, above[2] + 0.025), 0.01)
-    draw_mesh(window, f"{ROOT}/rail", rail, STEEL)
+def draw_rails(window: Window, hooks: np.ndarray) -> None:
+    """Draw a rail over the walkway for each rope. ``hooks``: their upper ends in [m], shape ``(n, 3)``."""
+    size = (_MARKED + 10.0, 0.05, 0.05)
+    rails = [box(size, (0.5 * _MARKED, float(y), float(z) + 0.025), 0.01) for _, y, z in hooks]
+    draw_mesh(window, f"{ROOT}/rails", shapes.merged(rails), STEEL)

@@ -17,7 +17,7 @@ from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
 from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure, Motor
 from twin_gait.viewer.motion import Motion, PhaseSpells
-from twin_gait.viewer.props import Trolley, draw_rail
+from twin_gait.viewer.props import draw_rails
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import Visuals
 from twin_gait.vocabulary import Side
@@ -97,7 +97,7 @@ class Scene:
     def draw_ropes(
         self, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool = False
     ) -> None:
-        """Draw ropes that go straight up, the bar, and the mast or the rail.
+        """Draw ropes that go straight up, and the mast or the rails that they hang from.
 
         ``hooks``: lower ends in the frame of the joint in [m], shape ``(3,)`` each; ``height`` of the upper
         ends in [m]; ``on_rail``: whether the upper ends follow along x.
@@ -108,9 +108,7 @@ class Scene:
             path = f"{ROPES}/{number}"
             draw_mesh(self._window, path, rope_shape(), ROPE)
             self.ropes.append(Rope(path, joint, hook, np.array([x, y, height]), on_rail))
-        if on_rail:
-            self.elements.append(Trolley(joint, hooks[0]))
-        draw = draw_rail if on_rail else surroundings.draw_mast
+        draw = draw_rails if on_rail else surroundings.draw_mast
         draw(self._window, np.array([rope.upper for rope in self.ropes]))
         self.apply(self._rope_state(neutral))
 

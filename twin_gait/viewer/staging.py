@@ -60,7 +60,7 @@ def build_scene(
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model.model, model.urdf_path)
-    scene = _start(window, model.model, visuals, model.legs, model.up_axis)
+    scene = _start(window, model.model, visuals, model.up_axis)
     for side, leg in model.legs.items():
         scene.draw_covers(side, leg, drives, visuals)
     trunk, patient = model.trunk_joint or FIXED_JOINT, setting.get("patient")
@@ -109,9 +109,7 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model, urdf)
-    scene = _start(window, model, visuals, {}, up_axis)
-    if not visuals.parts:
-        scene.figure.draw_skeleton()
+    scene = _start(window, model, visuals, up_axis)
     points = _all_points(model, visuals) @ scene.figure.base[:3, :3].T
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float(np.linalg.norm(high - low)), 0.1)
@@ -121,12 +119,11 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     return scene
 
 
-def _start(
-    window: Window, model: pin.Model, visuals: Visuals, legs: Mapping[Side, LegJoints], up_axis: str
-) -> Scene:
+def _start(window: Window, model: pin.Model, visuals: Visuals, up_axis: str) -> Scene:
     figure = Figure(window, model, up_axis=up_axis)
     figure.draw_visuals(visuals)
-    figure.draw_sticks(legs.values(), visuals)
+    if not visuals.parts:
+        figure.draw_skeleton()
     return Scene(window, figure, visuals)
 
 

@@ -1,6 +1,7 @@
 """What stands around the figure: light, floor, treadmill, the mast of the ropes."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -34,28 +35,23 @@ _MAST = (-0.62, 0.5 * _BELT_WIDTH + 0.5 * _RAIL_WIDTH)  # foot of the mast, on t
 _MAST_RADIUS, _MAST_BEND = 0.022, 0.20  # [m]
 
 
+_LIGHTS: tuple[tuple[str, str, Any], ...] = (
+    ("AmbientLight", "intensity", 0.56), ("FillLight", "position", [-2.0, -4.5, 4.0]),
+    ("FillLight", "intensity", 0.34), ("SpotLight", "position", [1.6, -2.4, 5.2]),
+    ("SpotLight", "castShadow", True), ("SpotLight", "intensity", 0.32), ("SpotLight", "angle", 0.5),
+    ("SpotLight", "penumbra", 0.9),
+)  # fmt: skip
+
+
 def set_studio(window: Window) -> None:
     """Set a pale background and the light of a studio, with soft shadows."""
     window.send(set_property("/Background", "top_color", [0.985, 0.99, 0.995]))
     window.send(set_property("/Background", "bottom_color", [0.84, 0.87, 0.90]))
     for name in ("Axes", "Grid", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX"):
         window.send(set_property(f"/{name}", "visible", False))
-    fill = {"position": [-2.0, -4.5, 4.0], "intensity": 0.34}
-    spot = {
-        "position": [1.6, -2.4, 5.2],
-        "castShadow": True,
-        "intensity": 0.32,
-        "angle": 0.5,
-        "penumbra": 0.9,
-    }
     window.send(set_property("/Lights/SpotLight", "visible", True))
-    for light, properties in (
-        ("AmbientLight", {"intensity": 0.56}),
-        ("FillLight", fill),
-        ("SpotLight", spot),
-    ):
-        for name, value in properties.items():
-            window.send(set_property(f"/Lights/{light}/<object>", name, value))
+    for light, name, value in _LIGHTS:
+        window.send(set_property(f"/Lights/{light}/<object>", name, value))
 
 
 def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
