@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,7 @@ from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.aids import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
 from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_mesh, rgb, set_property
-from twin_gait.viewer.figure import Figure, Motor
+from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
 from twin_gait.viewer.props import draw_rails
 from twin_gait.viewer.shapes import Shape
@@ -30,6 +30,7 @@ LONGEST_TRAIL = 60  # points; a stride with more frames is thinned
 MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
 FEWEST_POINTS = 4
 LOWEST_TRAIL = 0.008  # height of the path over the belt [m], so that it is seen
+_OUTWARD = {Side.LEFT: 1.0, Side.RIGHT: -1.0}  # face of a motor: 1 for its left one
 _TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
 _RADIUS = 0.006  # [m]
 _COLUMNS = 5
@@ -75,24 +76,16 @@ class Scene:
         self._window = window
         self._shown: State = {}
 
-    def draw_covers(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
-        """Draw the covers of the motors of a leg, which show its phase."""
-        material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
-        self.legs[side] = leg
-        self.covers[side] = [
-            self.figure.draw_cover(joint, self._motor(joint, leg, visuals), material)
-            for name, joint in leg.items()
-            if name in drives
-        ]
-
-    def draw_arcs(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
-        """Draw the arrows of the motor torques of a leg, hidden."""
-        outward = 1.0 if side is Side.LEFT else -1.0
-        self.arcs[side] = {
-            str(name): self.figure.draw_arc(joint, self._motor(joint, leg, visuals), outward, FULL_TORQUE)
-            for name, joint in leg.items()
-            if name in drives
-        }
+    def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
+        """Draw the motors of a leg: covers, which show its phase, and arrows of their torques, hidden."""
+        material, outward = Material(colour=_IDLE, roughness=0.4, glow=0.12), _OUTWARD[side]
+        self.legs[side], self.covers[side], self.arcs[side] = leg, [], {}
+        for name, joint in leg.items():
+            if name in drives:
+                length = float(np.linalg.norm(self.figure.segment(joint, leg)))
+                motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
+                self.covers[side].append(self.figure.draw_cover(joint, motor, material))
+                self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward, FULL_TORQUE)
 
     def draw_ropes(
         self, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool = False
@@ -114,7 +107,6 @@ class Scene:
 
     def draw_trails(self, motion: Motion) -> None:
         """Draw the path of each foot in every stride of a motion, hidden."""
-        self.apply({(stride.path, "visible"): False for stride in self.trails})
         self.trails = []
         for side, leg in motion.legs.items():
             spans = strides(leg.phases, motion.duration)
@@ -134,10 +126,6 @@ class Scene:
     def draw_arrow(self, side: Side) -> None:
         """Draw the arrow of the ground force on a foot, hidden."""
         self.arrows[side] = draw_arrow(self._window, str(side))
-
-    def _motor(self, joint: str, leg: LegJoints, visuals: Visuals) -> Motor:
-        default = 0.12 * float(np.linalg.norm(self.figure.segment(joint, leg)))
-        return self.figure.motor(joint, visuals.discs, default)
 
     def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
         """End of the leg that leaves the trail: the middle of the sole, or the end of its last segment."""
@@ -188,8 +176,8 @@ class Scene:
                 code = leg.phases.at(time)
                 colour = rgb(phase_colour(motion.phase_names[code], code))
                 state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
-        for stride in self.trails:
-            state |= stride.state(time)
+        for path, begin, end in self.trails:
+            state[path, "visible"] = begin <= time < end
         for element in self.elements:
             state |= element.state(self.figure, motion, frame)
         return state
@@ -202,17 +190,12 @@ class Scene:
                 self._shown[path, name] = value
 
 
-@dataclass(frozen=True)
-class StrideTrail:
+class StrideTrail(NamedTuple):
     """The path of a stride, shown until the next stride is complete."""
 
     path: str  # its place in the scene
     begin: float  # time at which the stride was complete in [s]
     end: float  # time at which the next one is, in [s]
-
-    def state(self, time: float) -> dict[tuple[str, str], bool]:
-        """Whether the path is shown at a time in [s], by place and property."""
-        return {(self.path, "visible"): self.begin <= time < self.end}
 
 
 def strides(phases: PhaseSpells | None, duration: float) -> list[tuple[float, float]]:
@@ -237,7 +220,8 @@ def trail_shape(
     point, or None if the point hardly moves.
     """
     keep = np.unique(np.linspace(0, len(times) - 1, min(len(times), LONGEST_TRAIL)).round().astype(int))
-    keep = keep[_steps_apart(points[keep])]
+    # Points at the place of the one before have no direction.
+    keep = keep[np.linalg.norm(np.diff(points[keep], axis=0, prepend=np.inf), axis=1) > _SHORTEST_STEP]
     if len(keep) < FEWEST_POINTS:
         return None
     tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
@@ -246,12 +230,3 @@ def trail_shape(
     rings = np.repeat(colours, _COLUMNS + 1, axis=0)
     ends = np.repeat(colours[[0, -1]], _COLUMNS + 2, axis=0)
     return tube._replace(colours=np.concatenate((rings, ends)))
-
-
-def _steps_apart(points: np.ndarray) -> np.ndarray:
-    """Positions of points that are not at the place of the one before."""
-    kept = [0]
-    for index in range(1, len(points)):
-        if np.linalg.norm(points[index] - points[kept[-1]]) > _SHORTEST_STEP:
-            kept.append(index)
-    return np.array(kept)

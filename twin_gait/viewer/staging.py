@@ -62,12 +62,10 @@ def build_scene(
     visuals = load_visuals(model.model, model.urdf_path)
     scene = _start(window, model.model, visuals, model.up_axis)
     for side, leg in model.legs.items():
-        scene.draw_covers(side, leg, drives, visuals)
+        scene.draw_drives(side, leg, drives, visuals)
     trunk, patient = model.trunk_joint or FIXED_JOINT, setting.get("patient")
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
-    for side, leg in model.legs.items():
-        scene.draw_arcs(side, leg, drives, visuals)
     top, bottom = _extent(scene.figure, model.legs)
     height, around = top - bottom, setting.get("around") or _around(model)
     if around is Surroundings.STAND:
