@@ -343,8 +343,6 @@ def test_a_log_of_another_model_is_refused(worn_twin: LegModel) -> None:
         read_motion(log.drop(columns="right_knee_angle_rad"), worn_twin)
     with pytest.raises(ViewerError, match="phase 'nan'"):
         read_motion(log.assign(left_phase=log["left_phase"].where(log.index > 2)), worn_twin)
-    with pytest.raises(ViewerError, match="frames_per_second"):
-        read_motion(log, worn_twin, frames_per_second=0.0)
 
 
 @pytest.mark.parametrize(("share", "frame"), [(0.0, "left_heel"), (1.0, "left_toe")])

@@ -172,8 +172,8 @@ def state_diagram_svg(table: StateTable) -> str:
     x, foot = left + _MARGIN, top + height - _FOOT + 12.0
     texts = [_Text(x, top + _HEAD - 6.0, table.name, "title")]
     texts += [_Text(x, foot + LINE * row, text, "faint") for row, text in enumerate(_legend(table))]
-    for number, (phase, box) in enumerate(zip(table.phases, layout.boxes, strict=True), start=1):
-        texts += _box_texts(f"{number} {readable(phase)}", lines[phase], shift, box)
+    for place, (phase, box) in enumerate(zip(table.phases, layout.boxes, strict=True), start=1):
+        texts += _box_texts(f"{place} {readable(phase)}", lines[phase], shift, box)
     for label, said in zip(layout.labels, labels, strict=True):
         texts += _label_texts(label, said)
     content = {

@@ -17,7 +17,7 @@ from twin_gait.viewer.commands import Material, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.surroundings import RUBBER, STEEL
+from twin_gait.viewer.surroundings import RUBBER, STEEL, translation
 from twin_gait.vocabulary import Side
 
 VEST = Material(colour=(0.40, 0.48, 0.60), opacity=0.92, roughness=0.9)
@@ -178,9 +178,8 @@ def _draw_forearm(window: Window, path: str, length: float, forearm: float, scal
         (length - share * forearm, share * _HANDLE, 0.0, scale * x, scale * y)
         for share, x, y in RINGS["forearm"]
     ]
-    fist = np.eye(4)
-    fist[:3, 3] = (_HANDLE, 0.0, grip + 0.005)
-    hand = shapes.moved(shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale)), fist)
+    fist = shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale))
+    hand = shapes.moved(fist, translation((_HANDLE, 0.0, grip + 0.005)))
     draw_mesh(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
     # Behind the forearm up to the cuff.
     top, bottom = (length - share * forearm for share in _CUFF)

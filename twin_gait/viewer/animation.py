@@ -154,11 +154,9 @@ def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
     if leg.phases is None or len(leg.phases.starts) < 2:
         return
     colours = [rgb(phase_colour(motion.phase_names[code], int(code))) for code in leg.phases.codes]
-    times, values = [0.0], [colours[0]]
-    for start, before, after in zip(leg.phases.starts[1:], colours[:-1], colours[1:], strict=True):
-        times += [float(start) - _SWITCH, float(start)]
-        values += [before, after]
-    yield Track(path, "material.color", np.array(times), np.round(np.array(values), 4))
+    switches = leg.phases.starts[1:]
+    times = np.append(0.0, np.column_stack((switches - _SWITCH, switches)))
+    yield Track(path, "material.color", times, np.round(np.repeat(colours, 2, axis=0)[:-1], 4))
 
 
 def _belt_track(duration: float, belt: Belt) -> Track:

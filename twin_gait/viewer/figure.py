@@ -12,6 +12,7 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, TorqueArc, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
+from twin_gait.viewer.surroundings import translation
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
 
 ROOT = "/meshcat/figure"
@@ -186,8 +187,7 @@ class Figure:
         middle = before.act(motor.centre) if motor.link == joint else motor.centre
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
-        placement = np.eye(4)
-        placement[:3, 3] = middle + (0.5 * motor.length + _ARC_GAP) * face
+        placement = translation(middle + (0.5 * motor.length + _ARC_GAP) * face)
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
             arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)

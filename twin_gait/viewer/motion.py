@@ -84,8 +84,6 @@ def read_motion(
     diverged) are left out. Raises ViewerError if the log is empty, lacks a coordinate of the model or has a
     row without a phase.
     """
-    if not frames_per_second > 0.0:
-        raise ViewerError(f"frames_per_second: expected a number above 0, got {frames_per_second!r}")
     q = _coordinates(log, model)
     finite = np.isfinite(q).all(axis=1)
     n_rows = len(q) if finite.all() else int(np.argmin(finite))
