@@ -82,7 +82,9 @@ def test_a_cover_of_a_drive_about_its_joint_stays_there() -> None:
 
 def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
     model, last = walk.experiment.build_world().model, len(walk.log) - 1
-    figure = LiveFigure(model, drives=walk.experiment.joints, title="t", phases=walk.table.phase_names)
+    figure = LiveFigure(
+        model, drives=walk.experiment.joints, about={"title": "t"}, phases=walk.table.phase_names
+    )
     assert figure.page["legs"][0]["shows"].count("ankle_torque") == 1
     figure.show(TICK * last, np.zeros(model.nv).tolist(), walk.log.iloc[last].to_dict())
     columns = leg_columns(Side.LEFT, walk.experiment.joints)

@@ -122,8 +122,8 @@ def test_a_crutch_has_the_force_of_the_log_beside_its_tip(walk: Run, drawn: Draw
 def test_the_trunk_joint_carries_what_the_urdf_shows_of_the_pelvis(walk: Run) -> None:
     model = walk.experiment.build_world().model
     assert model.trunk_joint == "pelvis_pitch"
-    assert {"pelvis_pitch"} == {joint for joint in load_visuals(model.model, model.urdf_path).joints()
-                                if joint.startswith(("pelvis", "universe"))}  # fmt: skip
+    assert {"pelvis_pitch"} == {part.joint for part in load_visuals(model.model, model.urdf_path).parts
+                                if part.joint.startswith(("pelvis", "universe"))}  # fmt: skip
 
 
 def test_the_eye_goes_along_and_the_metres_stay(drawn: Drawn) -> None:
@@ -182,7 +182,8 @@ def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn
     scene, _, motion = drawn
     model, row = walk.experiment.build_world().model, walk.log.iloc[400]
     live = LiveFigure(
-        model, drives=walk.experiment.joints, title="t", phases=walk.table.phase_names, modes=MODES,
+        model, drives=walk.experiment.joints, about={"title": "t", "modes": MODES},
+        phases=walk.table.phase_names,
         **{**setting_of(walk.experiment), "chair": SIZES},
     )  # fmt: skip
     frame = int(np.searchsorted(motion.times, 0.4))

@@ -23,7 +23,7 @@ from twin_gait.live.protocol import (
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
 from twin_gait.viewer.live_figure import LiveFigure
-from twin_gait.viewer.page import live_page
+from twin_gait.viewer.page import About, live_page
 from twin_gait.viewer.server import LiveServer, Panel
 from twin_gait.worlds.scenario import BELT_SPEED
 
@@ -56,9 +56,11 @@ class LivePage:
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
             experiment.build_world().model, drives=experiment.joints,
-            title=f"twin_gait live · {experiment.name}",
-            subtitle=describe(experiment.patient, self._belt_speed), phases=experiment.table.phase_names,
-            modes=self._modes, **setting_of(experiment),
+            about=About(
+                title=f"twin_gait live · {experiment.name}",
+                subtitle=describe(experiment.patient, self._belt_speed), modes=self._modes,
+            ),
+            phases=experiment.table.phase_names, **setting_of(experiment),
         )  # fmt: skip
         self.server = LiveServer(
             live_page(), first_port=port, on_message=self._hear, on_stop=self._stop,

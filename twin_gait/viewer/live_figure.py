@@ -85,17 +85,14 @@ class LiveFigure:
         model: LegModel,
         *,
         drives: Sequence[JointName],
-        title: str,
-        subtitle: str = "",
+        about: About,
         phases: Sequence[str] = (),
-        modes: Sequence[str] = (),
         **setting: Unpack[Setting],
     ) -> None:
         """Draw.
 
-        ``modes``: names of the operating modes in the order of their codes; ``setting``: what is drawn around
-        the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises ModelError if the URDF cannot be
-        read. Raises ViewerError if a mesh cannot be read.
+        ``setting``: what is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises
+        ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read.
         """
         self.window = LiveWindow()
         self._model, self._phases = model, (*phases, HOLD)
@@ -106,7 +103,7 @@ class LiveFigure:
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
         self.page = page_data(
-            About(title=title, subtitle=subtitle, modes=modes), mode="live", view=self._scene.view,
+            about, mode="live", view=self._scene.view,
             missing_meshes=self._scene.missing_meshes, phases=self._phases, arrows=bool(self._scene.arrows),
             legs=[leg_entry(side, ["phase", *columns]) for side, columns in self._columns.items()],
         )  # fmt: skip

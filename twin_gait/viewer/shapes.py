@@ -222,32 +222,19 @@ def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
     return dome
 
 
-def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Normals of a closed surface, one per vertex; vertices at the same place share theirs.
-
-    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns unit normals, shape ``(n, 3)``.
-    """
-    _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
-    place = place.reshape(-1)
-    total = np.zeros((int(place.max()) + 1, 3))
-    corners = vertices[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    for corner in range(3):
-        np.add.at(total, place[faces[:, corner]], area)
-    normals = total[place]
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
-
-
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     """Give a mesh normals that are smooth on curved parts and sharp at edges.
 
     ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh; a vertex on an edge is
     there once for each side of it.
     """
+    _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
+    place = place.reshape(-1)[faces]
     corners = vertices[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-30)
-    smooth = smooth_normals(vertices, faces)[faces]
+    total = np.zeros((int(place.max()) + 1, 3))
+    np.add.at(total, place, flat[:, None, :])
+    smooth, unit = _unit(total)[place], _unit(flat)
     sharp = np.einsum("fij,fj->fi", smooth, unit) < _CREASE
     normals = np.where(sharp[:, :, None], unit[:, None, :], smooth)
     pairs = np.concatenate((corners, normals), axis=2).reshape(-1, 6)
@@ -256,11 +243,15 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     return Shape(pairs[first, :3], pairs[first, 3:], index.reshape(-1, 3))
 
 
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors of length 1, shape ``(n, 3)``; one of length 0 stays as it is."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30))
+
+
 def moved(shape: Shape, placement: np.ndarray) -> Shape:
     """Move a mesh by a homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round."""
     linear = placement[:3, :3]
-    normals = shape.normals @ np.linalg.inv(linear)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    normals = _unit(shape.normals @ np.linalg.inv(linear))
     faces = shape.faces[:, ::-1] if np.linalg.det(linear) < 0.0 else shape.faces
     return shape._replace(vertices=shape.vertices @ linear.T + placement[:3, 3], normals=normals, faces=faces)
 

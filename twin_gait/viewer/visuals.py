@@ -63,10 +63,6 @@ class Visuals:
     discs: tuple[Disc, ...]  # its cylinders, among which are the motors
     missing: tuple[str, ...]  # mesh files that the URDF names and that are not there
 
-    def joints(self) -> set[str]:
-        """Joints that carry something to see."""
-        return {part.joint for part in self.parts}
-
 
 def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     """Load the visual geometry of a URDF for a model that was built from it.
