@@ -11,13 +11,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Command, Recorder, key_of, pack
-from twin_gait.viewer.motion import (
-    MODE,
-    LegMotion,
-    Motion,
-    PhaseSpells,
-    leg_columns,
-)
+from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, leg_columns
 from twin_gait.viewer.page import About, leg_entry, page_data
 from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene

@@ -15,18 +15,8 @@ from typing import TYPE_CHECKING, Any, Required, TypedDict
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from twin_gait import palette
 from twin_gait.measures.outcome import RunEvent
-from twin_gait.palette import (
-    EVENT_COLOUR,
-    EVENT_ON_DARK,
-    EXTENSION_COLOUR,
-    FLEXION_COLOUR,
-    GROUND_FORCE_COLOUR,
-    SIDE_COLOURS,
-    SIDE_COLOURS_ON_DARK,
-    TORQUE_COLOURS,
-    phase_colour,
-)
 from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON, rgb
 from twin_gait.viewer.surroundings import FLOOR
 from twin_gait.vocabulary import JointName, Side
@@ -115,7 +105,7 @@ def page_data(
         "events": event_entries(about.get("events", ())),
         "parts": _part_entries(legs),
         "legs": list(legs),
-        "arrow": {"label": arrow, "colour": GROUND_FORCE_COLOUR} if arrows else None,
+        "arrow": {"label": arrow, "colour": palette.GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries(legs) if legs else [],
         "floor": FLOOR,  # what a dark page darkens
         "duration": None,  # in [s], unless there is no end
@@ -127,7 +117,7 @@ def page_data(
 def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
     """What a page needs to know of a leg. ``shows``: what is known of it: ``phase`` and names of curves."""
     label = str(side).capitalize()
-    colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
+    colours = {"colour": palette.SIDE_COLOURS[side], "dark": palette.SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
 
 
@@ -147,7 +137,7 @@ def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     unique = len(set(initials)) == len(names)
     entries = []
     for code, (name, initial) in enumerate(zip(names, initials, strict=True)):
-        colour, short = phase_colour(name, code), initial if unique and initial else str(code + 1)
+        colour, short = palette.phase_colour(name, code), initial if unique and initial else str(code + 1)
         texts = {"name": name, "label": _words(name), "short": short}
         texts = {key: _unicode(text) for key, text in texts.items()}
         entries.append({**texts, "colour": colour, "ink": _ink_on(colour)})
@@ -173,7 +163,7 @@ def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     """Parts of the commanded torque that any of the legs shows."""
     shown = {key for leg in legs for key in leg["shows"]}
     return [
-        {"key": key, "label": label, "colour": TORQUE_COLOURS[key]}
+        {"key": key, "label": label, "colour": palette.TORQUE_COLOURS[key]}
         for key, label in _PART_LABELS.items()
         if any(name.endswith(f"_{key}") for name in shown)
     ]
@@ -183,8 +173,8 @@ def _arc_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     ankle = any(JointName.ANKLE in leg["shows"] for leg in legs)
     up, down = ("lexion or dorsiflexion", "xtension or plantarflexion") if ankle else ("lexion", "xtension")
     return [
-        {"label": f"F{up} torque", "colour": FLEXION_COLOUR},
-        {"label": f"E{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
+        {"label": f"F{up} torque", "colour": palette.FLEXION_COLOUR},
+        {"label": f"E{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": palette.EXTENSION_COLOUR},
     ]
 
 
@@ -255,7 +245,10 @@ def _fill(**content: str) -> str:
     )
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
     return pages.get_template("page.html").render(
-        script=_inside_script("\n".join(scripts)), alarm=EVENT_COLOUR, alarm_on_dark=EVENT_ON_DARK, **content
+        script=_inside_script("\n".join(scripts)),
+        alarm=palette.EVENT_COLOUR,
+        alarm_on_dark=palette.EVENT_ON_DARK,
+        **content,
     )
 
 
