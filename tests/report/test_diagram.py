@@ -510,7 +510,7 @@ def test_arrows_begin_and_end_just_outside_their_boxes(table: GaitTable) -> None
     groups = arrow_groups(table)
     for group, curve in zip(groups, arrows(groups, boxes), strict=True):
         for box, point in ((boxes[group.source], curve.start), (boxes[group.target], curve.end)):
-            outside = max(abs(point.x - box.x) - box.width / 2, abs(point.y - box.y) - box.height / 2)
+            outside = max(abs(point.real - box.x) - box.width / 2, abs(point.imag - box.y) - box.height / 2)
             assert outside == pytest.approx(7.0)
 
 

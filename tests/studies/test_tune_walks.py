@@ -219,7 +219,7 @@ def test_the_folder_is_whole(folder: Path) -> None:
         "table.yaml",
         "tune.json",
         "report.html",
-        *(f"figures/{name}.png" for name in ("gait", "parts", "trade_offs", "convergence")),
+        *(f"figures/{name}.png" for name in ("gait", "trade_offs", "convergence")),
     }
 
 

@@ -15,7 +15,7 @@ from twin_gait.simulation import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.live_figure import LiveFigure
-from twin_gait.viewer.motion import leg_columns, leg_values, read_motion
+from twin_gait.viewer.motion import leg_columns, leg_values
 from twin_gait.viewer.staging import build_scene
 from twin_gait.vocabulary import JointName, Side
 
@@ -30,12 +30,10 @@ def walk() -> Run:
 
 def test_curves_and_torques_of_the_ankle_are_those_of_the_log(walk: Run) -> None:
     model = walk.experiment.build_world().model
-    leg = read_motion(walk.log, model).legs[Side.LEFT]
-    assert set(leg.torques) == set(JOINTS)
     values = leg_values(walk.log, Side.LEFT)
     np.testing.assert_allclose(values["ankle"], np.degrees(walk.log["left_ankle_angle_rad"]))
     np.testing.assert_array_equal(values["ankle_impedance"], walk.log["left_ankle_impedance_torque_Nm"])
-    page = recorded_run(walk.log, model, title="t", frames_per_second=10.0)
+    page = recorded_run(walk.log, model, about={"title": "t"}, frames_per_second=10.0)
     assert page["legs"][0]["shows"] == ["phase", *values]
     assert [arc["label"].split(" torque")[0] for arc in page["arcs"]] == [
         "Flexion or dorsiflexion",
@@ -52,7 +50,7 @@ def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
     scene = build_scene(Recorder(), model)
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"} and len(scene.covers[Side.LEFT]) == 2
     assert (
-        recorded_run(run.log, model, title="t", frames_per_second=10.0)["arcs"][0]["label"]
+        recorded_run(run.log, model, about={"title": "t"}, frames_per_second=10.0)["arcs"][0]["label"]
         == "Flexion torque"
     )
 
@@ -72,7 +70,7 @@ def test_a_drive_that_turns_the_ankle_by_a_rod_stands_on_the_shank(walk: Run) ->
     assert knee == f"{scene.figure.paths[names[JointName.KNEE]]}/motor_cover"
     assert ankle == f"{scene.figure.paths[names[JointName.KNEE]]}/motor_cover_{names[JointName.ANKLE]}"
     assert set(scene.arcs[Side.RIGHT]) == set(JOINTS)
-    state = scene.torque_state(Side.RIGHT, {"ankle": 30.0})
+    state = scene.arcs[Side.RIGHT]["ankle"].state(30.0)
     assert sum(value for (_, name), value in state.items() if name == "visible") == 1
 
 
@@ -84,7 +82,9 @@ def test_a_cover_of_a_drive_about_its_joint_stays_there() -> None:
 
 def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
     model, last = walk.experiment.build_world().model, len(walk.log) - 1
-    figure = LiveFigure(model, drives=walk.experiment.joints, title="t", phases=walk.table.phase_names)
+    figure = LiveFigure(
+        model, drives=walk.experiment.joints, about={"title": "t"}, phases=walk.table.phase_names
+    )
     assert figure.page["legs"][0]["shows"].count("ankle_torque") == 1
     figure.show(TICK * last, np.zeros(model.nv).tolist(), walk.log.iloc[last].to_dict())
     columns = leg_columns(Side.LEFT, walk.experiment.joints)

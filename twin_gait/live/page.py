@@ -14,10 +14,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import (
     Action,
     DoAction,
-    Event,
     Frame,
     MessageRefused,
-    Response,
     State,
     id_of,
     read_message,
@@ -25,7 +23,7 @@ from twin_gait.live.protocol import (
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
 from twin_gait.viewer.live_figure import LiveFigure
-from twin_gait.viewer.page import live_page
+from twin_gait.viewer.page import About, live_page
 from twin_gait.viewer.server import LiveServer, Panel
 from twin_gait.worlds.scenario import BELT_SPEED
 
@@ -58,14 +56,15 @@ class LivePage:
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
             experiment.build_world().model, drives=experiment.joints,
-            title=f"twin_gait live · {experiment.name}",
-            subtitle=describe(experiment.patient, self._belt_speed), phases=experiment.table.phase_names,
-            modes=self._modes, **setting_of(experiment),
+            about=About(
+                title=f"twin_gait live · {experiment.name}",
+                subtitle=describe(experiment.patient, self._belt_speed), modes=self._modes,
+            ),
+            phases=experiment.table.phase_names, **setting_of(experiment),
         )  # fmt: skip
         self.server = LiveServer(
             live_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
-            refusal=lambda reason: self._refusal(reason).to_dict(), greeting=self._greeting,
-            scene=self.figure.window.everything,
+            greeting=self._greeting, scene=self.figure.window.everything,
         )  # fmt: skip
 
     @property
@@ -143,7 +142,7 @@ class LivePage:
         if self._short is not None:
             yield self._short
 
-    def _hear(self, panel: Panel, text: str) -> None:
+    def _hear(self, panel: Panel, text: str | bytes) -> None:
         try:
             message = read_message(text)
         except MessageRefused as error:
@@ -153,7 +152,3 @@ class LivePage:
 
     def _stop(self) -> None:
         self._session.submit(DoAction(id="stop", user=self._user, action=Action.STOP))
-
-    def _refusal(self, reason: str) -> Event:
-        tick = 0 if self._short is None else int(self._short["tick"])
-        return Event(serial=0, response=Response.REFUSED, text=reason, tick=tick)

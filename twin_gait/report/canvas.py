@@ -9,9 +9,8 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -25,6 +24,7 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.outcome import EventKind, held_from
+from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, phase_colour
 from twin_gait.report.walk_words import wearer_words
@@ -37,25 +37,9 @@ BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
 SCREEN_WIDTH = 11.0  # [inches]
 LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
+Share = bool | Literal["row"]
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
-
-
-def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WIDTH) -> Figure:
-    """Begin a picture; its label says what it shows and of which run.
-
-    One for print has no title inside. ``run`` for the second line of the title, and a third where faults
-    acted or the monitor tripped.
-    """
-    figure = Figure(figsize=(width, height), layout="constrained")
-    events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
-    more = [f"and {len(events) - MOST_EVENTS} more"] * (len(events) > MOST_EVENTS)
-    lines = [title, describe(run), " · ".join([*events[:MOST_EVENTS], *more])]
-    text = "\n".join(line for line in lines if line)
-    figure.set_label(text)
-    if width >= SCREEN_WIDTH:
-        figure.suptitle(text, fontsize="large")
-    return figure
 
 
 def describe(run: Run) -> str:
@@ -84,15 +68,13 @@ def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequ
     ``places``: horizontal coordinate of each sample, ascending, shape ``(n,)``; ``phases``: index of the
     phase at each sample, or ``HELD``, shape ``(n,)``.
     """
-    changes = np.flatnonzero(phases[1:] != phases[:-1]) + 1
-    edges = np.array([0, *changes.tolist(), len(phases)])
-    left, right = places[edges[:-1]], places[np.minimum(edges[1:], len(places) - 1)]
-    colours = [colour_of(int(phases[start]), names) for start in edges[:-1]]
+    spells = phase_spells(phases)
+    colours = [colour_of(spell.phase, names) for spell in spells]
+    edges = [(places[spell.start], places[min(spell.end, len(places) - 1)]) for spell in spells]
     for bottom, opacity in ((0.0, BAND_OPACITY), (STRIP, STRIP_OPACITY)):
-        low, high = np.full(len(left), bottom), np.ones(len(left))
-        corners = np.stack([[left, left, right, right], [low, high, high, low]], axis=-1).swapaxes(0, 1)
+        corners = [((left, bottom), (left, 1.0), (right, 1.0), (right, bottom)) for left, right in edges]
         # One collection, because every patch is asked for the limits of its panel and drawn by itself.
-        bands = PolyCollection(list(corners), facecolors=colours, alpha=opacity, linewidth=0, zorder=1)
+        bands = PolyCollection(corners, facecolors=colours, alpha=opacity, linewidth=0, zorder=1)
         bands.set_transform(axes.get_xaxis_transform())
         axes.add_collection(bands, autolim=False)
     axes.set_xlim(places[0], places[-1])
@@ -235,88 +217,105 @@ def shown_phases(run: Run, record: LegRecord, window: Window) -> np.ndarray:
     return phases if held is None else np.where(window.time >= held, HELD, phases)
 
 
-def mark_events(axes: Axes, run: Run, window: Window) -> list[Artist]:
-    """Draw a line at every event that a window shows; entries for the legend."""
-    return [
-        axes.axvline(
-            event.time,
-            color=EVENT_COLOUR,
-            linestyle=_EVENT_STYLES[event.kind],
-            linewidth=1.8,
-            zorder=3,
-            label=str(event.kind),
-        )
-        for event in run.events
-        if window.time[0] <= event.time <= window.time[-1]
-    ]
-
-
-def limit_lines(axes: Axes, values: Sequence[float], style: str, label: str, width: float) -> list[Artist]:
-    """Draw limits behind all curves; entries for the legend."""
-    options: dict[str, Any] = {"color": LIMIT_COLOUR, "linestyle": style, "linewidth": width, "zorder": 1}
-    return [axes.axhline(value, label=label, **options) for value in values]
-
-
 def flexion(joint: str) -> str:
     """Label of an axis with the angle of a joint."""
     return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
 
 
-def height_of(height: float, records: Sequence[LegRecord], below: int = 0) -> float:
-    """Height of a figure with a row of panels a joint, from that of one for two joints, and rows below."""
-    return height * (len(records[0].angles) + below) / (2 + below)
+class Sheet:
+    """A picture of a run in the making; its label says what it shows and of which run.
 
+    What it labels goes into one legend under all panels.
 
-def leg_panels(
-    figure: Figure, records: Sequence[LegRecord], unit: Callable[[str], str], *, below: int = 0, **share: Any
-) -> Iterator[tuple[Axes, LegRecord, JointName]]:
-    """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
-
-    ``figure``: an empty figure; ``unit``: label of the vertical axes, by the name of the joint; ``share``:
-    ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
+    Attributes:
+        figure: The picture.
+        records: What the log has of each leg.
+        lines: Entries of the legend.
     """
-    joints = list(records[0].angles)
-    panels = figure.subplots(len(joints) + below, len(records), squeeze=False, **share)
-    for axes in panels[len(joints) :].flat:
-        axes.remove()
-    for row, joint in enumerate(joints):
-        for column, record in enumerate(records):
-            style_panel(panels[row, column], f"{record.side} {joint}", unit(joint) if column == 0 else "")
-            yield panels[row, column], record, joint
+
+    def __init__(self, run: Run, title: str, size: tuple[float, float], window: Window | None = None) -> None:
+        """Begin a picture; one for print has no title inside.
+
+        ``size``: width and height in inches; one narrower than a screen is for print; ``window``: what curves
+        over time show, by default all of it.
+        """
+        self.run, self.window = run, window or whole_run(run)
+        self.records, self.names = run.leg_records(), run.table.phase_names
+        self.lines: list[Artist] = []
+        events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
+        more = [f"and {len(events) - MOST_EVENTS} more"] * (len(events) > MOST_EVENTS)
+        lines = [title, describe(run), " · ".join([*events[:MOST_EVENTS], *more])]
+        text = "\n".join(line for line in lines if line)
+        self.figure = Figure(figsize=size, layout="constrained")
+        self.figure.set_label(text)
+        if size[0] >= SCREEN_WIDTH:
+            self.figure.suptitle(text, fontsize="large")
+
+    def leg_panels(
+        self, unit: Callable[[str], str], *, below: int = 0, sharex: Share = True, sharey: Share = "row"
+    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
+        """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
+
+        ``unit``: label of the vertical axes, by the name of the joint; ``below``: rows that stay empty;
+        ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
+        """
+        joints = list(self.records[0].angles)
+        shape = len(joints) + below, len(self.records)
+        panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey=sharey)
+        for axes in panels[len(joints) :].flat:
+            axes.remove()
+        for row, joint in enumerate(joints):
+            for axes, record in zip(panels[row], self.records, strict=True):
+                style_panel(axes, f"{record.side} {joint}", unit(joint) if record is self.records[0] else "")
+                yield axes, record, joint
+
+    def leg_panels_over_time(
+        self, unit: Callable[[str], str], **options: Any
+    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
+        """The same, on the phases and with the events; ``options`` as for :meth:`leg_panels`."""
+        for axes, record, joint in self.leg_panels(unit, **options):
+            shade_phases(axes, self.window.time, self.phases(record), self.names)
+            yield axes, record, joint
+            self.mark_events(axes)
+
+    def phases(self, record: LegRecord) -> np.ndarray:
+        """Phases of a leg in the window: index of the phase, or ``HELD``, shape ``(n,)``."""
+        return shown_phases(self.run, record, self.window)
+
+    def curve(self, axes: Axes, values: str | np.ndarray, label: str, color: str, **style: Any) -> None:
+        """Draw a column of the log, or one value per row of it, over time; ``style`` as for ``plot``."""
+        known = self.run.log[values].to_numpy() if isinstance(values, str) else values
+        style = {"linewidth": 1.5, "color": color, "label": label, **style}
+        self.lines += axes.plot(self.window.time, known[self.window.rows], **style)
+
+    def limits(self, axes: Axes, values: Sequence[float], style: str, label: str, width: float = 1.2) -> None:
+        """Draw limits behind all curves."""
+        options: dict[str, Any] = {"color": LIMIT_COLOUR, "linestyle": style, "linewidth": width}
+        self.lines += [axes.axhline(value, label=label, zorder=1, **options) for value in values]
+
+    def mark_events(self, axes: Axes) -> None:
+        """Draw a line at every event that the window shows."""
+        for event in self.run.events:
+            if self.window.time[0] <= event.time <= self.window.time[-1]:
+                style: dict[str, Any] = {"linestyle": _EVENT_STYLES[event.kind], "label": str(event.kind)}
+                mark = axes.axvline(event.time, color=EVENT_COLOUR, linewidth=1.8, zorder=3, **style)
+                self.lines.append(mark)
+
+    def put_time_below(self, axes: Axes) -> None:
+        """Let the lowest panel, and those that share its axis, span the window."""
+        axes.set_xlim(self.window.time[0], self.window.time[-1])
+        axes.set_xlabel("time [s]")
+
+    def finished(self, phases: Sequence[np.ndarray] = ()) -> Figure:
+        """The picture with its legend, in which the phases stand that occur in some arrays."""
+        handles = phase_handles(self.names, np.concatenate(phases)) if phases else []
+        put_legend(self.figure, self.lines, handles)
+        return self.figure
 
 
-def draw_over_time(
-    run: Run,
-    window: Window,
-    title: str,
-    unit: Callable[[str], str],
-    draw: Callable[[Axes, LegRecord, JointName], list[Artist]],
-    *,
-    size: tuple[float, float],
-    last: Callable[[Axes], list[Artist]] | None = None,
-) -> Figure:
-    """Draw something of every joint of every leg over time, on the phases and with the events."""
-    records, names = run.leg_records(), run.table.phase_names
-    figure = new_figure(run, title, width=size[0], height=height_of(size[1], records, int(last is not None)))
-    share = {} if last else {"sharex": True, "sharey": "row"}
-    lines: list[Artist] = []
-    for axes, record, joint in leg_panels(figure, records, unit, below=int(last is not None), **share):
-        shade_phases(axes, window.time, shown_phases(run, record, window), names)
-        lines += draw(axes, record, joint)
-        lines += mark_events(axes, run, window)
-    if last is not None:
-        grid = figure.axes[0].get_gridspec()
-        assert grid is not None  # of subplots
-        axes = figure.add_subplot(grid[-1, :])
-        lines += last(axes)
-        lines += mark_events(axes, run, window)
-        axes.set_xlim(window.time[0], window.time[-1])
-        axes.set_xlabel("time [s]")
-    for axes in figure.axes[-len(records) :] if last is None else []:
-        axes.set_xlabel("time [s]")
-    phases = np.concatenate([shown_phases(run, record, window) for record in records])
-    put_legend(figure, lines, phase_handles(names, phases))
-    return figure
+def height_of(height: float, run: Run, below: int = 0) -> float:
+    """Height of a figure with a row of panels a joint, from that of one for two joints, and rows below."""
+    return height * (len(run.leg_records()[0].angles) + below) / (2 + below)
 
 
 def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artist]:
@@ -338,8 +337,7 @@ def draw_phase_bars(
     shape ``(n,)``.
     """
     for place, (_, phases) in enumerate(rows):
-        edges = [0, *(np.flatnonzero(np.diff(phases)) + 1).tolist(), len(phases)]
-        for start, end in pairwise(edges):
-            left, right = time[start], time[min(end, len(time) - 1)]
-            axes.barh(-place, right - left, left=left, color=colour_of(int(phases[start]), names), **style)
+        for spell in phase_spells(phases):
+            left, right = time[spell.start], time[min(spell.end, len(time) - 1)]
+            axes.barh(-place, right - left, left=left, color=colour_of(spell.phase, names), **style)
     axes.set_yticks([-place for place in range(len(rows))], [label for label, _ in rows])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,18 +17,9 @@ _BEND, _BEND_TIME_OUT, _BEND_TIME_OUT_OF_PAIR = 0.16, -0.14, 0.08
 # Shares of its bend that an arrow may take instead, the first that passes no box, and places of its label.
 _BENDS = (1.0, 0.6, 0.2, 1.5, -0.5, -1.0, 2.0)
 _PLACES = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8)
-_SAMPLES = 41  # of an arrow
+_SHARES = np.linspace(0.0, 1.0, 41)  # of an arrow, where it is looked at
 _ROUNDS, _GROWTH = 12, 0.1  # of the ring
 _COLLISION = 1000  # a label on a label or a box, in samples of arrows that it covers
-
-_T = TypeVar("_T")
-
-
-class Point(NamedTuple):
-    """A point in [px]."""
-
-    x: float
-    y: float
 
 
 class Rectangle(NamedTuple):
@@ -42,13 +32,24 @@ class Rectangle(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """A quadratic curve from box to box."""
+    """A quadratic curve from box to box; its points are complex numbers in [px]."""
 
-    start: Point  # where it leaves the box
-    control: Point  # control point
-    end: Point  # where its tip is
-    middle: Point  # half-way along it
-    normal: Point  # unit vector at the middle, to the side where the label lies
+    start: complex  # where it leaves the box
+    control: complex  # control point
+    end: complex  # where its tip is
+
+    def points(self) -> np.ndarray:
+        """Points along it, shape ``(n,)``."""
+        back = 1.0 - _SHARES
+        curve = back**2 * self.start + 2.0 * _SHARES * back * self.control + _SHARES**2 * self.end
+        return np.asarray(curve)
+
+
+class Label(NamedTuple):
+    """A label beside its arrow."""
+
+    place: Rectangle  # where it lies
+    normal: complex  # unit vector from the arrow to it
 
 
 class Layout(NamedTuple):
@@ -56,7 +57,7 @@ class Layout(NamedTuple):
 
     boxes: list[Rectangle]  # the phases
     arrows: list[Arrow]  # of each group
-    labels: list[Rectangle]  # of each arrow
+    labels: list[Label]  # of each arrow
     covered: int  # samples of arrows that labels cover; a label on a label or a box counts ``_COLLISION``
 
 
@@ -92,73 +93,50 @@ def ring(count: int, width: float, height: float, *, spread: float = 1.0) -> lis
 def arrows(groups: Sequence[ArrowGroup], boxes: Sequence[Rectangle]) -> list[Arrow]:
     """Lay an arrow for each group between its boxes, around the boxes that it does not join."""
     joined = {(item.source, item.target) for item in groups}
-    laid, drawn = list[Arrow](), np.zeros((0, _SAMPLES, 2))
+    laid: list[Arrow] = []
+
+    def hidden(way: Arrow) -> int:
+        """Samples under boxes, or along another arrow from the same place to the same."""
+        points = way.points()
+        along = [_near(points - other.points(), GAP, GAP) for other in laid]
+        return sum(along) + sum(_inside(points, box) for box in boxes)
+
     for item in groups:
         bend = _BEND
         if item.time_out:
             bend = _BEND_TIME_OUT_OF_PAIR if (item.target, item.source) in joined else _BEND_TIME_OUT
-        ways = (_arrow(boxes[item.source], boxes[item.target], bend * share) for share in _BENDS)
-        best, _ = _cheapest(ways, functools.partial(_hidden, boxes, drawn))
-        drawn = np.concatenate((drawn, _samples(best)[None]))
-        if item.time_out:  # its label lies inside of the ring
-            best = best._replace(normal=Point(-best.normal.x, -best.normal.y))
-        laid.append(best)
+        ways = [_arrow(boxes[item.source], boxes[item.target], bend * share) for share in _BENDS]
+        laid.append(min(ways, key=hidden))
     return laid
 
 
-def _hidden(boxes: Sequence[Rectangle], drawn: np.ndarray, way: Arrow) -> int:
-    """Samples of an arrow under boxes, or along another arrow from the same place to the same."""
-    points = _samples(way)
-    return sum(_inside(points, box) for box in boxes) + int((np.abs(drawn - points).max(2) < GAP).sum())
-
-
-def _cheapest(candidates: Iterable[_T], cost: Callable[[_T], int]) -> tuple[_T, int]:
-    """First candidate of the least cost, and the cost; the search ends at a cost of zero."""
-    found = list[tuple[int, int, _T]]()
-    for number, item in enumerate(candidates):
-        found.append((cost(item), number, item))
-        if found[-1][0] == 0:
-            break
-    least, _, best = min(found, key=lambda entry: entry[:2])
-    return best, least
-
-
 def _arrow(source: Rectangle, target: Rectangle, bend: float) -> Arrow:
-    """Lay an arrow between two boxes, its label on the left of its direction."""
-    dx, dy = target.x - source.x, target.y - source.y
-    length = math.hypot(dx, dy)
-    left = Point(dy / length, -dx / length)
-    height = 2.0 * bend * length  # the curve reaches half as far as its control point
-    control = Point(
-        (source.x + target.x) / 2.0 + height * left.x, (source.y + target.y) / 2.0 + height * left.y
-    )
-    start, end = _edge(source, control), _edge(target, control)
-    return _labelled(Arrow(start, control, end, start, left), 0.5, 1.0)
+    """Lay an arrow between two boxes, bent to the left of its direction."""
+    start, end = complex(source.x, source.y), complex(target.x, target.y)
+    # The curve reaches half as far as its control point.
+    control = (start + end) / 2.0 - 2.0j * bend * (end - start)
+    return Arrow(_edge(source, control), control, _edge(target, control))
 
 
-def _labelled(curve: Arrow, share: float, side: float) -> Arrow:
-    """An arrow with the place of its label at a share of its way, on the left (1) or on the right (-1)."""
-    start, control, end = (np.array(point) for point in curve[:3])
-    middle = (1 - share) ** 2 * start + 2 * share * (1 - share) * control + share**2 * end
-    along = (1 - share) * (control - start) + share * (end - control)
-    x, y = side * along / np.hypot(*along)
-    return curve._replace(middle=Point(*middle.tolist()), normal=Point(float(y), float(-x)))
+def _edge(box: Rectangle, towards: complex) -> complex:
+    """Where the line from the centre of a box to a point leaves it, a gap outside."""
+    centre = complex(box.x, box.y)
+    way = towards - centre
+    parts = ((box.width / 2.0, way.real), (box.height / 2.0, way.imag))
+    return centre + way * min((half + GAP) / abs(part) for half, part in parts if part != 0.0)
 
 
-def _samples(curve: Arrow) -> np.ndarray:
-    """Points along an arrow, shape ``(n, 2)``."""
-    start, control, end = (np.array(point) for point in curve[:3])
-    share = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
-    return np.asarray((1 - share) ** 2 * start + 2 * share * (1 - share) * control + share**2 * end)
+def _near(offsets: np.ndarray, x: float, y: float) -> int:
+    """How many offsets, shape ``(n,)``, are shorter than a length along x and one along y."""
+    return int(((np.abs(offsets.real) < x) & (np.abs(offsets.imag) < y)).sum())
 
 
 def _inside(points: np.ndarray, box: Rectangle) -> int:
-    """How many points, shape ``(n, 2)``, lie in a rectangle."""
-    half = np.array([box.width, box.height]) / 2.0
-    return int((np.abs(points - [box.x, box.y]) < half).all(axis=1).sum())
+    """How many points, shape ``(n,)``, lie in a rectangle."""
+    return _near(points - complex(box.x, box.y), box.width / 2.0, box.height / 2.0)
 
 
-def _overlap(first: Rectangle, second: Rectangle, gap: float = 0.0) -> bool:
+def _overlap(first: Rectangle, second: Rectangle, gap: float) -> bool:
     """Whether two rectangles have less than a gap between them."""
     return (
         abs(first.x - second.x) < (first.width + second.width) / 2.0 + gap
@@ -173,56 +151,49 @@ def lay_out(
 
     Returns the first layout in which nothing lies on anything; else the one with the least of it.
     """
-    rings = (ring(count, *box, spread=1.0 + _GROWTH * number) for number in range(_ROUNDS))
-    layouts = (_with_labels(arrows(groups, boxes), boxes, labels) for boxes in rings)
-    return _cheapest(layouts, lambda layout: layout.covered)[0]
+    layouts: list[Layout] = []
+    for number in range(_ROUNDS):
+        boxes = ring(count, *box, spread=1.0 + _GROWTH * number)
+        layouts.append(_with_labels(groups, boxes, labels))
+        if layouts[-1].covered == 0:
+            break
+    return min(layouts, key=lambda layout: layout.covered)
 
 
-def _with_labels(curves: list[Arrow], boxes: list[Rectangle], sizes: Sequence[tuple[float, float]]) -> Layout:
+def _with_labels(
+    groups: Sequence[ArrowGroup], boxes: list[Rectangle], sizes: Sequence[tuple[float, float]]
+) -> Layout:
     """Place the labels, large ones first, each where it covers least."""
-    drawn = np.concatenate([np.zeros((0, 2)), *map(_samples, curves)])
-    placed, total = dict[int, Rectangle](), 0
-    for number in sorted(range(len(curves)), key=lambda k: -sizes[k][0] * sizes[k][1]):
+    curves, total = arrows(groups, boxes), 0
+    drawn = np.concatenate([np.zeros(0), *(curve.points() for curve in curves)])
+    placed: dict[int, Label] = {}
 
-        def covered(curve: Arrow, size: tuple[float, float] = sizes[number]) -> int:
-            place = label_place(curve, *size)
-            taken = sum(_overlap(place, item, GAP / 2.0) for item in (*boxes, *placed.values()))
-            return _COLLISION * taken + _inside(drawn, place)
+    def covered(label: Label) -> int:
+        taken = [*boxes, *(other.place for other in placed.values())]
+        on_others = sum(_overlap(label.place, item, GAP / 2.0) for item in taken)
+        return _COLLISION * on_others + _inside(drawn, label.place)
 
-        curves[number], least = _cheapest(_label_candidates(curves[number]), covered)
-        placed[number] = label_place(curves[number], *sizes[number])
-        total += least
-    return Layout(boxes, curves, [placed[number] for number in range(len(curves))], total)
+    for number in sorted(range(len(groups)), key=lambda k: -sizes[k][0] * sizes[k][1]):
+        # That of a time-out lies inside of the ring.
+        side = -1.0 if groups[number].time_out else 1.0
+        best = min(_label_candidates(curves[number], side, *sizes[number]), key=covered)
+        total += covered(best)
+        placed[number] = best
+    return Layout(boxes, curves, [placed[number] for number in range(len(groups))], total)
 
 
-def _label_candidates(curve: Arrow) -> Iterator[Arrow]:
-    """The usual place first, then others along the arrow on either side."""
-    yield curve
-    dx, dy = curve.end.x - curve.start.x, curve.end.y - curve.start.y
-    usual = 1.0 if curve.normal.x * dy - curve.normal.y * dx > 0.0 else -1.0
+def _label_candidates(curve: Arrow, usual: float, width: float, height: float) -> Iterator[Label]:
+    """Labels along an arrow, clear of it; ``usual``: 1 for those on its left first, -1 for the right."""
+    start, control, end = curve
     for share in _PLACES:
+        point = (1 - share) ** 2 * start + 2 * share * (1 - share) * control + share**2 * end
+        along = (1 - share) * (control - start) + share * (end - control)
         for side in (usual, -usual):
-            yield _labelled(curve, share, side)
-
-
-def _edge(box: Rectangle, towards: Point) -> Point:
-    """Where the line from the centre of a box to a point leaves it, a gap outside."""
-    dx, dy = towards.x - box.x, towards.y - box.y
-    sides = [
-        (half + GAP) / abs(part)
-        for half, part in ((box.width / 2, dx), (box.height / 2, dy))
-        if abs(part) > 0
-    ]
-    share = min(sides, default=0.0)
-    return Point(box.x + share * dx, box.y + share * dy)
-
-
-def label_place(curve: Arrow, width: float, height: float) -> Rectangle:
-    """Rectangle of a label beside the middle of an arrow, clear of it."""
-    # The support of a rectangle in a direction: how far it reaches back towards the arrow.
-    reach = abs(curve.normal.x) * width / 2.0 + abs(curve.normal.y) * height / 2.0 + GAP
-    x, y = curve.middle.x + reach * curve.normal.x, curve.middle.y + reach * curve.normal.y
-    return Rectangle(x, y, width, height)
+            normal = -1j * side * along / abs(along)
+            # The support of a rectangle in a direction: how far it reaches back towards the arrow.
+            reach = abs(normal.real) * width / 2.0 + abs(normal.imag) * height / 2.0 + GAP
+            middle = point + reach * normal
+            yield Label(Rectangle(middle.real, middle.imag, width, height), normal)
 
 
 def bounds(rectangles: list[Rectangle], margin: float) -> tuple[float, float, float, float]:

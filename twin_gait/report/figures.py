@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any, Protocol
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -29,14 +30,8 @@ from twin_gait.report.run_figures import (
 )
 from twin_gait.simulation.run import Run
 
-
-class _Drawing(Protocol):
-    """Draws a run in a width in inches, or gives None if the picture does not apply to it."""
-
-    def __call__(self, run: Run, *, width: float) -> Figure | None: ...
-
-
-FIGURES: dict[str, _Drawing] = {
+# By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
+FIGURES: dict[str, Callable[..., Figure | None]] = {
     "gait_cycle": draw_cycle, "ground_forces": draw_ground_forces, "joint_angles": draw_angles,
     "torques": draw_torques, "currents": draw_currents, "feet": draw_feet, "crutches": draw_crutches,
     "phase_portrait": draw_portrait, "energy": draw_energy,

@@ -14,7 +14,7 @@ from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, State, StateTable, Transition
 from twin_gait.palette import phase_colour
-from twin_gait.report.diagram_layout import Arrow, ArrowGroup, Rectangle, arrow_groups, bounds, lay_out
+from twin_gait.report.diagram_layout import ArrowGroup, Label, Rectangle, arrow_groups, bounds, lay_out
 from twin_gait.report.pages import render
 
 
@@ -156,19 +156,26 @@ def state_diagram_svg(table: StateTable) -> str:
 
     Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
-    rows = max(len(_box_lines(table, phase)) for phase in table.phases)
+    lines = {phase: _box_lines(table, phase) for phase in table.phases}
+    # Long names of joints shift the columns behind them.
+    longest = max((len(row[0]) for rows in lines.values() for row in rows if len(row) > 1), default=0)
+    shift = _CHARACTER * max(0, longest - _NAME_CHARACTERS)
+    name = max(len(readable(phase)) for phase in table.phases)
+    box_width = max(_BOX_WIDTH + shift, 80.0 + 1.3 * _CHARACTER * name)
+    box_height = 36.0 + SMALL_LINE * max(map(len, lines.values()))
     groups = arrow_groups(table)
-    sizes = [_label_size(item) for item in groups]
-    layout = lay_out(groups, len(table.phases), (_box_width(table), 36.0 + SMALL_LINE * rows), sizes)
-    left, top, width, height = bounds([*layout.boxes, *layout.labels], _MARGIN)
+    labels = [_label_lines(item) for item in groups]
+    sizes = [(_CHARACTER * max(len(text) for text, _ in item), LINE * len(item)) for item in labels]
+    layout = lay_out(groups, len(table.phases), (box_width, box_height), sizes)
+    left, top, width, height = bounds([*layout.boxes, *(label.place for label in layout.labels)], _MARGIN)
     top, height = top - _HEAD, height + _HEAD + _FOOT
     x, foot = left + _MARGIN, top + height - _FOOT + 12.0
     texts = [_Text(x, top + _HEAD - 6.0, table.name, "title")]
     texts += [_Text(x, foot + LINE * row, text, "faint") for row, text in enumerate(_legend(table))]
-    for position, box in enumerate(layout.boxes):
-        texts += _box_texts(table, position, box)
-    for place, curve, group in zip(layout.labels, layout.arrows, groups, strict=True):
-        texts += _label_texts(place, curve, group)
+    for place, (phase, box) in enumerate(zip(table.phases, layout.boxes, strict=True), start=1):
+        texts += _box_texts(f"{place} {readable(phase)}", lines[phase], shift, box)
+    for label, said in zip(layout.labels, labels, strict=True):
+        texts += _label_texts(label, said)
     content = {
         "name": _FORBIDDEN.sub("\ufffd", table.name),
         "left": left,
@@ -188,27 +195,15 @@ def _legend(table: StateTable) -> tuple[str, ...]:
     return _LEGEND
 
 
-def _box_texts(table: StateTable, position: int, box: Rectangle) -> Iterator[_Text]:
+def _box_texts(name: str, lines: list[tuple[str, ...]], shift: float, box: Rectangle) -> Iterator[_Text]:
     """Name of a phase, and what it sets."""
-    phase, x, y = table.phase_names[position], box.x - box.width / 2.0, box.y - box.height / 2.0
-    yield _Text(x + 36.0, y + 23.0, f"{position + 1} {readable(phase)}", "name")
-    for row, cells in enumerate(_box_lines(table, phase)):
+    x, y = box.x - box.width / 2.0, box.y - box.height / 2.0
+    columns = [_COLUMNS[0], *(column + shift for column in _COLUMNS[1:])]
+    yield _Text(x + 36.0, y + 23.0, name, "name")
+    for row, cells in enumerate(lines):
         style = "faint" if row == 0 or len(cells) == 1 else ""
-        for column, cell in zip(_columns(table), cells, strict=False):
+        for column, cell in zip(columns, cells, strict=False):
             yield _Text(x + column, y + 43.0 + SMALL_LINE * row, cell, style)
-
-
-def _columns(table: StateTable) -> list[float]:
-    """Where the columns of a box begin, shifted for long names of joints."""
-    rows = [row for phase in table.phases for row in _box_lines(table, phase) if len(row) > 1]
-    longest = max((len(row[0]) for row in rows), default=0)
-    shift = _CHARACTER * max(0, longest - _NAME_CHARACTERS)
-    return [_COLUMNS[0], *(column + shift for column in _COLUMNS[1:])]
-
-
-def _box_width(table: StateTable) -> float:
-    name = max(len(readable(phase)) for phase in table.phases)
-    return max(_BOX_WIDTH + _columns(table)[1] - _COLUMNS[1], 80.0 + 1.3 * _CHARACTER * name)
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
@@ -252,16 +247,13 @@ def _label_lines(group: ArrowGroup) -> list[tuple[str, str]]:
     return lines
 
 
-def _label_size(group: ArrowGroup) -> tuple[float, float]:
-    lines = _label_lines(group)
-    return _CHARACTER * max(len(text) for text, _ in lines), LINE * len(lines)
-
-
-def _label_texts(place: Rectangle, curve: Arrow, group: ArrowGroup) -> Iterator[_Text]:
+def _label_texts(label: Label, lines: list[tuple[str, str]]) -> Iterator[_Text]:
     """A label, set flush on the side of its arrow."""
+    place = label.place
     anchor, x = "middle", place.x
-    if abs(curve.normal.x) > 0.35:
-        side = 1.0 if curve.normal.x > 0.0 else -1.0
-        anchor, x = ("start" if side > 0.0 else "end"), place.x - side * place.width / 2.0
-    for row, (text, style) in enumerate(_label_lines(group)):
+    if label.normal.real > 0.35:
+        anchor, x = "start", place.x - place.width / 2.0
+    elif label.normal.real < -0.35:
+        anchor, x = "end", place.x + place.width / 2.0
+    for row, (text, style) in enumerate(lines):
         yield _Text(x, place.y - place.height / 2.0 + LINE * (row + 0.75), text, style, anchor)

@@ -6,8 +6,7 @@ Columns of its table become axes, with units, labels, and levels or bins.
 from __future__ import annotations
 
 import itertools
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from twin_gait.palette import BLUE, GREY
-from twin_gait.report.canvas import style_panel
-from twin_gait.simulation.log import unit_of
+from twin_gait.palette import BLUE
+from twin_gait.report.canvas import readable, style_panel
+from twin_gait.simulation.log import SUFFIXES
 from twin_gait.vocabulary import Outcome
 
 WALKED = "walked"
@@ -34,8 +33,8 @@ MOST_LEVELS = 12
 EPISODES_PER_BIN = 6
 MOST_BINS = 8
 
-# Suffixes of settings that no log column has.
-_UNITS = {
+_UNITS = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()} | {
+    # Of settings that no log column has.
     "_kg": "kg", "_deg": "deg", "_Nm_per_deg": "N m/deg", "_Nms_per_deg": "N m s/deg", "_km_per_h": "km/h",
     "_ms": "ms", "_Hz": "Hz", "_Ohm": "Ohm", "_kgm2": "kg m²", "_N_per_m1p5": "N/m^1.5",
     "_Ns_per_m": "N s/m", "_s_per_m": "s/m", "_s_per_rad": "s/rad", "_m_per_s2": "m/s²",
@@ -51,19 +50,12 @@ def unit_of_column(column: str) -> str:
     ``column``: a key of an experiment or a name of a summary. Returns the unit, for example ``kg``; ``1`` for
     counts, shares and texts.
     """
-    suffix = max((item for item in _UNITS if column.endswith(item)), key=len, default="")
-    shared = unit_of(column)
-    if shared == "name":  # a count by phase is none
-        return "1"
-    # Of both lists the longer suffix wins: "_m_per_s" is a speed, not seconds.
-    known = 0 if shared == "1" else len(column) - _cut(column, shared, unit_of)
-    return _UNITS[suffix] if len(suffix) > known else shared
+    return _UNITS.get(_suffix(column), "1")
 
 
-def _cut(text: str, unit: str, unit_of_text: Callable[[str], str]) -> int:
-    """Where the suffix that names a unit begins."""
-    cuts = [match.start() for match in re.finditer("_", text)]
-    return max(at for at in cuts if unit_of_text(text[at:]) == unit)
+def _suffix(column: str) -> str:
+    """The longest that is known, because ``_m_per_s`` is a speed, not seconds."""
+    return max((item for item in _UNITS if column.endswith(item)), key=len, default="")
 
 
 def label_of(column: str, *, unit: bool = True) -> str:
@@ -72,12 +64,9 @@ def label_of(column: str, *, unit: bool = True) -> str:
     ``column`` for example ``table.phases.early_stance.knee.stiffness_Nm_per_deg``. Returned for example
     ``early stance knee stiffness [N m/deg]``.
     """
-    named = unit_of_column(column)
     words = [word for word in column.split(".") if word not in _ROOMS] or [column]
-    text = " ".join(words)
-    if named != "1":
-        text = text[: _cut(text, named, unit_of_column)]
-    text = text.replace("_", " ").strip()
+    text = readable(" ".join(words).removesuffix(_suffix(column)))
+    named = unit_of_column(column)
     return f"{text} [{named}]" if unit and named != "1" else text
 
 
@@ -89,13 +78,8 @@ class Axis:
     places: np.ndarray  # level or bin of each episode, -1 where it has none, shape ``(n,)``
     centres: np.ndarray  # where each level or bin is drawn, shape ``(k,)``
     names: tuple[str, ...]  # what stands beside each
-    # value of each episode where the parameter is a number, shape ``(n,)``; None for names
-    numbers: np.ndarray | None
-
-    @property
-    def binned(self) -> bool:
-        """Whether neighbouring values have been put together."""
-        return self.numbers is not None and len(np.unique(self.numbers[self.places >= 0])) > len(self.names)
+    numeric: bool  # whether the parameter is a number
+    binned: bool = False  # whether neighbouring values have been put together
 
 
 def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
@@ -105,33 +89,26 @@ def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
         return None
     if not pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
         codes, names = pd.factorize(values, sort=True)
-        return Axis(column, codes, np.arange(len(names)), tuple(str(item) for item in names), None)
+        return Axis(column, codes, np.arange(len(names)), tuple(map(str, names)), numeric=False)
     numbers = values.to_numpy(dtype=float, na_value=np.nan)
     levels = np.unique(numbers[np.isfinite(numbers)])
     if len(levels) <= MOST_LEVELS:
         places = np.where(np.isfinite(numbers), np.searchsorted(levels, numbers), -1)
-        return Axis(column, places, levels, tuple(f"{level:.4g}" for level in levels), numbers)
+        return Axis(column, places, levels, tuple(f"{level:.4g}" for level in levels), numeric=True)
     return _binned(column, numbers, levels)
 
 
 def _binned(column: str, numbers: np.ndarray, levels: np.ndarray) -> Axis:
     count = int(np.clip(len(numbers) / EPISODES_PER_BIN, 2, MOST_BINS))
-    edges = np.linspace(levels[0], levels[-1], count + 1)
-    if _spans_decades(levels):
-        edges = np.geomspace(levels[0], levels[-1], count + 1)
-    places = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, count - 1)
-    centres = np.sqrt(edges[1:] * edges[:-1]) if _spans_decades(levels) else (edges[1:] + edges[:-1]) / 2
-    names = tuple(f"{centre:.3g}" for centre in centres)
-    return Axis(column, np.where(np.isfinite(numbers), places, -1), centres, names, numbers)
+    spaced = np.geomspace if _spans_decades(levels) else np.linspace
+    halves = spaced(levels[0], levels[-1], 2 * count + 1)  # edges and middles in turn
+    places = np.where(np.isfinite(numbers), np.digitize(numbers, halves[2:-1:2]), -1)
+    names = tuple(f"{centre:.3g}" for centre in halves[1::2])
+    return Axis(column, places, halves[1::2], names, numeric=True, binned=True)
 
 
 def _spans_decades(levels: np.ndarray) -> bool:
     return bool(levels[0] > 0.0 and levels[-1] / levels[0] > 20.0)
-
-
-def is_logarithmic(axis: Axis) -> bool:
-    """Whether its values are better drawn on a logarithmic scale."""
-    return axis.numbers is not None and _spans_decades(axis.centres)
 
 
 def sweep_figures(
@@ -190,11 +167,12 @@ def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, ti
     """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others."""
     what = _what(measure)
     if measure != WALKED:
-        what += f"\nline: mean, shade: {SPREAD[0]:.0%} to {SPREAD[1]:.0%} of the episodes, dots: episodes"
-    figure, panels = _panels(f"{title}: {what}", len(axes), height=3.0)
+        what += f"\ndots: mean, bars: {SPREAD[0]:.0%} to {SPREAD[1]:.0%} of the episodes"
+    # One vertical scale, so that effects can be compared.
+    figure, panels = _panels(f"{title}: {what}", len(axes), height=3.0, sharey=True)
     for panel, axis in zip(panels, axes, strict=True):
         _draw_effect(panel, axis, values, measure)
-    _share_range(panels)
+        panel.tick_params(labelleft=True)
     return figure
 
 
@@ -222,60 +200,34 @@ def _what(measure: str) -> str:
     return f"{label_of(measure, unit=False)}, mean over the episodes that walked"
 
 
-def _panels(title: str, count: int, *, height: float) -> tuple[Figure, list[Axes]]:
+def _panels(title: str, count: int, *, height: float, sharey: bool = False) -> tuple[Figure, list[Axes]]:
     columns = min(count, PANELS_IN_ROW)
     rows = -(-count // columns)
     width = max(6.5, 4.0 * columns)
     figure = Figure(figsize=(width, height * rows + 0.6), layout="constrained")
     figure.suptitle(title, fontsize="large")
-    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
+    panels = list(figure.subplots(rows, columns, squeeze=False, sharey=sharey).flat)
     for panel in panels[count:]:
         panel.remove()
     return figure, panels[:count]
 
 
 def _draw_effect(panel: Axes, axis: Axis, values: np.ndarray, measure: str) -> None:
-    there = np.isfinite(values) & (axis.places >= 0)
-    groups = [values[there & (axis.places == place)] for place in range(len(axis.names))]
-    filled = [place for place, group in enumerate(groups) if len(group)]
-    centres = np.asarray(axis.centres, dtype=float)[filled]
-    means = np.array([groups[place].mean() for place in filled])
+    known = np.isfinite(values) & (axis.places >= 0)
+    groups = pd.Series(values[known]).groupby(axis.places[known])
+    centres = axis.centres[np.array(list(groups.groups), dtype=int)]
     if measure != WALKED:
-        _draw_spread(panel, axis, values, there, centres, [groups[place] for place in filled])
-    panel.plot(centres, means, "o" if axis.numbers is None else "o-", color=BLUE, linewidth=1.8, markersize=5)
-    if axis.numbers is None:
+        low, high = (groups.quantile(share) for share in SPREAD)
+        panel.vlines(centres, low, high, color=BLUE, alpha=0.3, linewidth=6)
+    line = "-" if axis.numeric else "none"
+    panel.plot(centres, groups.mean(), "o", linestyle=line, color=BLUE, linewidth=1.8, markersize=5)
+    if not axis.numeric:
         panel.set_xticks(range(len(axis.names)), axis.names)
         panel.set_xlim(-0.5, len(axis.names) - 0.5)
-    elif is_logarithmic(axis):
+    elif _spans_decades(axis.centres):
         panel.set_xscale("log")
     style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
     panel.set_xlabel(label_of(axis.column))
-
-
-def _draw_spread(
-    panel: Axes,
-    axis: Axis,
-    values: np.ndarray,
-    there: np.ndarray,
-    centres: np.ndarray,
-    groups: Sequence[np.ndarray],
-) -> None:
-    """What the mean is the mean of: every episode, or the range of most of them."""
-    low, high = np.array([np.quantile(group, SPREAD) for group in groups]).T
-    if axis.binned and axis.numbers is not None:
-        panel.plot(axis.numbers[there], values[there], ".", color=GREY, markersize=3, alpha=0.5)
-    elif axis.numbers is None:
-        panel.vlines(centres, low, high, color=BLUE, alpha=0.3, linewidth=8)
-    else:
-        panel.fill_between(centres, low, high, color=BLUE, alpha=0.15, linewidth=0)
-
-
-def _share_range(panels: Sequence[Axes]) -> None:
-    """One vertical scale, so that effects can be compared."""
-    lowest = min(panel.get_ylim()[0] for panel in panels)
-    highest = max(panel.get_ylim()[1] for panel in panels)
-    for panel in panels:
-        panel.set_ylim(lowest, highest)
 
 
 def _range(cells: Sequence[np.ndarray], measure: str) -> tuple[float, float]:

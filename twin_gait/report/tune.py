@@ -1,9 +1,9 @@
-"""Pictures and page of a tuning: gait before and after, parts, trade-offs, convergence."""
+"""Pictures and page of a tuning: gait before and after, trade-offs, convergence."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -83,7 +83,6 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     """
     return {
         "gait": draw_gait(curves),
-        "parts": draw_parts(outcome["parts"]),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
         "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
     }
@@ -110,26 +109,6 @@ def draw_gait(curves: Curves) -> Figure:
         style_panel(axes, f"{joint}, mean stride from foot contact", flexion(joint))
     labels = {name: name if name == "reference" else f"{name} leg" for name in styles}
     put_legend(figure, [Line2D([], [], label=labels[name], **style) for name, style in styles.items()])
-    return figure
-
-
-def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw every part as a share of its goal, before and after."""
-    figure, (axes,) = _figure(4.6)
-    rows = np.arange(len(parts))[::-1]
-    for shift, which, colour in ((0.2, "before", BEFORE_COLOUR), (-0.2, "after", AFTER_COLOUR)):
-        shares = [100.0 * part[which] / part["goal"] if part[which] is not None else 0.0 for part in parts]
-        bars = axes.barh(rows + shift, shares, height=0.36, color=colour, label=which)
-        labels = [amount(part[which], part["unit"]) for part in parts]
-        axes.bar_label(bars, labels, padding=3, fontsize=8)
-    axes.axvline(100.0, color=BLACK, linewidth=0.9, linestyle=":")
-    axes.set_yticks(rows, [part["title"] for part in parts])
-    for label, part in zip(axes.get_yticklabels(), parts, strict=True):
-        label.set_color(VERMILLION if part["verdict"] == "traded" else BLACK)
-    style_panel(axes, "nominal case: less is better, the dotted line is the goal", "")
-    axes.set_xlabel("share of the goal [%]")
-    axes.margins(x=0.12)
-    axes.legend(frameon=False, loc="lower right")
     return figure
 
 

@@ -103,20 +103,20 @@ def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
         reference = healthy.get(row.key.replace("_mean", ""))
         if any(value is not None for value in values):
             label = f"{row.label} [{row.unit}]" if row.unit else row.label
-            rows.append((label, *(_text(value, row) for value in (*values, reference))))
+            texts = (_text(value, row.places, row.factor) for value in (*values, reference))
+            rows.append((label, *texts))
     first, *_ = legs.values()
     for joint in first.get("errors", {}):
         for part in ("offset", "timing", "shape"):
-            row = Row(f"RMSE of the {joint}, {part}", "°", f"{part}_deg", 1)
-            values = [leg["errors"][joint][row.key] for leg in legs.values()]
-            rows.append((f"{row.label} [{row.unit}]", *(_text(value, row) for value in values), ""))
+            texts = (_text(leg["errors"][joint][f"{part}_deg"], 1) for leg in legs.values())
+            rows.append((f"RMSE of the {joint}, {part} [°]", *texts, ""))
     return rows
 
 
-def _text(value: float | None, row: Row) -> str:
+def _text(value: float | None, places: int, factor: float = 1.0) -> str:
     if not _is_known(value):
         return DASH
-    text = f"{value * row.factor:.{row.places}f}"
+    text = f"{value * factor:.{places}f}"
     return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
 
 
@@ -126,7 +126,7 @@ def who_drives(summary: Mapping[str, Any]) -> str:
     if not power or power["belt_W"] is None:
         return ""
     sources = {"belt_W": "belt", "motors_W": "motors", "wearer_W": "wearer", "guide_W": "harness"}
-    shown = {key: f"{name} {_text(power[key], Row('', '', key, 1))} W" for key, name in sources.items()}
+    shown = {key: f"{name} {_text(power[key], 1)} W" for key, name in sources.items()}
     parts = [text for key, text in shown.items() if power[key] or key in ("belt_W", "motors_W")]
     return f"Mean power into the walk: {', '.join(parts)}."
 
@@ -136,7 +136,7 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
     power = summary.get("power")
     if not power or not power["carried_by_belt"]:
         return ""
-    force = _text(power["guide_force_N"], Row("", "", "", 0))
+    force = _text(power["guide_force_N"], 0)
     return f"The belt carries this walk: it drags the feet back, and {force} N at the pelvis hold against it."
 
 

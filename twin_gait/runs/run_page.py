@@ -21,7 +21,7 @@ from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
-from twin_gait.viewer.page import recorded_page
+from twin_gait.viewer.page import About, recorded_page
 from twin_gait.viewer.staging import Setting
 from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import Surroundings
@@ -76,17 +76,19 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
         return recorded_run(
             run.log,
             run.experiment.build_world().model,
-            title=run.name,
-            subtitle=describe(run.experiment.patient, belt),
+            about=About(
+                title=run.name,
+                subtitle=describe(run.experiment.patient, belt),
+                notes=run.notes,
+                events=run.events,
+                outcome=run.outcome,
+                walk=run.walk,
+                network=run.network,
+                modes=modes_of(run.experiment),
+            ),
             belt_speed=belt_motion_of(run.experiment, held_from(run.events)),
             frames_per_second=frames_per_second,
             moments=moments,
-            notes=run.notes,
-            events=run.events,
-            outcome=run.outcome,
-            walk=run.walk,
-            network=run.network,
-            modes=modes_of(run.experiment),
             **setting_of(run.experiment),
         )
     except ViewerError as error:

@@ -15,7 +15,7 @@ from twin_gait.vocabulary import JointName, Side
 
 LOG_SCHEMA_VERSION = 1
 # How a unit is written in a name.
-_SUFFIXES = {
+SUFFIXES = {
     "rad": "rad",
     "rad/s": "rad_per_s",
     "rad/s²": "rad_per_s2",
@@ -241,7 +241,7 @@ def columns_of(row: type) -> dict[str, tuple[str, str]]:
 
 def _name_of(item: Field[Any]) -> str:
     unit = item.metadata["unit"]
-    return f"{item.name}_{_SUFFIXES[unit]}" if unit in _SUFFIXES else item.name
+    return f"{item.name}_{SUFFIXES[unit]}" if unit in SUFFIXES else item.name
 
 
 JOINT_COLUMNS, BRACE_COLUMNS, PELVIS_BRACE_COLUMNS = (
@@ -289,7 +289,7 @@ def unit_of(name: str) -> str:
     known = columns_of(LogRow) | columns_of(SupervisorRow)
     if name in (item for item, (unit, _) in known.items() if unit == "code"):
         return "code"
-    units = {f"_{suffix}": unit for unit, suffix in _SUFFIXES.items()}
+    units = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()}
     return units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
 
 

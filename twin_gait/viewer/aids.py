@@ -12,12 +12,12 @@ from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_BREADTH, TRUNK_L
 from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
-from twin_gait.viewer.body import CLOTH, RINGS, SKIN, STRAP, band, girth, trunk_axes, trunk_rings
-from twin_gait.viewer.commands import Material, Window, draw_lightly
+from twin_gait.viewer.body import RINGS, SKIN, STRAP, band, girth, trunk_axes, trunk_rings
+from twin_gait.viewer.commands import Material, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.surroundings import RUBBER, STEEL
+from twin_gait.viewer.surroundings import RUBBER, STEEL, translation
 from twin_gait.vocabulary import Side
 
 VEST = Material(colour=(0.40, 0.48, 0.60), opacity=0.92, roughness=0.9)
@@ -59,9 +59,7 @@ def _shoulder_strap(hook: np.ndarray, front: float, rings: np.ndarray, height: f
     angle = math.radians(52.0)
     end = [x + front * half_x * math.sin(angle), math.copysign(half_y * math.cos(angle), hook[1]), height]
     middle = 0.5 * (hook + end) + [front * 0.035, 0.0, 0.02]
-    share = np.linspace(0.0, 1.0, 9)[:, None]
-    path = (1 - share) ** 2 * hook + 2 * share * (1 - share) * middle + share**2 * np.array(end)
-    return shapes.tube(path, 0.007, columns=6)
+    return shapes.tube(shapes.bend(hook, middle, np.array(end)), 0.007, columns=6)
 
 
 @dataclass(frozen=True)
@@ -79,12 +77,10 @@ class Rope:
         lower = figure.world_point(q, self.joint, self.lower)
         upper = np.array([lower[0], *self.upper[1:]]) if self.on_rail else self.upper
         span = upper - lower
-        length = float(np.linalg.norm(span))
-        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), span / length)
         return {
-            (self.path, "position"): [float(value) for value in lower],
-            (self.path, "quaternion"): [float(value) for value in turn.coeffs()],
-            (self.path, "scale"): [1.0, 1.0, length],
+            (self.path, "position"): lower.tolist(),
+            (self.path, "quaternion"): _pointing(span),
+            (self.path, "scale"): [1.0, 1.0, float(np.linalg.norm(span))],
         }
 
 
@@ -117,7 +113,7 @@ def _pointing(direction: np.ndarray) -> list[float]:
     forward = np.cross([0.0, 1.0, 0.0], upward)
     forward /= np.linalg.norm(forward)
     turn = pin.Quaternion(np.column_stack((forward, np.cross(upward, forward), upward)))
-    return [float(value) for value in turn.coeffs()]
+    return list(turn.coeffs().tolist())
 
 
 class DrawnCrutches:
@@ -162,7 +158,7 @@ class DrawnCrutches:
                 (arm, "position"): shoulder.tolist(),
                 (arm, "quaternion"): _pointing(elbow - shoulder),
                 (arm, "scale"): [1.0, 1.0, float(np.linalg.norm(elbow - shoulder))],
-                (rest, "position"): [float(value) for value in tip],
+                (rest, "position"): tip.tolist(),
                 (rest, "quaternion"): _pointing(elbow - tip),
                 **arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT),
             }
@@ -171,9 +167,8 @@ class DrawnCrutches:
 
 def _draw_upper_arm(window: Window, path: str, scale: float) -> None:
     """Draw an upper arm of 1 m along z, thick as it is."""
-    for name, table, material in (("sleeve", RINGS["sleeve"], CLOTH), ("skin", RINGS["upper_arm"], SKIN)):
-        rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in table]
-        draw_lightly(window, f"{path}/{name}", shapes.limb(rings), material)
+    rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in RINGS["upper_arm"]]
+    draw_mesh(window, f"{path}/skin", shapes.limb(rings), SKIN)
 
 
 def _draw_forearm(window: Window, path: str, length: float, forearm: float, scale: float) -> None:
@@ -183,16 +178,15 @@ def _draw_forearm(window: Window, path: str, length: float, forearm: float, scal
         (length - share * forearm, share * _HANDLE, 0.0, scale * x, scale * y)
         for share, x, y in RINGS["forearm"]
     ]
-    fist = np.eye(4)
-    fist[:3, 3] = (_HANDLE, 0.0, grip + 0.005)
-    hand = shapes.moved(shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale)), fist)
-    draw_lightly(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
+    fist = shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale))
+    hand = shapes.moved(fist, translation((_HANDLE, 0.0, grip + 0.005)))
+    draw_mesh(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
     # Behind the forearm up to the cuff.
     top, bottom = (length - share * forearm for share in _CUFF)
     at_cuff = np.array([-0.045 * scale, 0.0, 0.5 * (top + bottom)])
     line = np.array([[0.0, 0.0, 0.04], [0.0, 0.0, 0.4 * grip], [0.0, 0.0, grip - 0.02], at_cuff])
-    draw_lightly(window, f"{path}/shaft", shapes.tube(line, 0.0115, columns=12), STEEL, casts=True)
+    draw_mesh(window, f"{path}/shaft", shapes.tube(line, 0.0115, columns=12), STEEL, casts=True)
     cuff = band(np.array(rings), top, bottom, rings=3)
     handle = shapes.tube(np.array([[x, 0.0, grip] for x in (-0.012, 0.05, 0.105)]), 0.0155, columns=12)
-    draw_lightly(window, f"{path}/plastic", shapes.merged([cuff, handle]), PLASTIC, casts=True)
-    draw_lightly(window, f"{path}/tip", shapes.turned(_TIP, columns=20), RUBBER, casts=True)
+    draw_mesh(window, f"{path}/plastic", shapes.merged([cuff, handle]), PLASTIC, casts=True)
+    draw_mesh(window, f"{path}/tip", shapes.turned(_TIP, columns=20), RUBBER, casts=True)

@@ -14,13 +14,12 @@ from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.measures.leg_record import leg_record
-from twin_gait.measures.outcome import RunEvent
 from twin_gait.palette import phase_colour
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Recorder, Track, rgb, set_animation
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
-from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data, recorded_page
+from twin_gait.viewer.page import About, leg_entry, packed, packed_json, page_data, recorded_page
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import Setting, build_scene, build_urdf_scene
 from twin_gait.viewer.surroundings import Belt
@@ -41,53 +40,37 @@ def recorded_run(
     log: pd.DataFrame,
     model: LegModel,
     *,
-    title: str,
+    about: About,
     frames_per_second: float,
-    subtitle: str = "",
     belt_speed: Belt = 0.0,
     moments: Sequence[float] = (),
-    notes: Sequence[str] = (),
-    events: Sequence[RunEvent] = (),
-    outcome: str = "",
-    walk: Sequence[Sequence[str]] = (),
-    network: Sequence[Sequence[str]] = (),
-    modes: Sequence[str] = (),
     **setting: Unpack[Setting],
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
     The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
     Each change of a phase and each event has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
-    [m] / [s], or the way that the belt has gone by a time; ``outcome`` in a word; ``walk`` and ``network``:
-    tables of texts, a head and rows; ``modes``: names of the operating modes in the order of their codes.
-    Raises ModelError if the URDF cannot be read, ViewerError if the log does not fit the model.
+    [m] / [s], or the way that the belt has gone by a time. Raises ModelError if the URDF cannot be read,
+    ViewerError if the log does not fit the model.
     """
-    moments = [*moments, *(event.time for event in events)]
-    slope = setting.get("slope", 0.0)
-    motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments, slope=slope)
+    moments = [*moments, *(event.time for event in about.get("events", ()))]
+    motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Recorder()
     drives = shown_joints(log, model.sides[0])
     scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
-    scene.apply(scene.state_at(motion, 0, belt_speed))
+    scene.apply(scene.state_at(motion, 0))
     recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))
     return page_data(
+        about,
         mode="recorded",
-        title=title,
-        subtitle=subtitle,
-        missing_meshes=scene.missing_meshes,
-        notes=notes,
-        events=events,
-        outcome=outcome,
-        walk=walk,
-        network=network,
         view=scene.view,
         phases=motion.phase_names,
-        modes=modes,
         legs=[
             leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
             for side, leg in motion.legs.items()
         ],
+        missing_meshes=scene.missing_meshes,
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
         strides=_strides(log, model, motion),
@@ -140,7 +123,7 @@ def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:
 
 def _tracks(scene: Scene, motion: Motion, belt_speed: Belt) -> Iterator[Track]:
     """Everything that moves or changes colour; what stays as it is has no track."""
-    states = [scene.state_at(motion, frame, belt_speed=0.0) for frame in range(len(motion.times))]
+    states = [scene.state_at(motion, frame) for frame in range(len(motion.times))]
     for place, name in states[0]:
         if name == "color":
             continue
@@ -171,11 +154,9 @@ def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
     if leg.phases is None or len(leg.phases.starts) < 2:
         return
     colours = [rgb(phase_colour(motion.phase_names[code], int(code))) for code in leg.phases.codes]
-    times, values = [0.0], [colours[0]]
-    for start, before, after in zip(leg.phases.starts[1:], colours[:-1], colours[1:], strict=True):
-        times += [float(start) - _SWITCH, float(start)]
-        values += [before, after]
-    yield Track(path, "material.color", np.array(times), np.round(np.array(values), 4))
+    switches = leg.phases.starts[1:]
+    times = np.append(0.0, np.column_stack((switches - _SWITCH, switches)))
+    yield Track(path, "material.color", times, np.round(np.repeat(colours, 2, axis=0)[:-1], 4))
 
 
 def _belt_track(duration: float, belt: Belt) -> Track:
@@ -183,14 +164,14 @@ def _belt_track(duration: float, belt: Belt) -> Track:
     spacing = surroundings.BELT_MARK_SPACING
     looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK))).tolist()
     ways = [belt(time) if callable(belt) else belt * time for time in looks]
-    times, offsets = [0.0], [-float(ways[0] % spacing)]
+    times, offsets = [0.0], [surroundings.belt_offset(ways[0])]
     for (before, old), (time, way) in pairwise(zip(looks, ways, strict=True)):
         if way // spacing > old // spacing:
             jump = float(np.interp(spacing * (way // spacing), (old, way), (before, time)))
             times += [jump, jump + _SWITCH]
             offsets += [-spacing, 0.0]
         times.append(max(time, times[-1] + _SWITCH))
-        offsets.append(-float(way % spacing))
+        offsets.append(surroundings.belt_offset(way))
     values = np.outer(np.round(offsets, 5), [1.0, 0.0, 0.0])
     return _thinned(Track(surroundings.BELT, "position", np.array(times), values))
 
@@ -207,8 +188,8 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     recorder = Recorder()
     scene = build_urdf_scene(recorder, model, urdf, up_axis=up_axis)
     page = page_data(
-        mode="model", title=urdf.name, subtitle=counted(model), missing_meshes=scene.missing_meshes,
-        view=scene.view, phases=[], legs=[], arrows=False, joints=joint_entries(scene.figure),
+        About(title=urdf.name, subtitle=counted(model)), mode="model", view=scene.view,
+        missing_meshes=scene.missing_meshes, joints=joint_entries(scene.figure),
         scene=packed(recorder.packed()),
     )  # fmt: skip
     return recorded_page([page], mode="model")

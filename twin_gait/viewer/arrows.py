@@ -9,7 +9,7 @@ import numpy as np
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import EXTENSION_COLOUR, FLEXION_COLOUR, GROUND_FORCE_COLOUR
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import METRES_PER_NEWTON, Material, Window, draw_lightly, rgb, set_property
+from twin_gait.viewer.commands import METRES_PER_NEWTON, Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.shapes import Shape
 
 FORCE_ROOT = "/meshcat/forces"
@@ -25,7 +25,7 @@ def draw_arrow(window: Window, name: str) -> str:
     """Draw an arrow, hidden."""
     path = f"{FORCE_ROOT}/{name}"
     material = Material(colour=rgb(GROUND_FORCE_COLOUR), roughness=0.8, glow=0.2)
-    draw_lightly(window, path, shapes.arrow(), material)
+    draw_mesh(window, path, shapes.arrow(), material)
     window.send(set_property(path, "visible", False))
     return path
 

@@ -41,6 +41,7 @@ def draw_wearer(
 
     ``trunk_joint``: joint that carries the trunk, or None to draw the legs only.
     """
+    scale = girth(patient)
     for side, leg in legs.items():
         inside = _inside(figure, side, leg.hip, patient)
         thigh = figure.segment(leg.hip, leg)
@@ -48,11 +49,22 @@ def draw_wearer(
             shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
         else:
             shank = figure.segment(leg.knee, leg)
-        steps = (inside, _KNEE_INSIDE * inside, _ANKLE_INSIDE * inside)
-        _draw_segment(figure, leg.hip, "thigh", thigh, RINGS["thigh"], steps[0], steps[1], patient)
-        _draw_segment(figure, leg.knee, "shank", shank, RINGS["shank"], steps[1], steps[2], patient)
+        at_knee, at_ankle = _KNEE_INSIDE * inside, _ANKLE_INSIDE * inside
+        for joint, name, segment, upper, lower in (
+            (leg.hip, "thigh", thigh, inside, at_knee),
+            (leg.knee, "shank", shank, at_knee, at_ankle),
+        ):
+            length, axes = float(np.linalg.norm(segment)), _axes(-segment, 0.0)
+            table = [
+                (-share * length, scale * x, upper + (lower - upper) * share, scale * a, scale * b)
+                for share, x, a, b in RINGS[name]
+            ]
+            figure.draw(joint, f"wearer_{name}", shapes.moved(shapes.limb(table), axes), SKIN)
+            top, bottom = (-length * share for share in _STRAPS[name])
+            strap = band(np.array(table), top, bottom)
+            figure.draw(joint, f"strap_{name}", shapes.moved(strap, axes), STRAP)
         if leg.ankle is not None:
-            foot = shapes.moved(_foot(patient), _axes(-shank, steps[2]))
+            foot = shapes.moved(_foot(patient), _axes(-shank, at_ankle))
             figure.draw(leg.ankle, "wearer_foot", foot, SKIN)
     if trunk_joint is not None:
         axes = trunk_axes(figure)
@@ -100,28 +112,6 @@ def _axes(up: np.ndarray, to_the_left: float) -> np.ndarray:
     return placement
 
 
-def _draw_segment(
-    figure: Figure,
-    joint: str,
-    name: str,
-    segment: np.ndarray,
-    rings: Sequence[Sequence[float]],
-    upper: float,
-    lower: float,
-    patient: Patient,
-) -> None:
-    length = float(np.linalg.norm(segment))
-    scale = girth(patient)
-    table = [
-        (-share * length, scale * x, upper + (lower - upper) * share, scale * a, scale * b)
-        for share, x, a, b in rings
-    ]
-    axes = _axes(-segment, 0.0)
-    figure.draw(joint, f"wearer_{name}", shapes.moved(shapes.limb(table), axes), SKIN)
-    strap = band(np.array(table), -length * _STRAPS[name][0], -length * _STRAPS[name][1])
-    figure.draw(joint, f"strap_{name}", shapes.moved(strap, axes), STRAP)
-
-
 def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, columns: int = 24) -> Shape:
     """Make a strap around a limb between two heights, 4 mm thick.
 
@@ -131,18 +121,7 @@ def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, column
     heights = np.linspace(top, bottom, rings)
     skin = np.array([np.interp(heights, table[::-1, 0], table[::-1, column]) for column in range(5)]).T
     outside = skin + np.array([0.0, 0.0, 0.0, 0.004, 0.004])
-    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
-    rows = [
-        np.column_stack((x + a * np.cos(angle), y + b * np.sin(angle), np.full_like(angle, z)))
-        for z, x, y, a, b in (skin[0], *outside, skin[-1])
-    ]
-    row, column = np.meshgrid(np.arange(rings + 1), np.arange(columns), indexing="ij")
-    first = (row * (columns + 1) + column).ravel()
-    below = first + columns + 1
-    faces = np.concatenate(
-        (np.stack((first, below, below + 1), 1), np.stack((first, below + 1, first + 1), 1))
-    )
-    return shapes.creased(np.concatenate(rows), faces)
+    return shapes.surface(shapes.elliptic(np.array([skin[-1], *outside[::-1], skin[0]]), columns))
 
 
 def _foot(patient: Patient) -> Shape:

@@ -7,7 +7,7 @@ gives the same bytes.
 """
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -25,12 +25,11 @@ FULL_TORQUE = 60.0  # [N m] of the longest arrow of a motor torque: about the la
 Command = dict[str, Any]
 Colour = tuple[float, float, float]
 
-# Codes of typed arrays in msgpack-lite, which meshcat's viewer decodes with.
-_UINT16, _UINT32, _FLOAT32 = 0x14, 0x16, 0x17
-_ARRAY_TYPES = {
-    _UINT16: ("Uint16Array", np.uint16),
-    _UINT32: ("Uint32Array", np.uint32),
-    _FLOAT32: ("Float32Array", np.float32),
+# Names and codes of typed arrays in msgpack-lite, which meshcat's viewer decodes with.
+_ARRAY_TYPES: dict[type, tuple[str, int]] = {
+    np.uint16: ("Uint16Array", 0x14),
+    np.uint32: ("Uint32Array", 0x16),
+    np.float32: ("Float32Array", 0x17),
 }
 
 
@@ -73,10 +72,18 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
     }
 
 
-def draw_lightly(window: Window, path: str, shape: Shape, material: Material, *, casts: bool = False) -> None:
-    """Draw a mesh on which no shadow falls. ``casts``: whether it casts one."""
+def draw_mesh(
+    window: Window,
+    path: str,
+    shape: Shape,
+    material: Material,
+    *,
+    casts: bool = False,
+    under_shadows: bool = False,
+) -> None:
+    """Draw a mesh. ``casts``: whether it casts a shadow; ``under_shadows``: whether shadows fall on it."""
     window.send(set_object(path, shape, material))
-    window.send(set_property(f"{path}/<object>", "receiveShadow", False))
+    window.send(set_property(f"{path}/<object>", "receiveShadow", under_shadows))
     window.send(set_property(f"{path}/<object>", "castShadow", casts))
 
 
@@ -111,23 +118,17 @@ class Track:
     times: np.ndarray  # of the keys in [s], shape ``(n,)``
     values: np.ndarray  # one row per key
 
-    def lower(self, frames_per_second: float) -> Command:
-        """Return the track as the viewer reads it."""
-        kind = _TRACK_KINDS[self.name]
-        keys = [
-            {"time": time, "value": value}
-            for time, value in zip(
-                (self.times * frames_per_second).tolist(), self.values.tolist(), strict=True
-            )
-        ]
-        return {"name": f".{self.name}", "type": kind, "keys": keys}
-
 
 def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
     """Command that hands an animation over, ready and standing still at its start."""
     clips: dict[str, list[Command]] = {}
     for track in tracks:
-        clips.setdefault(track.path, []).append(track.lower(frames_per_second))
+        times = (track.times * frames_per_second).tolist()
+        keys = [
+            dict(time=time, value=value) for time, value in zip(times, track.values.tolist(), strict=True)
+        ]
+        kind = _TRACK_KINDS[track.name]
+        clips.setdefault(track.path, []).append({"name": f".{track.name}", "type": kind, "keys": keys})
     return {
         "type": "set_animation",
         "path": "",
@@ -139,42 +140,35 @@ def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
     }
 
 
-def encode(command: Mapping[str, Any]) -> bytes:
-    """Pack a command; numbers are single precision, which the viewer draws with anyway."""
-    return bytes(umsgpack.packb(dict(command), force_float_precision="single"))
+def pack(command: Command) -> bytes:
+    """A command after its length in four bytes, lowest first; several stand one after the other.
 
-
-def pack(command: Mapping[str, Any]) -> bytes:
-    """A command after its length in four bytes, lowest first; several stand one after the other."""
-    block = encode(command)
+    Numbers are single precision, which the viewer draws with anyway.
+    """
+    block = bytes(umsgpack.packb(command, force_float_precision="single"))
     return struct.pack("<I", len(block)) + block
 
 
 def _buffers(shape: Shape) -> Command:
-    index_code = _UINT16 if len(shape.vertices) < 65536 else _UINT32
-    attributes = {
-        "position": _array(shape.vertices, 3, _FLOAT32, 5),
-        "normal": _array(shape.normals, 3, _FLOAT32, 3),
-    }
-    if shape.opacity is not None or shape.colours is not None:
-        attributes["color"] = _colours(shape)
-    return {"attributes": attributes, "index": _array(shape.faces, 1, index_code)}
-
-
-def _colours(shape: Shape) -> Command:
-    """Colour of each vertex; with opacity only where it differs, because that makes a part translucent."""
-    colours = np.ones((len(shape.vertices), 3)) if shape.colours is None else shape.colours
-    if shape.opacity is None:
-        return _array(colours, 3, _FLOAT32, 3)
-    return _array(np.column_stack((colours, shape.opacity)), 4, _FLOAT32, 3)
-
-
-def _array(values: np.ndarray, item_size: int, code: int, decimals: int | None = None) -> Command:
+    index_type = np.uint16 if len(shape.vertices) < 65536 else np.uint32
     # Rounded coordinates compress to about half. Points of a seam, which differ in the last bit, are made
     # equal first: rounded apart, they would leave a crack.
-    rounded = values if decimals is None else np.round(np.round(values, decimals + 3), decimals) + 0.0
-    name, dtype = _ARRAY_TYPES[code]
-    packed = umsgpack.Ext(code, np.ascontiguousarray(rounded, dtype=dtype).tobytes())
+    attributes = {
+        "position": _array(np.round(np.round(shape.vertices, 8), 5) + 0.0, 3),
+        "normal": _array(np.round(shape.normals, 3) + 0.0, 3),
+    }
+    if shape.opacity is not None or shape.colours is not None:
+        # With opacity only where it differs, because that makes a part translucent.
+        columns = [np.ones((len(shape.vertices), 3)) if shape.colours is None else shape.colours]
+        columns += [] if shape.opacity is None else [shape.opacity[:, None]]
+        colours = np.hstack(columns)
+        attributes["color"] = _array(colours, colours.shape[1])
+    return {"attributes": attributes, "index": _array(shape.faces, 1, index_type)}
+
+
+def _array(values: np.ndarray, item_size: int, dtype: type = np.float32) -> Command:
+    name, code = _ARRAY_TYPES[dtype]
+    packed = umsgpack.Ext(code, np.ascontiguousarray(values, dtype=dtype).tobytes())
     return {"itemSize": item_size, "type": name, "array": packed, "normalized": False}
 
 
@@ -203,9 +197,9 @@ def _integer(colour: Sequence[float]) -> int:
     return (red << 16) + (green << 8) + blue
 
 
-# Objects first, because setting one clears its properties; the animation last, because its tracks
-# look for the objects.
-_ORDER = ("set_object", "set_transform", "set_property", "set_animation")
+# Objects first, because setting one clears its properties; the animation after them, because its tracks
+# look for the objects. What a live page says stands around them: what it is, and its last numbers.
+_ORDER = ("page", "set_object", "set_transform", "set_property", "set_animation", "sample")
 
 
 class Recorder:
@@ -217,8 +211,7 @@ class Recorder:
 
     def send(self, command: Command) -> None:
         """Remember a command."""
-        key = (command["type"], command["path"], command.get("property", ""))
-        self._commands[key] = command
+        self._commands[key_of(command)] = command
 
     def commands(self) -> list[Command]:
         """Commands in the order in which a viewer must take them."""
@@ -226,4 +219,9 @@ class Recorder:
 
     def packed(self) -> bytes:
         """All commands, one after the other as :func:`pack` has them."""
-        return b"".join(pack(command) for command in self.commands())
+        return b"".join(map(pack, self.commands()))
+
+
+def key_of(command: Command) -> tuple[str, str, str]:
+    """What a later command of the same key makes needless."""
+    return command["type"], command["path"], command.get("property", "")

@@ -1,7 +1,7 @@
 """The articulated figure: one group per joint, so that a posture is one rotation per joint."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +10,9 @@ import pinocchio as pin
 from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, TorqueArc, arc_arrow, arc_material
-from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
+from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
+from twin_gait.viewer.surroundings import translation
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
 
 ROOT = "/meshcat/figure"
@@ -68,18 +69,16 @@ class Figure:
             window.send(set_property(path, "position", position))
             window.send(set_property(path, "quaternion", quaternion))
 
-    def draw(self, joint: str, name: str, shape: Shape, material: Material) -> str:
+    def draw(self, joint: str, name: str, shape: Shape, material: Material, *, casts: bool = True) -> str:
         """Draw a mesh on a joint.
 
         ``joint``: name of the joint; ``universe`` for what does not move; ``name``: name of the part, once
-        per joint; ``shape``: mesh in the frame of the joint.
+        per joint; ``shape``: mesh in the frame of the joint; ``casts``: whether it casts a shadow if it is
+        opaque.
         """
         path = f"{self.paths[joint]}/{name}"
-        self._window.send(set_object(path, shape, material))
         # Shadows fall on the ground only: on curved parts they cost much and show the texels of the map.
-        self._window.send(set_property(f"{path}/<object>", "receiveShadow", False))
-        if material.opacity < 1.0 or shape.opacity is not None:
-            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
+        draw_mesh(self._window, path, shape, material, casts=casts and material.opacity == 1.0)
         return path
 
     def draw_visuals(self, visuals: Visuals) -> None:
@@ -91,22 +90,9 @@ class Figure:
                 colour=(colour[0], colour[1], colour[2]),
                 opacity=opacity,
                 roughness=0.8 if dark else 0.42,
-                two_sided=not shapes.is_closed(part.shape),
+                two_sided=True,  # it may have holes
             )
             self.draw(part.joint, f"visual_{number}", part.shape, material)
-
-    def draw_sticks(self, legs: Iterable[LegJoints], visuals: Visuals) -> None:
-        """Draw a stick for every segment of a leg that shows nothing, and a ball at its joint."""
-        material = Material(colour=STICK_COLOUR, roughness=0.5)
-        for leg in legs:
-            for _, joint in leg.items():
-                if joint in visuals.joints():
-                    continue
-                end = self.segment(joint, leg)
-                length = float(np.linalg.norm(end))
-                radius = _STICK_RADIUS * length
-                self.draw(joint, "stick", _stick(radius, end), material)
-                self.draw(joint, "ball", shapes.ellipsoid((1.5 * radius,) * 3), material)
 
     def draw_skeleton(self) -> None:
         """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
@@ -115,10 +101,12 @@ class Figure:
         radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
         material = Material(colour=STICK_COLOUR, roughness=0.8)
         for name, tips in zip(map(str, self.model.names), ends, strict=True):
-            if name != FIXED_JOINT:
-                self.draw(name, "ball", shapes.ellipsoid((1.5 * radius,) * 3, columns=16), material)
-            if tips:
-                self.draw(name, "sticks", shapes.merged(_stick(radius, end) for end in tips), material)
+            sticks = [
+                shapes.moved(shapes.capsule(radius, float(np.linalg.norm(end))), along(end)) for end in tips
+            ]
+            balls = [shapes.ellipsoid((1.5 * radius,) * 3, columns=16)] if name != FIXED_JOINT else []
+            if sticks or balls:
+                self.draw(name, "sticks", shapes.merged([*balls, *sticks]), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
         """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
@@ -199,14 +187,13 @@ class Figure:
         middle = before.act(motor.centre) if motor.link == joint else motor.centre
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
-        placement = np.eye(4)
-        placement[:3, 3] = middle + (0.5 * motor.length + _ARC_GAP) * face
+        placement = translation(middle + (0.5 * motor.length + _ARC_GAP) * face)
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
             arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
             name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
-            paths[number] = self.draw(parent, name, shapes.moved(arrow, placement), arc_material(number))
-            self._window.send(set_property(f"{paths[number]}/<object>", "castShadow", False))
+            at_motor = shapes.moved(arrow, placement)
+            paths[number] = self.draw(parent, name, at_motor, arc_material(number), casts=False)
             self._window.send(set_property(paths[number], "visible", False))
         return TorqueArc(paths, full_torque)
 
@@ -253,10 +240,6 @@ class Figure:
 def _off_axis(point: np.ndarray, axis: np.ndarray) -> float:
     """Distance of a point from an axis through the origin in [m]."""
     return float(np.linalg.norm(point - (point @ axis) * axis))
-
-
-def _stick(radius: float, end: np.ndarray) -> Shape:
-    return shapes.moved(shapes.capsule(radius, float(np.linalg.norm(end))), along(end))
 
 
 def along(direction: np.ndarray) -> np.ndarray:

@@ -10,17 +10,9 @@ from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Command, Recorder, pack
-from twin_gait.viewer.motion import (
-    MODE,
-    Footing,
-    LegMotion,
-    Motion,
-    PhaseSpells,
-    centre_of_pressure,
-    leg_columns,
-)
-from twin_gait.viewer.page import leg_entry, page_data
+from twin_gait.viewer.commands import Command, Recorder, key_of, pack
+from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, leg_columns
+from twin_gait.viewer.page import About, leg_entry, page_data
 from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.vocabulary import HOLD, JointName, Side
@@ -29,34 +21,30 @@ _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 
 
-class LiveWindow:
+class LiveWindow(Recorder):
     """Window that keeps the whole scene and collects the changes of a frame."""
 
     def __init__(self) -> None:
         """Start empty."""
-        self._recorder = Recorder()
+        super().__init__()
         self._changes: dict[Hashable, Command] = {}
-        self._notes: dict[str, Command] = {}
         self._samples = 0
 
     def send(self, command: Command) -> None:
-        """Take a drawing command."""
-        self._recorder.send(command)
-        self._changes[command["type"], command["path"], command.get("property", "")] = command
+        """Take a command."""
+        super().send(command)
+        self._changes[key_of(command)] = command
 
     def describe(self, page: Command) -> None:
         """Take the description of the page."""
-        self._note("page", page, "page")
+        self.send({"type": "page", "path": "", "page": page})
 
     def sample(self, sample: Command) -> None:
         """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
+        command = {"type": "sample", "path": "", "sample": sample}
+        super().send(command)
         self._samples += 1
-        self._note("sample", sample, ("sample", self._samples))
-
-    def _note(self, kind: str, content: Command, key: Hashable) -> None:
-        command = {"type": kind, "path": "", kind: content}
-        self._notes[kind] = command
-        self._changes[key] = command
+        self._changes["sample", self._samples] = command
 
     def changes(self) -> list[Change]:
         """What has changed since the last call: a key each, and the packed command."""
@@ -66,9 +54,7 @@ class LiveWindow:
 
     def everything(self) -> list[Change]:
         """The whole scene for a page that has just been opened: description, drawing, last numbers."""
-        page, sample = self._notes.get("page"), self._notes.get("sample")
-        commands = [page, *self._recorder.commands(), sample]
-        return [(index, pack(command)) for index, command in enumerate(commands) if command is not None]
+        return [(index, pack(command)) for index, command in enumerate(self.commands())]
 
 
 class Trace(NamedTuple):
@@ -93,20 +79,17 @@ class LiveFigure:
         model: LegModel,
         *,
         drives: Sequence[JointName],
-        title: str,
-        subtitle: str = "",
+        about: About,
         phases: Sequence[str] = (),
-        modes: Sequence[str] = (),
         **setting: Unpack[Setting],
     ) -> None:
         """Draw.
 
-        ``modes``: names of the operating modes in the order of their codes; ``setting``: what is drawn around
-        the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises ModelError if the URDF cannot be
-        read. Raises ViewerError if a mesh cannot be read.
+        ``setting``: what is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises
+        ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read.
         """
         self.window = LiveWindow()
-        self._model, self._phases, self._slope = model, (*phases, HOLD), setting.get("slope", 0.0)
+        self._model, self._phases = model, (*phases, HOLD)
         self._drives = tuple(drives)
         self._scene = build_scene(self.window, model, drives=drives, **setting)
         self._forces = {"force": bool(self._scene.arrows), "crutch": setting.get("crutches") is not None}
@@ -114,8 +97,8 @@ class LiveFigure:
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
         self.page = page_data(
-            mode="live", title=title, subtitle=subtitle, missing_meshes=self._scene.missing_meshes,
-            view=self._scene.view, phases=self._phases, modes=modes, arrows=bool(self._scene.arrows),
+            about, mode="live", view=self._scene.view,
+            missing_meshes=self._scene.missing_meshes, phases=self._phases, arrows=bool(self._scene.arrows),
             legs=[leg_entry(side, ["phase", *columns]) for side, columns in self._columns.items()],
         )  # fmt: skip
         self.window.describe(self.page)
@@ -139,10 +122,20 @@ class LiveFigure:
         posture = np.asarray(q, dtype=float)
         if not np.isfinite(posture).all():
             return  # a walk that diverged stays as it was last seen
-        legs = {side: self._leg(side, time, posture, row) for side in self._model.sides}
+        now = np.array([time])
+        legs = {
+            side: LegMotion(PhaseSpells(now, np.array([self._phase(side, row)])), curves={})
+            for side in self._model.sides
+        }
         columns = {name: np.array([value]) for name, value in row.items() if not isinstance(value, str)}
-        motion = Motion(np.array([time]), posture[None, :], legs, self._phases, columns)
-        self._scene.apply(self._scene.state_at(motion, 0, belt_speed) | self._belt(time, belt_speed))
+        motion = Motion(now, posture[None, :], legs, self._phases, columns)
+        self._scene.apply(self._scene.state_at(motion, 0))
+        # The way that the belt has gone, because its speed may change.
+        self._travelled += belt_speed * max(0.0, time - self._time)
+        self._time = time
+        if belt_speed != 0.0:
+            offset = surroundings.belt_offset(self._travelled)
+            self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
         numbers = [self._numbers(side, row) for side in self._model.sides]
         sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}
         sample |= {"mode": int(row[MODE])} if MODE in row else {}
@@ -167,16 +160,6 @@ class LiveFigure:
                     leg[key]["values"] += [None if item is None else item * factor for item in values]
         return curves
 
-    def _leg(self, side: Side, time: float, q: np.ndarray, row: Mapping[str, Any]) -> LegMotion:
-        footing = None
-        if side in self._scene.arrows:
-            force = [[row[f"{side}_foot_friction_force_N"], row[f"{side}_foot_normal_force_N"]]]
-            point = centre_of_pressure(self._model, q, self._model.legs[side].contact_frames, self._slope)
-            footing = Footing(np.array(force), point[None, :])
-        phase = PhaseSpells(np.array([time]), np.array([self._phase(side, row)]))
-        torques = {str(joint): np.array([row[f"{side}_{joint}_motor_torque_Nm"]]) for joint in self._drives}
-        return LegMotion(phases=phase, curves={}, footing=footing, torques=torques)
-
     def _phase(self, side: Side, row: Mapping[str, Any]) -> int:
         held = row["safety_state"] == SafetyState.HOLD.code
         return self._phases.index(HOLD if held else row[f"{side}_phase"])
@@ -193,12 +176,3 @@ class LiveFigure:
         values = {key: float(row[column]) for key, column in self._columns[side].items()}
         values |= {str(joint): _DEGREES * values[joint] for joint in self._drives}
         return values | {"phase": self._phase(side, row)}
-
-    def _belt(self, time: float, speed: float) -> dict[tuple[str, str], Any]:
-        # The way that the belt has gone, because its speed may change.
-        self._travelled += speed * max(0.0, time - self._time)
-        self._time = time
-        if speed == 0.0:
-            return {}
-        offset = surroundings.belt_offset(self._travelled, 1.0)
-        return {(surroundings.BELT, "position"): [offset, 0.0, 0.0]}

@@ -13,12 +13,10 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.control import SafetyState
-from twin_gait.core.contact import contact_normal_force
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.leg_record import driven_joints
 from twin_gait.simulation.log import state_columns
-from twin_gait.viewer.surroundings import tilted
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
@@ -29,13 +27,6 @@ _RARE_PARTS = _PARTS[3:]
 MODE = "mode"  # column
 FAITHFUL = 0.002  # of its range that a drawn curve may be off the log, at any tick
 EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest value: 200 spans a second
-
-
-class Footing(NamedTuple):
-    """Ground force on a foot, in the axes of the ground."""
-
-    force: np.ndarray  # along it, forwards, and away from it in [N], shape ``(n, 2)``
-    point: np.ndarray  # where it acts in [m], shape ``(n, 3)``
 
 
 class PhaseSpells(NamedTuple):
@@ -59,10 +50,6 @@ class LegMotion:
     # crutch in [N] as ``force`` and ``crutch``; each with the frames and the points between them that its
     # shape takes
     curves: Mapping[str, Curve]
-    footing: Footing | None  # ground force, or None off the ground
-    # torque of each motor in [N m] by the name of its joint, positive in increasing angle; shape ``(n,)``
-    # each, empty where the log has none
-    torques: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -89,17 +76,14 @@ def read_motion(
     *,
     frames_per_second: float = FRAMES_PER_SECOND,
     moments: Sequence[float] = (),
-    slope: float = 0.0,
 ) -> Motion:
     """Pick the frames to show out of a log.
 
     Returns evenly spaced frames (fewer a second if the log is very long), one at every change of a phase, and
     the moments asked for, in [s] since the first row. Rows after a coordinate that is not finite (a run that
-    diverged) are left out. ``slope`` by which the ground rises forwards in [rad]. Raises ViewerError if the
-    log is empty, lacks a coordinate of the model or has a row without a phase.
+    diverged) are left out. Raises ViewerError if the log is empty, lacks a coordinate of the model or has a
+    row without a phase.
     """
-    if not frames_per_second > 0.0:
-        raise ViewerError(f"frames_per_second: expected a number above 0, got {frames_per_second!r}")
     q = _coordinates(log, model)
     finite = np.isfinite(q).all(axis=1)
     n_rows = len(q) if finite.all() else int(np.argmin(finite))
@@ -121,12 +105,6 @@ def read_motion(
             curves={
                 name: faithful_curve(clock - clock[0], values[:n_rows], rows)
                 for name, values in leg_values(log, side).items()
-            },
-            footing=_footing(shown, model, side, q[rows], slope),
-            torques={
-                str(joint): np.nan_to_num(shown[column].to_numpy(dtype=float))
-                for joint, _ in model.legs[side].items()
-                if (column := f"{side}_{joint}_motor_torque_Nm") in log.columns
             },
         )
         for side in model.sides
@@ -230,35 +208,6 @@ def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
     return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
-
-
-def _footing(log: pd.DataFrame, model: LegModel, side: Side, q: np.ndarray, slope: float) -> Footing | None:
-    names = [f"{side}_foot_friction_force_N", f"{side}_foot_normal_force_N"]
-    frames = model.legs[side].contact_frames
-    if not frames or any(name not in log.columns for name in names):
-        return None
-    force = np.nan_to_num(log[names].to_numpy(dtype=float))
-    return Footing(force, np.array([centre_of_pressure(model, posture, frames, slope) for posture in q]))
-
-
-def centre_of_pressure(
-    model: LegModel, q: np.ndarray, frames: Sequence[str], slope: float = 0.0
-) -> np.ndarray:
-    """Where the force of the ground acts: heel and toe weighted by the elastic force on each.
-
-    The log has the force of the whole foot only; the rest of the contact law, its dissipation, would need
-    velocities and moves the point little. ``q``: its coordinates, shape ``(nv,)``; ``slope`` by which the
-    ground rises forwards in [rad]. Returns the point on the ground, in its axes, in [m], shape ``(3,)``.
-    """
-    points = np.array([model.frame_position(q, frame) for frame in frames])
-    if model.up_axis == "y":
-        points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
-    points = points @ tilted(slope)[:3, :3]
-    weights = np.array([contact_normal_force(-float(point[2]), 0.0, 1.0, 0.0) for point in points])
-    if weights.sum() == 0.0:
-        weights = np.ones(len(points))
-    centre = weights @ points / weights.sum()
-    return np.array([centre[0], centre[1], 0.0])
 
 
 class Curve(NamedTuple):

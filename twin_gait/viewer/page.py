@@ -10,24 +10,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from twin_gait.exceptions import ViewerError
+from twin_gait import palette
 from twin_gait.measures.outcome import RunEvent
-from twin_gait.palette import (
-    EVENT_COLOUR,
-    EVENT_ON_DARK,
-    EXTENSION_COLOUR,
-    FLEXION_COLOUR,
-    GROUND_FORCE_COLOUR,
-    SIDE_COLOURS,
-    SIDE_COLOURS_ON_DARK,
-    TORQUE_COLOURS,
-    phase_colour,
-)
 from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON, rgb
 from twin_gait.viewer.surroundings import FLOOR
 from twin_gait.vocabulary import JointName, Side
@@ -57,56 +46,69 @@ _LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
 
 
 def viewer_folder() -> Path:
-    """Folder of meshcat's viewer; finding it does not import meshcat.
-
-    Raises ViewerError if meshcat is not installed.
-    """
+    """Folder of meshcat's viewer; finding it does not import meshcat."""
     spec = find_spec("meshcat")
-    places = spec.submodule_search_locations if spec is not None else None
-    folder = Path(next(iter(places))) / "viewer" if places else None
-    if folder is None or not (folder / "dist" / "main.min.js").is_file():
-        raise ViewerError("meshcat's viewer is not installed; pip install 'meshcat>=0.3.2'")
-    return folder
+    assert spec is not None and spec.submodule_search_locations is not None  # it is a dependency
+    return Path(spec.submodule_search_locations[0]) / "viewer"
+
+
+class About(TypedDict, total=False):
+    """What a page says of a run, or of a live scene.
+
+    Attributes:
+        title: Its heading.
+        subtitle: The line below.
+        notes: What else the card is to say.
+        events: What befell the run.
+        outcome: How it ended, in a word.
+        walk: Table of the walk in texts, a head and rows.
+        network: Table of the bus, likewise.
+        modes: Names of the operating modes in the order of their codes.
+    """
+
+    title: Required[str]
+    subtitle: str
+    notes: Sequence[str]
+    events: Iterable[RunEvent]
+    outcome: str
+    walk: Sequence[Sequence[str]]
+    network: Sequence[Sequence[str]]
+    modes: Sequence[str]
 
 
 def page_data(
+    about: About,
     *,
     mode: str,
-    title: str,
-    subtitle: str,
-    missing_meshes: Sequence[str],
     view: View,
-    phases: Sequence[str],
-    legs: Sequence[Mapping[str, Any]],
-    modes: Sequence[str] = (),
-    arrows: bool,
-    duration: float | None = None,
-    notes: Sequence[str] = (),
-    events: Iterable[RunEvent] = (),
+    phases: Sequence[str] = (),
+    legs: Sequence[Mapping[str, Any]] = (),
+    missing_meshes: Sequence[str] = (),
+    arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``modes``: operating modes
-    in the order of their codes; ``duration`` in [s], or None if there is no end; ``notes``: what else the
-    card is to say.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``more``: what they read
+    in that mode only.
     """
     arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
     return {
+        **about,
         "mode": mode,
-        "title": _unicode(title),
-        "subtitle": _unicode(subtitle),
-        "notes": [*map(_unicode, notes), *_notes(missing_meshes)],
+        "title": _unicode(about["title"]),
+        "subtitle": _unicode(about.get("subtitle", "")),
+        "notes": [*map(_unicode, about.get("notes", ())), *_notes(missing_meshes)],
         "view": asdict(view),
         "phases": _phase_entries(phases),
-        "modes": [_unicode(_words(name)) for name in modes],
-        "events": event_entries(events),
+        "modes": [_unicode(_words(name)) for name in about.get("modes", ())],
+        "events": event_entries(about.get("events", ())),
         "parts": _part_entries(legs),
         "legs": list(legs),
-        "arrow": {"label": arrow, "colour": GROUND_FORCE_COLOUR} if arrows else None,
+        "arrow": {"label": arrow, "colour": palette.GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries(legs) if legs else [],
         "floor": FLOOR,  # what a dark page darkens
-        "duration": duration,
+        "duration": None,  # in [s], unless there is no end
         "footnote": FOOTNOTE,
         **more,
     }
@@ -115,7 +117,7 @@ def page_data(
 def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
     """What a page needs to know of a leg. ``shows``: what is known of it: ``phase`` and names of curves."""
     label = str(side).capitalize()
-    colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
+    colours = {"colour": palette.SIDE_COLOURS[side], "dark": palette.SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
 
 
@@ -135,7 +137,7 @@ def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     unique = len(set(initials)) == len(names)
     entries = []
     for code, (name, initial) in enumerate(zip(names, initials, strict=True)):
-        colour, short = phase_colour(name, code), initial if unique and initial else str(code + 1)
+        colour, short = palette.phase_colour(name, code), initial if unique and initial else str(code + 1)
         texts = {"name": name, "label": _words(name), "short": short}
         texts = {key: _unicode(text) for key, text in texts.items()}
         entries.append({**texts, "colour": colour, "ink": _ink_on(colour)})
@@ -161,7 +163,7 @@ def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     """Parts of the commanded torque that any of the legs shows."""
     shown = {key for leg in legs for key in leg["shows"]}
     return [
-        {"key": key, "label": label, "colour": TORQUE_COLOURS[key]}
+        {"key": key, "label": label, "colour": palette.TORQUE_COLOURS[key]}
         for key, label in _PART_LABELS.items()
         if any(name.endswith(f"_{key}") for name in shown)
     ]
@@ -171,8 +173,8 @@ def _arc_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     ankle = any(JointName.ANKLE in leg["shows"] for leg in legs)
     up, down = ("lexion or dorsiflexion", "xtension or plantarflexion") if ankle else ("lexion", "xtension")
     return [
-        {"label": f"F{up} torque", "colour": FLEXION_COLOUR},
-        {"label": f"E{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
+        {"label": f"F{up} torque", "colour": palette.FLEXION_COLOUR},
+        {"label": f"E{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": palette.EXTENSION_COLOUR},
     ]
 
 
@@ -243,7 +245,10 @@ def _fill(**content: str) -> str:
     )
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
     return pages.get_template("page.html").render(
-        script=_inside_script("\n".join(scripts)), alarm=EVENT_COLOUR, alarm_on_dark=EVENT_ON_DARK, **content
+        script=_inside_script("\n".join(scripts)),
+        alarm=palette.EVENT_COLOUR,
+        alarm_on_dark=palette.EVENT_ON_DARK,
+        **content,
     )
 
 

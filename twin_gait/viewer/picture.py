@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import struct
 import subprocess
 import tempfile
@@ -43,19 +42,14 @@ def find_browser() -> str:
     Raises ViewerError if there is none.
     """
     named = os.environ.get(BROWSER_VARIABLE)
-    if named:
-        found = shutil.which(named)
-        if found is None:
-            raise ViewerError(f"{BROWSER_VARIABLE}={named}: no such program; name a Chromium or Chrome there")
-        return found
-    for name in (*BROWSERS, str(_MAC_BROWSER)):
-        found = shutil.which(name)
-        if found is not None:
-            return found
-    raise ViewerError(
-        f"a picture needs Chromium or Chrome, and none of {', '.join(BROWSERS)} was found; install one, or "
-        f"name it in {BROWSER_VARIABLE}"
-    )
+    names = [named] if named else [*BROWSERS, str(_MAC_BROWSER)]
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        raise ViewerError(
+            f"a picture needs Chromium or Chrome, and none of {', '.join(names)} was found; install one, or "
+            f"name it in {BROWSER_VARIABLE}"
+        )
+    return found
 
 
 def take_picture(
@@ -88,44 +82,27 @@ def take_picture(
             browser, *_FLAGS, *sandbox, f"--user-data-dir={folder}/profile",
             f"--window-size={size.width},{size.height}", f"--screenshot={drawn}", address,
         ]  # fmt: skip
-        said = _run(command, timeout)
+        said = _run(command, Path(folder) / "said.txt", timeout)
         content = drawn.read_bytes() if drawn.is_file() else b""
-    _check(content, size, said, browser)
-    write_atomically(path, content)
-    return path
-
-
-def _run(command: list[str], timeout: float) -> str:
-    """What the browser says while it draws."""
-    try:
-        process = subprocess.Popen(
-            command,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-            text=True,
-            errors="replace",
-        )
-    except OSError as error:
-        raise ViewerError(f"{command[0]}: cannot be started ({error.strerror})") from error
-    try:
-        _, said = process.communicate(timeout=timeout)
-    except subprocess.TimeoutExpired as error:
-        raise ViewerError(f"{command[0]} has not drawn the picture within {timeout:g} s") from error
-    finally:
-        # Its helpers live in the same session, which is ours alone.
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-    return said
-
-
-def _check(content: bytes, size: PictureSize, said: str, browser: str) -> None:
     notes = [line for line in said.splitlines() if "twin_gait: " in line]
     if not any(_READY in line for line in notes):
         reason = notes[-1].split("twin_gait: ", 1)[1] if notes else "it did not finish the page"
         raise ViewerError(f"{browser} cannot draw the page: {reason}")
-    if content[:8] != b"\x89PNG\r\n\x1a\n" or struct.unpack(">II", content[16:24]) != size:
+    if content[16:24] != struct.pack(">II", *size):  # as the head of a PNG has it
         raise ViewerError(
             f"{browser} made no picture of {size.width}x{size.height} pixels; try another --size"
         )
+    write_atomically(path, content)
+    return path
+
+
+def _run(command: list[str], log: Path, timeout: float) -> str:
+    """What the browser says while it draws; in a file, because its helpers may outlive it."""
+    try:
+        with log.open("wb") as said:
+            subprocess.run(command, stdout=subprocess.DEVNULL, stderr=said, timeout=timeout, check=False)
+    except OSError as error:
+        raise ViewerError(f"{command[0]}: cannot be started ({error.strerror})") from error
+    except subprocess.TimeoutExpired as error:
+        raise ViewerError(f"{command[0]} has not drawn the picture within {timeout:g} s") from error
+    return log.read_text(encoding="utf-8", errors="replace")

@@ -1,13 +1,12 @@
 """What stands around the figure in some worlds: a bench, a chair, a walkway with its rail."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from twin_gait.parameters import ChairParameters
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, Window, set_object, set_property
+from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
@@ -30,81 +29,60 @@ _VICE = Material(colour=(0.16, 0.33, 0.47), roughness=0.75)
 _MAT = Material(colour=(0.50, 0.54, 0.60), roughness=0.95)
 _IRON = Material(colour=(0.27, 0.29, 0.33), roughness=0.8)
 
-_LENGTH, _DEPTH, _THICKNESS = 0.96, 0.54, 0.04  # of the table top [m]
-_BEHIND, _BESIDE = 0.10, 0.13  # of the hip: middle of the table, its near edge [m]
-_DROP = 0.115  # of the table top below the hip [m]
-_LEG = 0.05  # thickness of a table leg [m]
+Range = tuple[float, float]
 CHAIR = f"{ROOT}/chair"
 SEAT = "seat_forward_m"  # column of its front edge
 _CHAIR_WIDTH, _SEAT_THICKNESS, _CHAIR_LEG = 0.46, 0.05, 0.035  # [m]
-TROLLEY = f"{ROOT}/trolley"
 METRES = f"{ROOT}/metres"
 _STRIP_LENGTH, _STRIP_WIDTH = 9.0, 1.30  # of what is seen of it [m]
 _FLOOR_HEIGHT = -0.02  # [m]
 _MARKED = 60  # [m] of it that have marks
 _LINOLEUM = Material(colour=(0.76, 0.80, 0.86), roughness=0.95, glow=0.14)
-# Segments of a digit, in turn from the top clockwise, and the middle one: ends in lengths of a segment.
-_SEGMENTS = ((0, 2, 1, 2), (1, 2, 1, 1), (1, 1, 1, 0), (0, 0, 1, 0), (0, 1, 0, 0), (0, 2, 0, 1), (0, 1, 1, 1))
-_DIGITS = ("012345", "12", "01643", "01623", "5612", "05623", "056432", "012", "0123456", "561023")
-_SEGMENT = np.array([0.036, 0.075])  # forwards and across [m]: long across, because one looks at it flatly
-_STROKE = 0.010  # [m]
 
 
 def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:
-    """Draw the bench.
+    """Draw the bench: a table with vice and weights, on a mat.
 
     ``floor``: height of the floor in [m]; ``hip``: position of the hip in [m], shape ``(3,)``; ``far_side``:
     1 if the table stands to the left of the leg, -1 if to its right.
     """
+    # From the hip of a right leg: x forward, y away from the camera, z up, all in [m].
+    top, ground = -0.115, floor - float(hip[2])
+    under, shelf = top - 0.04, ground + 0.16
+    legs = [
+        _slab((x, x + 0.05), (y, y + 0.05), (ground, under)) for x in (-0.535, 0.285) for y in (0.165, 0.585)
+    ]
+    board = _slab((-0.51, 0.31), (0.19, 0.61), (shelf - 0.01, shelf + 0.01))
+    rails = [_slab((-0.51, 0.31), (y, y + 0.03), (under - 0.06, under)) for y in (0.175, 0.595)]
+    jaws = [_slab((x, x + 0.045), (0.107, 0.192), (top + 0.037, top + 0.152)) for x in (-0.027, -0.157)]
+    weights = [
+        shapes.moved(shapes.cylinder(radius, length), translation((-0.44, 0.37, top + bottom + 0.5 * length)))
+        for radius, length, bottom in ((0.095, 0.035, 0.0), (0.080, 0.030, 0.035), (0.014, 0.055, 0.065))
+    ]
+    parts = (
+        ("table_top", _WOOD, [_slab((-0.58, 0.38), (0.13, 0.67), (under, top))]),
+        (
+            "table_frame",
+            DECK,
+            [*legs, *rails, board],
+        ),
+        ("vice", _VICE, [_slab((-0.145, 0.025), (0.12, 0.24), (top, top + 0.044)), *jaws]),
+        ("weight", _IRON, weights),
+        ("mat", _MAT, [_slab((-0.61, 0.49), (-0.18, 0.66), (ground, ground + 0.012))]),
+    )
     mirror = np.diag([1.0, far_side, 1.0, 1.0])
     mirror[:3, 3] = hip
-    height = float(hip[2]) - _DROP - floor
-    top = (-_BEHIND, _BESIDE + 0.5 * _DEPTH, -_DROP - 0.5 * _THICKNESS)
-    vice = [box((0.17, 0.12, 0.045), (-0.06, _BESIDE + 0.05, -_DROP + 0.022), 0.008)]
-    vice += [box((0.045, 0.085, 0.115), (x, _BESIDE + 0.02, -_DROP + 0.095), 0.008) for x in (-0.005, -0.135)]
-    y, z = _BESIDE + 0.02, -_DROP + 0.075
-    screw = shapes.tube(np.array([[x, y, z] for x in (-0.15, -0.22, -0.29)]), 0.011, columns=12)
-    handle = shapes.tube(np.array([[-0.275, y, z + up] for up in (-0.08, 0.0, 0.08)]), 0.006)
-    parts = [
-        ("table_top", box((_LENGTH, _DEPTH, _THICKNESS), top, 0.008), _WOOD),
-        ("table_frame", _table_frame(height), DECK),
-        ("vice", shapes.merged(vice), _VICE),
-        ("vice_screw", shapes.merged([screw, handle]), STEEL),
-        ("weight", _weight(), _IRON),
-        ("mat", box((1.10, 0.84, 0.012), (-0.06, 0.24, -_DROP - height + 0.006), 0.004), _MAT),
-    ]
-    for name, shape, material in parts:
-        at_hip = shapes.moved(shape, mirror)
+    for name, material, pieces in parts:
+        at_hip = shapes.moved(shapes.merged(pieces), mirror)
         place(window, name, at_hip, material, under_shadows=name in ("table_top", "mat"))
     draw_floor(window, floor)
 
 
-# The parts stand in a frame at the hip of a right leg: x forward, y away from the camera, z up.
-
-
-def _table_frame(height: float) -> Shape:
-    under = height - _THICKNESS
-    half_way = -_DROP - _THICKNESS - 0.5 * under
-    xs = (-_BEHIND - 0.5 * _LENGTH + 0.07, -_BEHIND + 0.5 * _LENGTH - 0.07)
-    ys = (_BESIDE + 0.06, _BESIDE + _DEPTH - 0.06)
-    legs = [box((_LEG, _LEG, under), (x, y, half_way), 0.006) for x in xs for y in ys]
-    rails = [box((xs[1] - xs[0], 0.03, 0.06), (-_BEHIND, y, -_DROP - _THICKNESS - 0.03), 0.004) for y in ys]
-    shelf = box(
-        (xs[1] - xs[0], ys[1] - ys[0], 0.02), (-_BEHIND, 0.5 * sum(ys), -_DROP - height + 0.16), 0.004
-    )
-    return shapes.merged([*legs, *rails, shelf])
-
-
-def _weight() -> Shape:
-    """Two plates with a rod, on the table."""
-    sizes = ((0.095, 0.035, 0.0), (0.080, 0.030, 0.035), (0.014, 0.055, 0.065))  # radius, length, bottom [m]
-    return shapes.merged(
-        shapes.moved(
-            shapes.cylinder(radius, length),
-            translation((-0.44, _BESIDE + 0.24, -_DROP + bottom + 0.5 * length)),
-        )
-        for radius, length, bottom in sizes
-    )
+def _slab(x: Range, y: Range, z: Range) -> Shape:
+    """A box from here to there along each axis in [m]."""
+    lows, highs = np.array([x, y, z]).T
+    size, (x_middle, y_middle, z_middle) = highs - lows, (0.5 * (lows + highs)).tolist()
+    return box(size.tolist(), (x_middle, y_middle, z_middle), 0.006)
 
 
 class DrawnChair:
@@ -139,12 +117,12 @@ class DrawnWalkway:
         draw_floor(window, _FLOOR_HEIGHT, radius=3.2)
         strip = box((_STRIP_LENGTH, _STRIP_WIDTH, 0.03), (0.0, 0.0, BELT_TOP - _FLOOR_HEIGHT - 0.015), 0.004)
         place(window, "floor/walkway", strip, _LINOLEUM, under_shadows=True)
+        # Every fifth is twice as thick.
         lines = [
-            plate((float(x), 0.0), 0.012, _STRIP_WIDTH) for x in range(1 - round(_STRIP_LENGTH), _MARKED + 1)
+            plate((float(x), 0.0), 0.012 if x % 5 else 0.024, _STRIP_WIDTH)
+            for x in range(1 - round(_STRIP_LENGTH), _MARKED + 1)
         ]
-        numbers = [_number(metre) for metre in range(_MARKED + 1)]
-        window.send(set_object(METRES, shapes.merged([*lines, *numbers]), MARK))
-        window.send(set_property(f"{METRES}/<object>", "castShadow", False))
+        draw_mesh(window, METRES, shapes.merged(lines), MARK, under_shadows=True)
 
     def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
         """The eye goes along: all else comes towards it, but for the floor."""
@@ -152,40 +130,8 @@ class DrawnWalkway:
         return {("/meshcat", "position"): [-way, 0.0, 0.0], (FLOOR, "position"): [way, 0.0, _FLOOR_HEIGHT]}
 
 
-def _number(metre: int) -> Shape:
-    """Number on the ground beside its line, read from the right side of the walker."""
-    strokes = []
-    for number, digit in enumerate(str(metre)):
-        corner = np.array([metre + 0.04 + 1.7 * _SEGMENT[0] * number, 0.05 - 0.5 * _STRIP_WIDTH])
-        for name in _DIGITS[int(digit)]:
-            ends = corner + _SEGMENT * np.array(_SEGMENTS[int(name)]).reshape(2, 2)
-            strokes.append(plate(ends.mean(axis=0), *(np.ptp(ends, axis=0) + _STROKE)))
-    return shapes.merged(strokes)
-
-
-@dataclass(frozen=True)
-class Trolley:
-    """The bar that ropes hang from, on a rail over the walkway."""
-
-    joint: str  # joint that carries the lower ends of the ropes
-    hook: np.ndarray  # one of them in the frame of that joint in [m], shape ``(3,)``
-
-    def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
-        """It is above them."""
-        x = float(figure.world_point(motion.q[frame], self.joint, self.hook)[0])
-        return {(TROLLEY, "position"): [x, 0.0, 0.0]}
-
-
-def draw_rail(window: Window, hooks: np.ndarray) -> None:
-    """Draw the rail, and the trolley as it is at the origin.
-
-    ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
-    """
-    middle = hooks.mean(axis=0)
-    above = middle + np.array([0.0, 0.0, 0.06])
-    hanger = shapes.moved(shapes.cylinder(0.012, 0.06), translation(0.5 * (middle + above)))
-    bar = shapes.tube(middle + np.outer([-1.25, 0.0, 1.25], hooks[0] - middle), 0.016, columns=12)
-    place(window, "trolley/bar", shapes.merged([bar, hanger]), STEEL)
-    rail = box((_MARKED + 10.0, 0.06, 0.05), (0.5 * _MARKED, 0.0, above[2] + 0.025), 0.01)
-    place(window, "rail", rail, STEEL)
-    window.send(set_property(f"{ROOT}/rail/<object>", "castShadow", False))
+def draw_rails(window: Window, hooks: np.ndarray) -> None:
+    """Draw a rail over the walkway for each rope. ``hooks``: their upper ends in [m], shape ``(n, 3)``."""
+    size = (_MARKED + 10.0, 0.05, 0.05)
+    rails = [box(size, (0.5 * _MARKED, float(y), float(z) + 0.025), 0.01) for _, y, z in hooks]
+    draw_mesh(window, f"{ROOT}/rails", shapes.merged(rails), STEEL)

@@ -1,10 +1,10 @@
 """A scene that has been drawn, and what changes in it: posture, forces, colours of phases, belt."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -14,10 +14,10 @@ from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.aids import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
-from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_lightly, rgb, set_property
-from twin_gait.viewer.figure import Figure, Motor
+from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
-from twin_gait.viewer.props import Trolley, draw_rail
+from twin_gait.viewer.props import draw_rails
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import Visuals
 from twin_gait.vocabulary import Side
@@ -30,6 +30,7 @@ LONGEST_TRAIL = 60  # points; a stride with more frames is thinned
 MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
 FEWEST_POINTS = 4
 LOWEST_TRAIL = 0.008  # height of the path over the belt [m], so that it is seen
+_OUTWARD = {Side.LEFT: 1.0, Side.RIGHT: -1.0}  # face of a motor: 1 for its left one
 _TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
 _RADIUS = 0.006  # [m]
 _COLUMNS = 5
@@ -70,33 +71,26 @@ class Scene:
         self.elements: list[Element] = []  # what else moves
         self.trails: list[StrideTrail] = []  # paths of the feet per stride, once a motion is known
         self.legs: dict[Side, LegJoints] = {}
+        self.ground = np.eye(3)  # its axes, column by column
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
         self._window = window
         self._shown: State = {}
 
-    def draw_covers(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
-        """Draw the covers of the motors of a leg, which show its phase."""
-        material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
-        self.legs[side] = leg
-        self.covers[side] = [
-            self.figure.draw_cover(joint, self._motor(joint, leg, visuals), material)
-            for name, joint in leg.items()
-            if name in drives
-        ]
-
-    def draw_arcs(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
-        """Draw the arrows of the motor torques of a leg, hidden."""
-        outward = 1.0 if side is Side.LEFT else -1.0
-        self.arcs[side] = {
-            str(name): self.figure.draw_arc(joint, self._motor(joint, leg, visuals), outward, FULL_TORQUE)
-            for name, joint in leg.items()
-            if name in drives
-        }
+    def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
+        """Draw the motors of a leg: covers, which show its phase, and arrows of their torques, hidden."""
+        material, outward = Material(colour=_IDLE, roughness=0.4, glow=0.12), _OUTWARD[side]
+        self.legs[side], self.covers[side], self.arcs[side] = leg, [], {}
+        for name, joint in leg.items():
+            if name in drives:
+                length = float(np.linalg.norm(self.figure.segment(joint, leg)))
+                motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
+                self.covers[side].append(self.figure.draw_cover(joint, motor, material))
+                self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward, FULL_TORQUE)
 
     def draw_ropes(
         self, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool = False
     ) -> None:
-        """Draw ropes that go straight up, the bar, and the mast or the rail.
+        """Draw ropes that go straight up, and the mast or the rails that they hang from.
 
         ``hooks``: lower ends in the frame of the joint in [m], shape ``(3,)`` each; ``height`` of the upper
         ends in [m]; ``on_rail``: whether the upper ends follow along x.
@@ -105,17 +99,14 @@ class Scene:
         for number, hook in enumerate(hooks):
             x, y, _ = self.figure.world_point(neutral, joint, hook)
             path = f"{ROPES}/{number}"
-            draw_lightly(self._window, path, rope_shape(), ROPE)
+            draw_mesh(self._window, path, rope_shape(), ROPE)
             self.ropes.append(Rope(path, joint, hook, np.array([x, y, height]), on_rail))
-        if on_rail:
-            self.elements.append(Trolley(joint, hooks[0]))
-        draw = draw_rail if on_rail else surroundings.draw_mast
+        draw = draw_rails if on_rail else surroundings.draw_mast
         draw(self._window, np.array([rope.upper for rope in self.ropes]))
         self.apply(self._rope_state(neutral))
 
     def draw_trails(self, motion: Motion) -> None:
         """Draw the path of each foot in every stride of a motion, hidden."""
-        self.apply({(stride.path, "visible"): False for stride in self.trails})
         self.trails = []
         for side, leg in motion.legs.items():
             spans = strides(leg.phases, motion.duration)
@@ -128,17 +119,13 @@ class Scene:
                 shape = trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
                 if shape is not None:
                     path = f"{TRAILS}/{side}_{number}"
-                    draw_lightly(self._window, path, shape, _TRAIL)
+                    draw_mesh(self._window, path, shape, _TRAIL)
                     self.apply({(path, "visible"): False})
                     self.trails.append(StrideTrail(path, span[1], following))
 
     def draw_arrow(self, side: Side) -> None:
         """Draw the arrow of the ground force on a foot, hidden."""
         self.arrows[side] = draw_arrow(self._window, str(side))
-
-    def _motor(self, joint: str, leg: LegJoints, visuals: Visuals) -> Motor:
-        default = 0.12 * float(np.linalg.norm(self.figure.segment(joint, leg)))
-        return self.figure.motor(joint, visuals.discs, default)
 
     def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
         """End of the leg that leaves the trail: the middle of the sole, or the end of its last segment."""
@@ -162,33 +149,37 @@ class Scene:
             state |= rope.state(self.figure, q)
         return state
 
-    def torque_state(self, side: Side, torques: Mapping[str, float]) -> State:
-        """Arrows of the motor torques of a leg: in [N m] by the name of the joint, as in the log."""
-        state: State = {}
-        for joint, arc in self.arcs.get(side, {}).items():
-            if joint in torques:
-                state |= arc.state(float(torques[joint]))
-        return state
+    def _force_state(self, side: Side, motion: Motion, frame: int) -> State:
+        """Arrow of the force of the ground on a foot, in the axes of the ground."""
+        names = [f"{side}_foot_{name}_force_N" for name in ("friction", "normal")]
+        if side not in self.arrows or any(name not in motion.columns for name in names):
+            return {}
+        force = np.nan_to_num([motion.columns[name][frame] for name in names])
+        # A log of an earlier version does not know where the sole is pressed.
+        places = motion.columns.get(f"{side}_foot_pressure_place")
+        share = 0.5 if places is None else float(places[frame])
+        ends = [self.figure.frame_point(motion.q[frame], name) for name in self.legs[side].contact_frames]
+        along, left, _ = (ends[0] + share * (ends[-1] - ends[0])) @ self.ground
+        return arrow_state(self.arrows[side], force, np.array([along, left, 0.0]))
 
-    def state_at(self, motion: Motion, frame: int, belt_speed: surroundings.Belt) -> State:
-        """Everything that a frame of a motion shows."""
+    def state_at(self, motion: Motion, frame: int) -> State:
+        """Everything that a frame of a motion shows, but for the belt."""
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])
+        for side, arcs in self.arcs.items():
+            for joint, arc in arcs.items():
+                torques = motion.columns.get(f"{side}_{joint}_motor_torque_Nm")
+                state |= {} if torques is None else arc.state(float(torques[frame]))
         for side, leg in motion.legs.items():
-            state |= self.torque_state(side, {name: values[frame] for name, values in leg.torques.items()})
-            if leg.footing is not None and side in self.arrows:
-                state |= arrow_state(self.arrows[side], leg.footing.force[frame], leg.footing.point[frame])
+            state |= self._force_state(side, motion, frame)
             if leg.phases is not None:
                 code = leg.phases.at(time)
                 colour = rgb(phase_colour(motion.phase_names[code], code))
                 state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
-        for stride in self.trails:
-            state |= stride.state(time)
+        for path, begin, end in self.trails:
+            state[path, "visible"] = begin <= time < end
         for element in self.elements:
             state |= element.state(self.figure, motion, frame)
-        if belt_speed != 0.0:
-            offset = surroundings.belt_offset(time, belt_speed)
-            state[surroundings.BELT, "position"] = [offset, 0.0, 0.0]
         return state
 
     def apply(self, state: State) -> None:
@@ -199,17 +190,12 @@ class Scene:
                 self._shown[path, name] = value
 
 
-@dataclass(frozen=True)
-class StrideTrail:
+class StrideTrail(NamedTuple):
     """The path of a stride, shown until the next stride is complete."""
 
     path: str  # its place in the scene
     begin: float  # time at which the stride was complete in [s]
     end: float  # time at which the next one is, in [s]
-
-    def state(self, time: float) -> dict[tuple[str, str], bool]:
-        """Whether the path is shown at a time in [s], by place and property."""
-        return {(self.path, "visible"): self.begin <= time < self.end}
 
 
 def strides(phases: PhaseSpells | None, duration: float) -> list[tuple[float, float]]:
@@ -234,7 +220,8 @@ def trail_shape(
     point, or None if the point hardly moves.
     """
     keep = np.unique(np.linspace(0, len(times) - 1, min(len(times), LONGEST_TRAIL)).round().astype(int))
-    keep = keep[_steps_apart(points[keep])]
+    # Points at the place of the one before have no direction.
+    keep = keep[np.linalg.norm(np.diff(points[keep], axis=0, prepend=np.inf), axis=1) > _SHORTEST_STEP]
     if len(keep) < FEWEST_POINTS:
         return None
     tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
@@ -243,12 +230,3 @@ def trail_shape(
     rings = np.repeat(colours, _COLUMNS + 1, axis=0)
     ends = np.repeat(colours[[0, -1]], _COLUMNS + 2, axis=0)
     return tube._replace(colours=np.concatenate((rings, ends)))
-
-
-def _steps_apart(points: np.ndarray) -> np.ndarray:
-    """Positions of points that are not at the place of the one before."""
-    kept = [0]
-    for index in range(1, len(points)):
-        if np.linalg.norm(points[index] - points[kept[-1]]) > _SHORTEST_STEP:
-            kept.append(index)
-    return np.array(kept)

@@ -23,7 +23,7 @@ class Shape(NamedTuple):
 
 
 def rounded_box(size: Sequence[float], radius: float) -> Shape:
-    """Make a box whose edges are rounded.
+    """Make a box whose edges are rounded: a ball of which each eighth is moved to its corner.
 
     ``size``: lengths along x, y and z in [m]; ``radius`` of the edges in [m], 0 or more; at most half the
     shortest side is used.
@@ -31,31 +31,30 @@ def rounded_box(size: Sequence[float], radius: float) -> Shape:
     half = np.asarray(size, dtype=float) / 2.0
     # A box without any rounding would have no normals at its edges.
     radius = float(np.clip(radius, 1e-6 * half.min(), 0.999 * half.min()))
-    sides = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            points = _face_of_box(half, radius, axis, sign)
-            inner = np.clip(points, -(half - radius), half - radius)
-            normal = points - inner
-            normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-            faces = _grid_faces(*points.shape[:2], flip=sign < 0.0)
-            sides.append(Shape((inner + radius * normal).reshape(-1, 3), normal.reshape(-1, 3), faces))
-    return merged(sides)
+    eighth = np.radians([0.0, 45.0, 90.0])
+    latitude, above = np.concatenate((eighth - math.pi / 2.0, eighth))[:, None], np.repeat([-1.0, 1.0], 3)
+    longitude = np.concatenate([eighth + quarter * math.pi / 2.0 for quarter in range(4)])
+    corners = np.stack((np.repeat([1, -1, -1, 1], 3), np.repeat([1, 1, -1, -1], 3)), axis=1)
+    points = np.empty((6, 12, 3))
+    points[:, :, 0] = radius * np.cos(latitude) * np.cos(longitude)
+    points[:, :, 1] = radius * np.cos(latitude) * np.sin(longitude)
+    points[:, :, 2] = radius * np.sin(latitude)
+    points[:, :, :2] += (half[:2] - radius) * corners
+    points[:, :, 2] += (half[2] - radius) * above[:, None]
+    middle = np.tile([0.0, 0.0, half[2]], (1, 12, 1))
+    return surface(np.concatenate((-middle, points, middle)))
 
 
-def _face_of_box(half: np.ndarray, radius: float, axis: int, sign: float) -> np.ndarray:
-    """Grid on one face of a box, denser at the edges, in a right-handed order for ``sign`` > 0."""
-    corner = radius * np.tan(np.linspace(0.0, math.pi / 4.0, 3))
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    lines = []
-    for other in (first, second):
-        flat = half[other] - radius
-        lines.append(np.concatenate((-flat - corner[::-1], flat + corner)))
-    grid = np.empty((len(lines[0]), len(lines[1]), 3))
-    grid[:, :, axis] = sign * half[axis]
-    grid[:, :, first] = lines[0][:, None]
-    grid[:, :, second] = lines[1][None, :]
-    return grid
+def surface(rings: np.ndarray) -> Shape:
+    """Make a surface of closed rings, each from its first point round to it, counter-clockwise from above.
+
+    ``rings`` from the lowest up, in [m], shape ``(n, m, 3)``.
+    """
+    rings = np.concatenate((rings, rings[:, :1]), axis=1)
+    faces, points = _grid_faces(*rings.shape[:2], flip=True), rings.reshape(-1, 3)
+    first, second, third = (points[faces[:, corner]] for corner in range(3))
+    whole = np.any(np.cross(second - first, third - first) != 0.0, axis=1)  # at a tip points coincide
+    return creased(points, faces[whole])
 
 
 def _grid_faces(rows: int, columns: int, *, offset: int = 0, flip: bool = False) -> np.ndarray:
@@ -108,14 +107,12 @@ def ring_cap(radius: float, length: float) -> Shape:
 
 def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
     """Make an ellipsoid. ``radii``: half axes along x, y and z in [m]."""
-    latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)[:, None]
-    longitude = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
-    around, up = np.cos(latitude), np.sin(latitude) * np.ones_like(longitude)
-    unit = np.stack((around * np.cos(longitude), around * np.sin(longitude), up), axis=2).reshape(-1, 3)
-    half = np.asarray(radii, dtype=float)
-    normals = unit / half
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Shape(unit * half, normals, _grid_faces(columns // 2 + 1, columns + 1, flip=True))
+    x, y, z = radii
+    latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)
+    around, middle = np.cos(latitude), np.zeros_like(latitude)
+    around[[0, -1]] = 0.0
+    rings = np.column_stack((z * np.sin(latitude), middle, middle, x * around, y * around))
+    return surface(elliptic(rings, columns))
 
 
 def capsule(radius: float, length: float) -> Shape:
@@ -159,6 +156,13 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     return merged([rings, first, last])
 
 
+def bend(start: np.ndarray, corner: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Parabola that touches the lines to a corner where it starts and ends: points, shape ``(9, 3)``."""
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    back = 1.0 - share
+    return np.asarray(back**2 * start + 2.0 * share * back * corner + share**2 * end)
+
+
 def _carried_along(ahead: np.ndarray) -> np.ndarray:
     """A direction across each piece of a path that turns no more than the path does."""
     across = np.empty_like(ahead)
@@ -194,17 +198,18 @@ def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20)
     ``rings`` from end to end: height, centre x, centre y, half axis x and half axis y, all in [m]; ``rows``:
     rings in the mesh, beside those of the ends.
     """
-    table = np.asarray(rings, dtype=float)
+    table = np.array(sorted(map(tuple, rings)), dtype=float)
     curve = smooth(table, np.linspace(0.0, len(table) - 1.0, rows))
     curve = np.concatenate((_end(curve[0], curve[1]), curve[1:-1], _end(curve[-1], curve[-2])[::-1]))
-    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
-    height, x, y, half_x, half_y = (column[:, None] for column in curve.T)
-    points = np.stack(
-        np.broadcast_arrays(x + half_x * np.cos(angle), y + half_y * np.sin(angle), height), axis=2
-    )
-    faces = _grid_faces(*points.shape[:2], flip=bool(table[-1, 0] > table[0, 0]))
-    vertices = points.reshape(-1, 3)
-    return Shape(vertices, smooth_normals(vertices, faces), faces)
+    return surface(elliptic(curve, columns))
+
+
+def elliptic(rings: np.ndarray, columns: int) -> np.ndarray:
+    """Points of rings as :func:`limb` takes them, shape ``(n, 5)``. Returns shape ``(n, columns, 3)``."""
+    angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[None, :]
+    height, x, y, half_x, half_y = (column[:, None] for column in rings.T)
+    points = (x + half_x * np.cos(angle), y + half_y * np.sin(angle), height)
+    return np.stack(np.broadcast_arrays(*points), axis=2)
 
 
 def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
@@ -217,46 +222,19 @@ def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
     return dome
 
 
-def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Normals of a closed surface, one per vertex; vertices at the same place share theirs.
-
-    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns unit normals, shape ``(n, 3)``.
-    """
-    _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
-    place = place.reshape(-1)
-    total = np.zeros((int(place.max()) + 1, 3))
-    corners = vertices[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    for corner in range(3):
-        np.add.at(total, place[faces[:, corner]], area)
-    normals = total[place]
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
-
-
-def is_closed(shape: Shape) -> bool:
-    """Whether a mesh encloses a volume and looks outward, so that its inside is never seen.
-
-    Returns true if every edge is run along as often one way as the other and the volume is positive.
-    """
-    _, place = np.unique(np.round(shape.vertices, 6), axis=0, return_inverse=True)
-    faces = place.reshape(-1)[shape.faces]
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    there, back = start * len(place) + end, end * len(place) + start
-    a, b, c = (shape.vertices[shape.faces[:, corner]] for corner in range(3))
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
-    return volume > 0.0 and bool(np.array_equal(np.sort(there), np.sort(back)))
-
-
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     """Give a mesh normals that are smooth on curved parts and sharp at edges.
 
     ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh; a vertex on an edge is
     there once for each side of it.
     """
+    _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
+    place = place.reshape(-1)[faces]
     corners = vertices[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-30)
-    smooth = smooth_normals(vertices, faces)[faces]
+    total = np.zeros((int(place.max()) + 1, 3))
+    np.add.at(total, place, flat[:, None, :])
+    smooth, unit = _unit(total)[place], _unit(flat)
     sharp = np.einsum("fij,fj->fi", smooth, unit) < _CREASE
     normals = np.where(sharp[:, :, None], unit[:, None, :], smooth)
     pairs = np.concatenate((corners, normals), axis=2).reshape(-1, 6)
@@ -265,11 +243,15 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     return Shape(pairs[first, :3], pairs[first, 3:], index.reshape(-1, 3))
 
 
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors of length 1, shape ``(n, 3)``; one of length 0 stays as it is."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30))
+
+
 def moved(shape: Shape, placement: np.ndarray) -> Shape:
     """Move a mesh by a homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round."""
     linear = placement[:3, :3]
-    normals = shape.normals @ np.linalg.inv(linear)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    normals = _unit(shape.normals @ np.linalg.inv(linear))
     faces = shape.faces[:, ::-1] if np.linalg.det(linear) < 0.0 else shape.faces
     return shape._replace(vertices=shape.vertices @ linear.T + placement[:3, 3], normals=normals, faces=faces)
 

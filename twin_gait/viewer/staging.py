@@ -60,14 +60,12 @@ def build_scene(
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model.model, model.urdf_path)
-    scene = _start(window, model.model, visuals, model.legs, model.up_axis)
+    scene = _start(window, model.model, visuals, model.up_axis)
     for side, leg in model.legs.items():
-        scene.draw_covers(side, leg, drives, visuals)
+        scene.draw_drives(side, leg, drives, visuals)
     trunk, patient = model.trunk_joint or FIXED_JOINT, setting.get("patient")
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
-    for side, leg in model.legs.items():
-        scene.draw_arcs(side, leg, drives, visuals)
     top, bottom = _extent(scene.figure, model.legs)
     height, around = top - bottom, setting.get("around") or _around(model)
     if around is Surroundings.STAND:
@@ -82,7 +80,9 @@ def build_scene(
         scene.elements.append(DrawnWalkway(window, model.forward_index))
     else:
         slope = setting.get("slope", 0.0)
-        window.send(set_transform(FORCE_ROOT, surroundings.tilted(slope)))
+        pose = surroundings.tilted(slope)
+        window.send(set_transform(FORCE_ROOT, pose))
+        scene.ground = pose[:3, :3]
         surroundings.draw_treadmill(window, slope)
     for side, leg in model.legs.items():
         if leg.contact_frames:
@@ -107,9 +107,7 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model, urdf)
-    scene = _start(window, model, visuals, {}, up_axis)
-    if not visuals.parts:
-        scene.figure.draw_skeleton()
+    scene = _start(window, model, visuals, up_axis)
     points = _all_points(model, visuals) @ scene.figure.base[:3, :3].T
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float(np.linalg.norm(high - low)), 0.1)
@@ -119,12 +117,11 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     return scene
 
 
-def _start(
-    window: Window, model: pin.Model, visuals: Visuals, legs: Mapping[Side, LegJoints], up_axis: str
-) -> Scene:
+def _start(window: Window, model: pin.Model, visuals: Visuals, up_axis: str) -> Scene:
     figure = Figure(window, model, up_axis=up_axis)
     figure.draw_visuals(visuals)
-    figure.draw_sticks(legs.values(), visuals)
+    if not visuals.parts:
+        figure.draw_skeleton()
     return Scene(window, figure, visuals)
 
 

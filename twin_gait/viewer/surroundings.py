@@ -1,11 +1,12 @@
 """What stands around the figure: light, floor, treadmill, the mast of the ropes."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
+from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 
 Triple = tuple[float, float, float]
@@ -34,28 +35,23 @@ _MAST = (-0.62, 0.5 * _BELT_WIDTH + 0.5 * _RAIL_WIDTH)  # foot of the mast, on t
 _MAST_RADIUS, _MAST_BEND = 0.022, 0.20  # [m]
 
 
+_LIGHTS: tuple[tuple[str, str, Any], ...] = (
+    ("AmbientLight", "intensity", 0.56), ("FillLight", "position", [-2.0, -4.5, 4.0]),
+    ("FillLight", "intensity", 0.34), ("SpotLight", "position", [1.6, -2.4, 5.2]),
+    ("SpotLight", "castShadow", True), ("SpotLight", "intensity", 0.32), ("SpotLight", "angle", 0.5),
+    ("SpotLight", "penumbra", 0.9),
+)  # fmt: skip
+
+
 def set_studio(window: Window) -> None:
     """Set a pale background and the light of a studio, with soft shadows."""
     window.send(set_property("/Background", "top_color", [0.985, 0.99, 0.995]))
     window.send(set_property("/Background", "bottom_color", [0.84, 0.87, 0.90]))
     for name in ("Axes", "Grid", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX"):
         window.send(set_property(f"/{name}", "visible", False))
-    fill = {"position": [-2.0, -4.5, 4.0], "intensity": 0.34}
-    spot = {
-        "position": [1.6, -2.4, 5.2],
-        "castShadow": True,
-        "intensity": 0.32,
-        "angle": 0.5,
-        "penumbra": 0.9,
-    }
     window.send(set_property("/Lights/SpotLight", "visible", True))
-    for light, properties in (
-        ("AmbientLight", {"intensity": 0.56}),
-        ("FillLight", fill),
-        ("SpotLight", spot),
-    ):
-        for name, value in properties.items():
-            window.send(set_property(f"/Lights/{light}/<object>", name, value))
+    for light, name, value in _LIGHTS:
+        window.send(set_property(f"/Lights/{light}/<object>", name, value))
 
 
 def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
@@ -68,9 +64,10 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     share = np.linalg.norm(disc.vertices, axis=1) / radius
     opacity = np.clip((1.0 - share) / 0.6, 0.0, 1.0)
     faded = disc._replace(opacity=opacity * opacity * (3.0 - 2.0 * opacity))
-    place(window, "floor", faded, _FLOOR, (0.0, 0.0, height), under_shadows=True)
+    place(window, "floor", faded, _FLOOR, under_shadows=True)
+    window.send(set_property(FLOOR, "position", [0.0, 0.0, height]))
     # Drawn before other translucent parts, which must not vanish behind it.
-    window.send(set_property(f"{ROOT}/floor/<object>", "renderOrder", -1))
+    window.send(set_property(f"{FLOOR}/<object>", "renderOrder", -1))
 
 
 def tilted(slope: float) -> np.ndarray:
@@ -102,8 +99,7 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
     # The first is under the cover of the end before and after the jump, and so is the last.
     at = np.arange(-0.5 * inner + 0.085, 0.5 * inner + 0.01, BELT_MARK_SPACING)
     marks = [plate((float(x), 0.0), 0.012, _BELT_WIDTH - 0.04) for x in at]
-    window.send(set_object(f"{BELT}/marks", shapes.merged(marks), MARK))
-    window.send(set_property(f"{BELT}/marks/<object>", "castShadow", False))
+    draw_mesh(window, f"{BELT}/marks", shapes.merged(marks), MARK, under_shadows=True)
     draw_floor(window, -_DECK_HEIGHT - 0.5 * _BELT_LENGTH * abs(np.sin(slope)))
 
 
@@ -117,19 +113,24 @@ def draw_mast(window: Window, hooks: np.ndarray) -> None:
     x, y = _MAST
     foot, elbow = np.array([x, y, -_DECK_HEIGHT]), np.array([x, y, middle[2] + 0.05])
     end = middle + np.array([0.0, 0.0, 0.05])
-    mast = shapes.tube(_rounded_corner(foot, elbow, end, _MAST_BEND), _MAST_RADIUS, columns=14)
+    bend = shapes.bend(_towards(elbow, foot), elbow, _towards(elbow, end))
+    mast = shapes.tube(np.concatenate((foot[None], bend, end[None])), _MAST_RADIUS, columns=14)
     low, high = reach[np.argmin(reach[:, 1])], reach[np.argmax(reach[:, 1])]
     bar = shapes.tube(np.array([middle + low, middle, middle + high]), 0.016, columns=12)
     hanger = shapes.moved(shapes.cylinder(0.012, 0.06), translation(0.5 * (middle + end)))
     place(window, "mast", shapes.merged([mast, bar, hanger]), STEEL)
 
 
-def belt_offset(time: float, belt_speed: Belt) -> float:
-    """How far the belt marks are behind where they were drawn at a time in [s].
+def _towards(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """A point that is as far from a corner as the mast bends."""
+    return np.asarray(start + _MAST_BEND * (end - start) / np.linalg.norm(end - start))
+
+
+def belt_offset(way: float) -> float:
+    """How far the belt marks are behind where they were drawn when the belt has gone a way in [m].
 
     Returned along x in [m], between minus one spacing and 0.
     """
-    way = belt_speed(time) if callable(belt_speed) else belt_speed * time
     return -(way % BELT_MARK_SPACING)
 
 
@@ -139,24 +140,11 @@ def box(size: Triple, centre: Triple, edge: float = 0.012) -> Shape:
 
 
 def place(
-    window: Window,
-    name: str,
-    shape: Shape,
-    material: Material,
-    centre: Triple = (0.0, 0.0, 0.0),
-    *,
-    under_shadows: bool = False,
+    window: Window, name: str, shape: Shape, material: Material, *, under_shadows: bool = False
 ) -> None:
-    """Draw a part that does not move.
-
-    ``centre``: where its origin stands in [m]; ``under_shadows``: whether shadows fall on it; such a part
-    casts none itself.
-    """
-    path = f"{ROOT}/{name}"
-    window.send(set_object(path, shape, material))
-    window.send(set_transform(path, translation(centre)))
-    window.send(set_property(f"{path}/<object>", "receiveShadow", under_shadows))
-    window.send(set_property(f"{path}/<object>", "castShadow", not under_shadows))
+    """Draw a part that does not move; one on which shadows fall casts none itself."""
+    casts = not under_shadows
+    draw_mesh(window, f"{ROOT}/{name}", shape, material, casts=casts, under_shadows=under_shadows)
 
 
 def plate(middle: Sequence[float] | np.ndarray, length: float, width: float) -> Shape:
@@ -164,15 +152,6 @@ def plate(middle: Sequence[float] | np.ndarray, length: float, width: float) -> 
     corners = 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
     vertices = np.column_stack((corners + middle, np.full(4, BELT_TOP + 0.0016)))
     return Shape(vertices, np.tile([0.0, 0.0, 1.0], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))
-
-
-def _rounded_corner(start: np.ndarray, corner: np.ndarray, end: np.ndarray, bend: float) -> np.ndarray:
-    """Path from start to end around a corner, which is cut off at a distance of ``bend`` by a parabola."""
-    before = corner + bend * (start - corner) / np.linalg.norm(start - corner)
-    after = corner + bend * (end - corner) / np.linalg.norm(end - corner)
-    share = np.linspace(0.0, 1.0, 9)[:, None]
-    curve = (1.0 - share) ** 2 * before + 2.0 * share * (1.0 - share) * corner + share**2 * after
-    return np.concatenate((start[None], curve, end[None]))
 
 
 def translation(centre: Triple | np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Visual geometry of a URDF, as meshes in the frames of the joints of a model.
 
-Pinocchio's reader of meshes leaves out normals of OBJ files and all colours; both are read here.
+Pinocchio's reader of meshes leaves out normals, which are made anew, and the colours of COLLADA files, which
+are read here.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ _EDGE_SHARE, _LARGEST_EDGE = 0.22, 0.012  # rounding of boxes: share of the shor
 _SPANNING_SHARE = 0.6
 
 
+Colour = tuple[float, ...]  # red, green, blue and opacity from 0 to 1
+
+
 class Disc(NamedTuple):
     """A cylinder among the visuals, in the frame of its joint."""
 
@@ -36,11 +40,18 @@ class Disc(NamedTuple):
     length: float  # in [m]
 
 
+class Patch(NamedTuple):
+    """Neighbouring triangles of one colour in a mesh file."""
+
+    colour: Colour | None  # None where the file has a texture or nothing
+    triangles: int  # how many
+
+
 class LinkPart(NamedTuple):
     """All visuals of one colour on one joint."""
 
     joint: str  # joint that carries them; ``universe`` for what does not move
-    colour: tuple[float, float, float, float]  # red, green, blue and opacity from 0 to 1
+    colour: Colour
     shape: Shape  # mesh in the frame of the joint
 
 
@@ -51,10 +62,6 @@ class Visuals:
     parts: tuple[LinkPart, ...]  # the meshes
     discs: tuple[Disc, ...]  # its cylinders, among which are the motors
     missing: tuple[str, ...]  # mesh files that the URDF names and that are not there
-
-    def joints(self) -> set[str]:
-        """Joints that carry something to see."""
-        return {part.joint for part in self.parts}
 
 
 def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
@@ -70,7 +77,7 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     growths = {name: _growth(nominal, model, name) for name in nominal.names}
     guides = [name for name in ALL_GUIDES if model.existJointName(name)]
     carrier = {FIXED_JOINT: guides[-1]} if guides else {}
-    shapes_by_colour: dict[tuple[str, tuple[float, ...]], list[Shape]] = {}
+    shapes_by_colour: dict[tuple[str, Colour], list[Shape]] = {}
     discs = []
     for item in geometry.geometryObjects:
         raw = _shape_of(item)
@@ -83,17 +90,10 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
         for colour, piece in _coloured(item, shape):
             shapes_by_colour.setdefault((joint, tuple(round(value, 4) for value in colour)), []).append(piece)
         if type(item.geometry).__name__ == "Cylinder":
-            size, placement = growths[nominal_joint], item.placement
-            centre, axis = (
-                size * np.asarray(placement.translation) + shift,
-                np.asarray(placement.rotation)[:, 2],
-            )
-            radius, half = size * float(item.geometry.radius), size * float(item.geometry.halfLength)
-            discs.append(Disc(joint, centre, axis.copy(), radius, 2.0 * half))
-    parts = [
-        LinkPart(joint, _four(colour), shapes.merged(items))
-        for (joint, colour), items in shapes_by_colour.items()
-    ]
+            size, solid = growths[nominal_joint], item.geometry
+            centre, axis = size * item.placement.translation + shift, item.placement.rotation[:, 2].copy()
+            discs.append(Disc(joint, centre, axis, size * solid.radius, 2.0 * size * solid.halfLength))
+    parts = [LinkPart(*key, shapes.merged(items)) for key, items in shapes_by_colour.items()]
     return Visuals(tuple(parts), tuple(discs), tuple(missing))
 
 
@@ -201,8 +201,9 @@ def _fit(shape: Shape, stretch: tuple[np.ndarray, float, float] | None) -> tuple
 
 def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
     """Pieces of a visual by colour: the URDF's, or if it has none those of the mesh file."""
-    stated: Colour = _four(tuple(float(value) for value in item.meshColor))
-    patches = [] if item.overrideMaterial else mesh_patches(item.meshPath)
+    stated: Colour = tuple(float(value) for value in item.meshColor)
+    own = not item.overrideMaterial and str(item.meshPath).lower().endswith(".dae")
+    patches = dae_patches(Path(item.meshPath)) if own else []
     if sum(patch.triangles for patch in patches) != len(shape.faces):  # none, or read differently
         yield stated, shape
         return
@@ -229,13 +230,7 @@ def _shape_of(item: Any) -> Shape | None:
             return shapes.capsule(float(solid.radius), 2.0 * float(solid.halfLength))
         case "Cone":
             return shapes.cone(float(solid.radius), 2.0 * float(solid.halfLength))
-    # Only OBJ files have normals of their own.
-    shape = read_obj(item.meshPath) if str(item.meshPath).lower().endswith(".obj") else None
-    return (
-        _shape_of_mesh(item)
-        if shape is None
-        else shapes.moved(shape, np.diag([*np.ravel(item.meshScale), 1.0]))
-    )
+    return _shape_of_mesh(item)
 
 
 def _shape_of_mesh(item: Any) -> Shape | None:
@@ -249,116 +244,16 @@ def _shape_of_mesh(item: Any) -> Shape | None:
     return shapes.creased(vertices, faces[:, ::-1] if mirrored else faces)
 
 
-def _four(colour: tuple[float, ...]) -> tuple[float, float, float, float]:
-    red, green, blue, opacity = colour
-    return red, green, blue, opacity
-
-
-def read_obj(path: str | Path) -> Shape | None:
-    """Read a Wavefront OBJ file whose corners have normals.
-
-    Returns the mesh, or None for a file without normals or of another kind, which other readers know.
-    """
-    try:
-        lines = [line.split() for line in Path(path).read_text(encoding="utf-8").splitlines()]
-        vertices = _numbers(lines, "v")
-        normals = _numbers(lines, "vn")
-        corners = np.array([corner for line in lines if line[:1] == ["f"] for corner in _fan(line[1:])])
-        return _indexed(vertices, normals, corners)
-    except (OSError, ValueError, IndexError):
-        return None
-
-
-def _numbers(lines: list[list[str]], kind: str) -> np.ndarray:
-    return np.array([[float(word) for word in line[1:4]] for line in lines if line[:1] == [kind]])
-
-
-def _fan(words: list[str]) -> list[list[tuple[int, int]]]:
-    """Triangles of a face, each corner as indices of vertex and normal that count from 1."""
-    corners = []
-    for word in words:
-        vertex, _, normal = word.split("/")  # three parts, or it has no normal
-        corners.append((int(vertex), int(normal)))
-    return [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
-
-
-def _indexed(vertices: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> Shape:
-    """One vertex for every pair of place and normal."""
-    if corners.size == 0 or corners.min() < 1:
-        raise ValueError("no faces, or relative indices")
-    pairs, index = np.unique(corners.reshape(-1, 2) - 1, axis=0, return_inverse=True)
-    turned = normals[pairs[:, 1]]
-    turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
-    return Shape(vertices[pairs[:, 0]], turned, index.reshape(-1, 3))
-
-
-Colour = tuple[float, float, float, float]
-
-
-class Patch(NamedTuple):
-    """Neighbouring triangles of one colour in a mesh file."""
-
-    # red, green, blue and opacity from 0 to 1; None where the file has a texture or nothing
-    colour: Colour | None
-    triangles: int  # how many
-
-
-def mesh_patches(path: str | Path) -> list[Patch]:
-    """Colours that a mesh file has of its own, in the order in which its triangles are listed.
-
-    Who uses the colours compares the number of triangles: readers leave some out. Returns the patches; none
-    for a file of another kind or one that is not understood.
-    """
-    read = {".dae": dae_patches, ".obj": obj_patches}.get(Path(path).suffix.lower())
-    try:
-        return [] if read is None else read(Path(path))
-    except (OSError, ElementTree.ParseError, ValueError, IndexError, AttributeError, TypeError, KeyError):
-        return []
-
-
-def obj_patches(path: Path) -> list[Patch]:
-    """Colours of a Wavefront OBJ file, from the libraries of materials that it names.
-
-    Raises ValueError if there is more than one colour and a corner without a normal: :func:`read_obj` leaves
-    such a file to Pinocchio's reader, which sorts the triangles by material.
-    """
-    colours: dict[str, Colour] = {}
-    patches, colour, sorted_anew = [], None, False
-    for line in path.read_text(encoding="utf-8").splitlines():
-        match line.split():
-            case ["mtllib", *names]:
-                for name in names:
-                    colours |= _materials(path.with_name(name))
-            case ["usemtl", name, *_]:
-                colour = colours.get(name)
-            case ["f", *corners]:
-                patches.append(Patch(colour, len(corners) - 2))
-                sorted_anew |= any(len(word.split("/")) < 3 for word in corners)
-    if sorted_anew and len({patch.colour for patch in patches}) > 1:
-        raise ValueError("the order of the triangles is not known")
-    return patches
-
-
-def _materials(path: Path) -> dict[str, Colour]:
-    """Diffuse colours of a library of materials, by name."""
-    found: dict[str, Colour] = {}
-    name = ""
-    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
-        match line.split():
-            case ["newmtl", name, *_]:
-                pass
-            case ["Kd", red, green, blue]:
-                found[name] = (float(red), float(green), float(blue), 1.0)
-    return found
-
-
 def dae_patches(path: Path) -> list[Patch]:
-    """Colours of a COLLADA file.
+    """Colours that a COLLADA file has of its own, in the order in which its triangles are listed.
 
     Pinocchio's reader goes through the nodes of the scene from the outside in and leaves out triangles of
-    which two corners coincide.
+    which two corners coincide. Returns the patches; none for a file that is not understood.
     """
-    return list(_Collada(path).patches())
+    try:
+        return list(_Collada(path).patches())
+    except (OSError, ElementTree.ParseError, ValueError, IndexError, AttributeError, TypeError, KeyError):
+        return []
 
 
 class _Collada:
