@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from collections.abc import Iterator
+import textwrap
 
 WIDTH = 100
 INDENT = 4
@@ -30,23 +30,12 @@ def plain(text: str) -> str:
 
 def comment(text: str, indent: int = 0) -> list[str]:
     """A comment, on one line if it fits."""
-    lines = list(_filled(plain(text).split(), WIDTH - indent - 6))
+    lines = textwrap.wrap(plain(text), WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False)
     if not lines:
         return []
     pad = " " * indent
     lines = [f"{pad}/* {lines[0]}", *(f"{pad}   {line}" for line in lines[1:])]
     return [*lines[:-1], f"{lines[-1]} */"]
-
-
-def _filled(words: list[str], width: int) -> Iterator[str]:
-    line = ""
-    for word in words:
-        if line and len(line) + 1 + len(word) > width:
-            yield line
-            line = ""
-        line = f"{line} {word}" if line else word
-    if line:
-        yield line
 
 
 # Where a line may be broken, best places first: after commas, before operators, after an assignment.

@@ -7,7 +7,7 @@ of the function.
 import ast
 import inspect
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import FunctionType, ModuleType
 from typing import Any, get_type_hints
@@ -55,7 +55,7 @@ class Sources:
         value = self.names.get(name, scope.get(name))
         return self.of(value) if isinstance(value, FunctionType) else value
 
-    def of(self, function: FunctionType) -> Source:
+    def of(self, function: Callable[..., Any]) -> Source:
         """A function, or what takes its place."""
         if function.__name__ in self._texts:
             found: Source = self.found(function.__name__, {function.__name__: function})
