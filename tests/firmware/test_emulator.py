@@ -112,12 +112,6 @@ def test_one_by_one_and_together_are_the_same_walk(image, rng):
     assert again.stack_bytes == target.stack_bytes
 
 
-def test_the_greeting_tells_the_sizes_of_the_records(image, program):
-    for unit in (Emulator(image), HostUnit(program)):
-        with unit:
-            assert (unit.input_bytes, unit.output_bytes, unit.state_bytes) == (12, 28, 8)
-
-
 def test_instructions_are_those_of_the_listing(tmp_path):
     """Without a branch, as many instructions run as the disassembler lists."""
     require_tools(*TARGET_TOOLS)

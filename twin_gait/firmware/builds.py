@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from twin_gait.firmware.cross import build_host, build_image, build_objects, siz
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
 from twin_gait.firmware.linked import converted
 from twin_gait.firmware.project import Project
-from twin_gait.firmware.vectors import Vectors, drive_pairs, keep, sensor_pairs, without_bus
+from twin_gait.firmware.vectors import Progress, Vectors, drive_pairs, keep, sensor_pairs, without_bus
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
 from twin_gait.simulation.engine import run_in_chunks
 from twin_gait.simulation.problem import build_problem
@@ -24,19 +23,11 @@ from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import run_of
 
 
-class Exchanging(Protocol):
-    """A unit of :class:`~twin_gait.firmware.emulator.UnitProcess`, or one like it."""
-
-    def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick."""
-        ...
-
-
 def walk_with(
-    unit: Exchanging,
+    unit: UnitProcess,
     project: Project,
     experiment: Experiment,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     on_compile: Callable[[], None] | None = None,
     *,
     double: bool = False,
@@ -99,21 +90,35 @@ def _switch(engine: CompiledEngine, number: int, decision: np.void, tick: int) -
 
 
 class Bench:
-    """Builds of a project, and their outputs for vectors.
+    """Builds of a project, and their outputs for vectors; nothing is built before it is asked for.
 
     Whatever needs a compiler or an emulator raises
     :class:`~twin_gait.exceptions.MissingToolError` without it.
     """
 
-    def __init__(self, project: Project, vectors: Sequence[Vectors], folder: Path) -> None:
-        """Write the C for vectors of some runs into a folder; nothing is built before it is asked for."""
+    def __init__(
+        self,
+        project: Project,
+        vectors: Sequence[Vectors],
+        folder: Path,
+        progress: Progress | None = None,
+        on_compile: Callable[[], None] | None = None,
+    ) -> None:
+        """Write the C for vectors of some runs into a folder; for the last two see :func:`walk_with`."""
         self.project, self.vectors, self.folder = project, vectors, folder
+        self.progress, self.on_compile = progress, on_compile
         self.unit = project.write_linked(folder)
 
     def host(self, *, double: bool) -> HostUnit:
         """The unit on this machine."""
         path = self.folder / ("double" if double else "single")
         return HostUnit(build_host(self.unit, path, flags=["-DREAL_DOUBLE"] if double else []))
+
+    @cached_property
+    def expected(self) -> list[np.ndarray]:
+        """Outputs of the simulation, as the C in double numbers has them."""
+        _, taken = self.project.dtypes(double=True)
+        return [converted(item.outputs, taken) for item in self.vectors]
 
     @cached_property
     def double(self) -> list[np.ndarray]:
@@ -142,18 +147,15 @@ class Bench:
         target = Emulator(self.image)
         return self._run(target, vectors), target
 
-    def expected(self, *, double: bool) -> list[np.ndarray]:
-        """Outputs of the simulation."""
-        _, taken = self.project.dtypes(double=double)
-        return [converted(item.outputs, taken) for item in self.vectors]
-
     def bytes_of(self, name: str) -> dict[str, int]:
         """Flash of a unit of the device, and RAM of its record."""
         unit = replace(self.unit, name=name, sources=(self.folder / f"{name}.c",))
         flash, variables = sizes(build_objects(unit, self.folder))
         return {"flash": flash, "ram": variables + self.project.record_bytes[name]}
 
-    def walk(self, progress: Callable[[int, int], None] | None, on_compile: Callable[[], None] | None) -> Run:
-        """The experiment with the Cortex-M4F as its controller."""
+    @cached_property
+    def walk(self) -> Run:
+        """The experiment of the first vectors with the Cortex-M4F as its controller."""
+        experiment = self.vectors[0].run.experiment
         with Emulator(self.image) as target:
-            return walk_with(target, self.project, self.vectors[0].run.experiment, progress, on_compile)
+            return walk_with(target, self.project, experiment, self.progress, self.on_compile)

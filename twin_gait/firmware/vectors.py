@@ -18,6 +18,9 @@ from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import run_of
 from twin_gait.worlds.faults import FaultKind
 
+Progress: TypeAlias = Callable[[int, int], None]  # takes ticks done and ticks in all
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
+
 
 class Vectors(NamedTuple):
     """A run as the unit sees it."""
@@ -37,9 +40,7 @@ def without_bus(experiment: Experiment) -> Experiment:
 
 
 def record_vectors(
-    experiment: Experiment,
-    progress: Callable[[int, int], None] | None = None,
-    on_compile: Callable[[], None] | None = None,
+    experiment: Experiment, progress: Progress | None = None, on_compile: Callable[[], None] | None = None
 ) -> Vectors:
     """Run an experiment on the compiled engine, and keep what the unit reads and gives in each tick.
 
@@ -64,9 +65,6 @@ def record_vectors(
     done = run_in_chunks(problem, 1, run_tick, progress, None)[0]
     run = run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
     return Vectors(run, unit, inputs[:done], outputs[:done])
-
-
-Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
 
 
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
