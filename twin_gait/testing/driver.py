@@ -53,16 +53,16 @@ def machine_of(table: StateTable) -> MachineFactory:
 
 
 class _Legs(NamedTuple):
-    """What a machine is given in a tick, in SI units."""
+    """What a machine of a gait table is given in a tick, in SI units."""
 
     own: LegSignals
     other: LegSignals | None
     other_phase: str | None
     other_time: float
 
-    def taken_by(self, machine: Machine, tick: int) -> PhaseSwitch | None:
-        """What the machine does."""
-        return machine.step(tick, *self)
+
+# Advances a machine by a tick on what was measured.
+Advance = Callable[[Machine, int], PhaseSwitch | None]
 
 
 def _legs(table: StateTable, vector: Vector) -> _Legs:
@@ -77,37 +77,28 @@ def _legs(table: StateTable, vector: Vector) -> _Legs:
     return _Legs(leg(""), other, vector.other_phase, vector.signals.get(OTHER_TIME, 0.0))
 
 
-class _Asked(NamedTuple):
-    """What a machine of modes is given in a tick, in the units of the table."""
-
-    signals: Mapping[str, float]
-    request: str | None
-
-    def taken_by(self, machine: Machine, tick: int) -> PhaseSwitch | None:
-        """What the machine does."""
-        return machine.take(tick, self.signals, self.request)
+def _on_legs(legs: _Legs) -> Advance:
+    return lambda machine, tick: machine.step(tick, *legs)
 
 
-def _given(table: StateTable, vector: Vector) -> _Legs | _Asked:
+def _on(table: StateTable, vector: Vector) -> Advance:
     if isinstance(table, ModeTable):
-        return _Asked(vector.signals, vector.other_phase)
-    return _legs(table, vector)
+        return lambda machine, tick: machine.take(tick, vector.signals, vector.other_phase)
+    return _on_legs(_legs(table, vector))
 
 
 def play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
     """Drive a machine through a scenario; AssertionError at the first tick that is not as expected."""
     machine, phase = factory(scenario.phase), scenario.phase
-    given: dict[int, _Legs | _Asked] = {}
+    advances: dict[int, Advance] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
-        if id(vector) not in given:
-            given[id(vector)] = _given(table, vector)
-        switch = given[id(vector)].taken_by(machine, tick)
-        wanted = None
+        if id(vector) not in advances:
+            advances[id(vector)] = _on(table, vector)
+        switch, source, wanted = advances[id(vector)](machine, tick), phase, None
         if index is not None:
             item = table.transitions[index]
-            wanted = (tick, phase, item.target, item.cause)
+            wanted, phase = (tick, phase, item.target, item.cause), item.target
         got = None if switch is None else (switch.tick, switch.source, switch.target, switch.cause)
-        source, phase = phase, phase if wanted is None else wanted[2]
         assert got == wanted and machine.phase == phase, (
             f"tick {tick} in {source}: expected that the leg {_words(wanted)}, the machine {_words(got)}"
             f"; measured {_measured(vector)}"
@@ -140,25 +131,25 @@ class Refusal(NamedTuple):
                 continue
             for value in _BROKEN:
                 spoilt = vector._replace(signals={**vector.signals, name: value})
-                self._refuses(factory, _given(self.table, spoilt), f"{name} = {value}")
+                self._refuses(factory, _on(self.table, spoilt), f"{name} = {value}")
 
     def missing_signals(self, factory: MachineFactory) -> None:
         """A joint or a whole leg is missing; raises AssertionError if that is accepted."""
         legs = _legs(self.table, self.steps[-1].vector)
-        for text, bad in _without_joint(legs.own):
-            self._refuses(factory, legs._replace(own=bad), f"this leg: {text}")
-        if legs.other is None:
-            return
-        for text, bad in _without_joint(legs.other):
-            self._refuses(factory, legs._replace(other=bad), f"the other leg: {text}")
-        self._refuses(factory, legs._replace(other=None), "the other leg has a phase but no signals")
+        spoilt = [(f"this leg: {text}", legs._replace(own=bad)) for text, bad in _without_joint(legs.own)]
+        if legs.other is not None:
+            for text, bad in _without_joint(legs.other):
+                spoilt.append((f"the other leg: {text}", legs._replace(other=bad)))
+            spoilt.append(("the other leg has a phase but no signals", legs._replace(other=None)))
+        for text, bad_legs in spoilt:
+            self._refuses(factory, _on_legs(bad_legs), text)
 
-    def _refuses(self, factory: MachineFactory, given: _Legs | _Asked, text: str) -> None:
+    def _refuses(self, factory: MachineFactory, spoilt: Advance, text: str) -> None:
         machine = factory(self.phase)
         for tick, vector in self.steps[:-1]:
-            _given(self.table, vector).taken_by(machine, tick)
+            _on(self.table, vector)(machine, tick)
         try:
-            given.taken_by(machine, self.steps[-1].tick)
+            spoilt(machine, self.steps[-1].tick)
         except MeasurementError:
             assert machine.phase == self.phase, f"{text}: refused, but the phase is now {machine.phase}"
             return
