@@ -1,26 +1,31 @@
 """What builds of an experiment's firmware give for the vectors of its runs, and in a loop with the plant."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.recfunctions import assign_fields_by_name, require_fields
 
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment import Experiment
 from twin_gait.firmware.cross import build_host, build_image, build_objects, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
-from twin_gait.firmware.linked import converted
 from twin_gait.firmware.project import Project
-from twin_gait.firmware.vectors import Progress, Vectors, drive_pairs, keep, sensor_pairs, without_bus
+from twin_gait.firmware.vectors import (
+    Progress,
+    Vectors,
+    drive_pairs,
+    keep,
+    run_by_ticks,
+    sensor_pairs,
+    without_bus,
+)
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
-from twin_gait.simulation.engine import run_in_chunks
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
-from twin_gait.simulation.simulator import run_of
 
 
 def walk_with(
@@ -54,20 +59,17 @@ def walk_with(
     def run_tick(tick: int, end: int) -> tuple[int, int]:
         plant(address, 0, tick)
         keep([*drives, *sensors], 0)
-        obey(engine, unit.exchange(converted(inputs, given)[0]).view(taken)[0], tick)
+        obey(engine, unit.exchange(require_fields(inputs, given)[0]).view(taken)[0], tick)
         return end, plant(address, 1, tick)
 
-    began = time.perf_counter()
-    done = run_in_chunks(problem, 1, run_tick, progress, None)[0]
-    return run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
+    return run_by_ticks(engine, run_tick, rows, progress)
 
 
 def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
     """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
     e, decision = engine.episode, answer["decision"]
     commands, trip, legs = e["joints"]["board"]["command"], e["controller"]["trip"], e["controller"]["legs"]
-    for name in answer["commands"].dtype.names:
-        commands[name] = answer["commands"][name]
+    assign_fields_by_name(commands, answer["commands"], zero_unassigned=False)
     if "mode" in decision.dtype.names:
         supervisor = e["controller"]["supervisor"]
         supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
@@ -118,7 +120,7 @@ class Bench:
     def expected(self) -> list[np.ndarray]:
         """Outputs of the simulation, as the C in double numbers has them."""
         _, taken = self.project.dtypes(double=True)
-        return [converted(item.outputs, taken) for item in self.vectors]
+        return [require_fields(item.outputs, taken) for item in self.vectors]
 
     @cached_property
     def double(self) -> list[np.ndarray]:
@@ -140,7 +142,7 @@ class Bench:
     def _run(self, unit: UnitProcess, vectors: Vectors, *, double: bool = False) -> np.ndarray:
         given, taken = self.project.dtypes(double=double)
         with unit:
-            return unit.exchange_many(converted(vectors.inputs, given)).view(taken)[:, 0]
+            return unit.exchange_many(require_fields(vectors.inputs, given)).view(taken)[:, 0]
 
     def on_target(self, vectors: Vectors) -> tuple[np.ndarray, Emulator]:
         """Outputs on the Cortex-M4F, and the emulator with what it has counted."""

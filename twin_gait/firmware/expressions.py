@@ -17,6 +17,7 @@ from twin_gait.firmware.kinds import (
     ListKind,
     RecordKind,
     Scalar,
+    joined,
     scalar_of,
 )
 from twin_gait.firmware.layout import TAKEN, identifier
@@ -125,10 +126,8 @@ class Expressions:
     def fit(self, node: ast.AST, value: Value, wanted: Kind) -> Value:
         """A value in the place of one of some kind; refused if it cannot take it."""
         kind = value.kind
-        fits = kind == wanted or (kind in (INT, BOOL) and wanted is REAL) or (kind is BOOL and wanted is INT)
-        if isinstance(kind, ListKind) and isinstance(wanted, ListKind):
-            fits = kind.item == wanted.item
-        if not fits:
+        widened = (kind in (INT, BOOL) and wanted is REAL) or (kind is BOOL and wanted is INT)
+        if kind != wanted and not widened and joined(kind, wanted) is None:
             raise self.source.refused(node, f"is {kind} where {wanted} is expected")
         return value.in_kind(wanted)
 

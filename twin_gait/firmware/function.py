@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from twin_gait.firmware.expressions import Value
-from twin_gait.firmware.kinds import SCALARS, Kind, ListKind, Shapes, kind_of_hint
+from twin_gait.firmware.kinds import SCALARS, Kind, Shapes, joined, kind_of_hint
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.source import Source, Sources
 from twin_gait.firmware.statements import Statements
@@ -105,11 +105,9 @@ class Functions:
     def _agree(function: Function, params: dict[str, Kind]) -> None:
         """Refuse arguments of other kinds than in the calls before; of a list's length where it matters."""
         for name, kind in params.items():
-            known = function.params[name]
-            if kind == known:
-                continue
-            if isinstance(known, ListKind) and isinstance(kind, ListKind) and known.item == kind.item:
-                if name not in function.lengths:
-                    function.params[name] = ListKind(known.item, None)
-                    continue
-            raise function.source.refused(function.source.tree.args, f"{name} is of two kinds in two calls")
+            known, both = function.params[name], joined(function.params[name], kind)
+            if (both is None and kind is not None) or (both != known and name in function.lengths):
+                raise function.source.refused(
+                    function.source.tree.args, f"{name} is of two kinds in two calls"
+                )
+            function.params[name] = both

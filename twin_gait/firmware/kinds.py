@@ -68,6 +68,13 @@ def type_name(kind: Kind) -> str:
     return kind.name if isinstance(kind, Scalar) else kind.record.__name__
 
 
+def joined(first: Kind, second: Kind) -> Kind:
+    """The kind of both; of lists of two lengths one of no length, of two other kinds None."""
+    if isinstance(first, ListKind) and isinstance(second, ListKind) and first.item == second.item:
+        return first if first == second else ListKind(first.item, None)
+    return first if first == second else None
+
+
 class Shapes:
     """Kinds of the fields of all records that samples hold, and every instance of them.
 
@@ -92,9 +99,11 @@ class Shapes:
         for name, entry in kinds_of(kind):
             value = getattr(record, name)
             if value is not ABSENT and value != [] and value != ():
-                known[name] = self._joined(
-                    known.get(name), self._kind(value, entry), f"{kind.__name__}.{name}"
-                )
+                found = self._kind(value, entry)
+                known[name] = joined(known.get(name, found), found)
+                if known[name] is None:
+                    where = f"{kind.__name__}.{name}"
+                    raise FirmwareError(f"{where}: of one kind in one sample and of another in the next")
 
     def _kind(self, value: Any, entry: type) -> Kind:
         if isinstance(value, (list, tuple)):
@@ -106,14 +115,6 @@ class Shapes:
             return SCALARS[entry]
         self._visit(value)
         return RecordKind(type(value))
-
-    @staticmethod
-    def _joined(old: Kind, new: Kind, where: str) -> Kind:
-        if old is None or old == new:
-            return new
-        if isinstance(old, ListKind) and isinstance(new, ListKind) and old.item == new.item:
-            return ListKind(old.item, None)
-        raise FirmwareError(f"{where}: of one kind in one sample and of another in the next")
 
 
 def kind_of_hint(hint: Any) -> Kind:

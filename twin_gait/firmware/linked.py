@@ -98,13 +98,3 @@ def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any
         for name, kind in records.used(record)
     ]
     return np.dtype(fields, align=True)
-
-
-def converted(rows: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
-    """Rows in another layout, field by field; what the other one does not have is left out."""
-    result = np.zeros(rows.shape, dtype)
-    for name in dtype.names or ():
-        field = result[name]
-        kind = field.dtype
-        result[name] = rows[name] if kind.names is None else converted(rows[name], kind)
-    return result

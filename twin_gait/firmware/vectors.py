@@ -61,10 +61,20 @@ def record_vectors(
         keep(now, tick)
         return end, int(engine.episode["status"])
 
+    run = run_by_ticks(engine, run_tick, rows, progress)
+    return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
+
+
+def run_by_ticks(
+    engine: CompiledEngine,
+    run_tick: Callable[[int, int], tuple[int, int]],
+    rows: np.ndarray,
+    progress: Progress | None,
+) -> Run:
+    """The run of an engine, tick by tick, whose log is written into ``rows``."""
     began = time.perf_counter()
-    done = run_in_chunks(problem, 1, run_tick, progress, None)[0]
-    run = run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
-    return Vectors(run, unit, inputs[:done], outputs[:done])
+    done = run_in_chunks(engine.problem, 1, run_tick, progress, None)[0]
+    return run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
 
 
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
