@@ -21,7 +21,7 @@ from twin_gait.firmware.kinds import (
     scalar_of,
 )
 from twin_gait.firmware.layout import TAKEN, identifier
-from twin_gait.firmware.source import Source, constant_in
+from twin_gait.firmware.source import Source
 
 if TYPE_CHECKING:
     from twin_gait.firmware.function import Function, Functions
@@ -30,22 +30,20 @@ if TYPE_CHECKING:
 PRIMARY, UNARY, PRODUCT, SUM, SHIFT, RELATION, EQUALITY, BIT_AND, BIT_XOR, BIT_OR, AND, OR, CHOICE = range(
     13, 0, -1
 )
-ARITHMETIC: dict[type[ast.operator], tuple[str, int]] = {
-    ast.Add: ("+", SUM),
-    ast.Sub: ("-", SUM),
-    ast.Mult: ("*", PRODUCT),
-    ast.Div: ("/", PRODUCT),
+# In C, how strongly it binds, and what it takes. C divides whole numbers otherwise: functions of real.h.
+OPERATORS: dict[type[ast.operator], tuple[str, int, tuple[Scalar, ...]]] = {
+    ast.Add: ("+", SUM, (INT, REAL)),
+    ast.Sub: ("-", SUM, (INT, REAL)),
+    ast.Mult: ("*", PRODUCT, (INT, REAL)),
+    ast.Div: ("/", PRODUCT, (REAL,)),
+    ast.FloorDiv: ("int_divide", PRIMARY, (INT,)),
+    ast.Mod: ("int_modulo", PRIMARY, (INT,)),
+    ast.LShift: ("<<", SHIFT, (INT,)),
+    ast.RShift: (">>", SHIFT, (INT,)),
+    ast.BitAnd: ("&", BIT_AND, (INT, BOOL)),
+    ast.BitXor: ("^", BIT_XOR, (INT, BOOL)),
+    ast.BitOr: ("|", BIT_OR, (INT, BOOL)),
 }
-# Of whole numbers only.
-BITWISE: dict[type[ast.operator], tuple[str, int]] = {
-    ast.LShift: ("<<", SHIFT),
-    ast.RShift: (">>", SHIFT),
-    ast.BitAnd: ("&", BIT_AND),
-    ast.BitXor: ("^", BIT_XOR),
-    ast.BitOr: ("|", BIT_OR),
-}
-# Those that C does otherwise than Python: functions of real.h.
-WHOLE = {ast.FloorDiv: "int_divide", ast.Mod: "int_modulo"}
 RELATIONS: dict[type[ast.cmpop], tuple[str, int]] = {
     ast.Lt: ("<", RELATION),
     ast.LtE: ("<=", RELATION),
@@ -71,7 +69,6 @@ class Value:
     text: str
     binds: int = PRIMARY  # how strongly its last operator does
     effect: Effect = Effect.NONE
-    literal: bool | int | float | None = None  # what is written in the place of a number
     # Of a record or a list: whether the text is its address, the name that leads to it, and the fields (None
     # for entries) on the way.
     is_address: bool = False
@@ -89,8 +86,6 @@ class Value:
             return replace(self, text=self.text if direct else f"&{self.text}", binds=UNARY)
         if wanted is not REAL or self.kind is REAL:
             return self
-        if self.literal is not None:
-            return replace(self, kind=REAL, text=number(self.literal, REAL))
         return replace(self, kind=REAL, text=f"(real){self.inside(UNARY)}", binds=UNARY)
 
 
@@ -180,8 +175,8 @@ class Expressions:
                 return self._literal(node, value, "")
             case ast.Name(id=name):
                 return self.place(node) if self.known(name) is not None else self._constant(node, name)
-            case ast.Attribute(value=ast.Name(id=base)) if self.known(base) is None:
-                return self._constant_of(node, self.functions.sources.found(base, self.source.scope))
+            case ast.Attribute(value=ast.Name(id="math"), attr=name):
+                return Value(REAL, number(getattr(math, name), REAL))
             case ast.Attribute() | ast.Subscript():
                 found = self.place(node)
                 reads = Effect.READS if isinstance(found.kind, Scalar) else Effect.NONE
@@ -252,16 +247,10 @@ class Expressions:
         if name:
             self.function.constants[name] = value
             return Value(kind, identifier(name))
-        return Value(kind, number(value, kind), literal=value)
+        return Value(kind, number(value, kind))
 
     def _constant(self, node: ast.Name, name: str) -> Value:
         return self._literal(node, self.functions.sources.found(name, self.source.scope), name)
-
-    def _constant_of(self, node: ast.Attribute, module: Any) -> Value:
-        value = constant_in(module, node.attr)
-        if module is math and value is not None:
-            return Value(REAL, number(value, REAL))
-        return self._literal(node, value, node.attr)
 
     def _unary(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
@@ -277,18 +266,13 @@ class Expressions:
 
     def _binary(self, node: ast.BinOp) -> Value:
         operands, kind, effect = self.numbers([node.left, node.right])
-        operator = type(node.op)
-        whole = operator in BITWISE or operator in WHOLE
-        if operator is ast.Div:
-            kind = REAL
-        elif kind is BOOL and operator not in (ast.BitAnd, ast.BitXor, ast.BitOr):
-            kind = INT
-        if not (operator in ARITHMETIC or (whole and kind is not REAL)):
+        kind = REAL if isinstance(node.op, ast.Div) else kind
+        sign, binds, kinds = OPERATORS.get(type(node.op), ("", PRIMARY, ()))
+        if kind not in kinds:
             raise self.source.refused(node, "arithmetic that is not printed")
         left, right = (operand.in_kind(kind) for operand in operands)
-        if operator in WHOLE:
-            return Value(kind, f"{WHOLE[operator]}({left.text}, {right.text})", PRIMARY, effect)
-        sign, binds = (ARITHMETIC | BITWISE)[operator]
+        if binds == PRIMARY:
+            return Value(kind, f"{sign}({left.text}, {right.text})", PRIMARY, effect)
         # In brackets, since compilers warn without, what stands beside an operator on bits.
         beside = (UNARY, UNARY) if binds <= SHIFT else (binds, binds + 1)
         return Value(kind, f"{left.inside(beside[0])} {sign} {right.inside(beside[1])}", binds, effect)

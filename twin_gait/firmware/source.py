@@ -9,7 +9,7 @@ import inspect
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any, get_type_hints
 
 from twin_gait.exceptions import FirmwareError
@@ -161,9 +161,3 @@ def _touches(target: ast.expr, value: ast.expr) -> bool:
             for item in ast.walk(value)
         )
     return any(isinstance(item, (ast.Subscript, ast.Call)) for item in ast.walk(value))
-
-
-def constant_in(module: Any, name: str) -> Any:
-    """A number that a module has by a name; None of anything else."""
-    value = getattr(module, name, None) if isinstance(module, ModuleType) else None
-    return value if type(value) in SCALARS else None

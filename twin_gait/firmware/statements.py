@@ -118,16 +118,10 @@ class Statements(Expressions):
             raise self.source.refused(node, "as many names as values are expected")
         assert isinstance(call, ast.Call)
         result = self._free("result")
-        unread = [item for item in targets if isinstance(item, ast.Name) and item.id not in self.read]
-        all_unread = len(unread) == len(targets)
-        kept = "(void)" if all_unread else f"const {self.function.calls[call].result} {result} = "
-        self._emit(f"{kept}{found.text};")
+        self._emit(f"const {self.function.calls[call].result} {result} = {found.text};")
         for number, (target, kind) in enumerate(zip(targets, found.kind.items, strict=True)):
             part = Value(kind, f"{result}.{result_name(number)}", effect=found.effect)
-            if isinstance(target, ast.Name) and target in unread:
-                self._declare(target, call, part)
-            else:
-                self._assign(target, call, part, fresh)
+            self._assign(target, call, part, fresh)
 
     def _assign(self, target: ast.expr, node: ast.expr, value: Value, fresh: set[str]) -> None:
         if isinstance(target, ast.Name):
@@ -222,13 +216,11 @@ class Statements(Expressions):
         return str(length), text
 
     def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
-        """Where a loop ends; named before it if the loop may change what it is computed from."""
+        """Where a loop ends, which Python computes before it and C anew in every turn."""
         text = self.expect(node, INT).text
-        if text.isdigit() or self._is_steady(node, body):
-            return text
-        name = self._free("end")
-        self._emit(f"const int32_t {name} = {text};")
-        return name
+        if not (text.isdigit() or self._is_steady(node, body)):
+            raise self.source.refused(node, "may be changed in the loop; name it before")
+        return text
 
     def _is_steady(self, node: ast.expr, body: Sequence[ast.stmt]) -> bool:
         """Whether nothing in a loop may change a number that is computed before it."""
