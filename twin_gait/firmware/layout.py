@@ -77,15 +77,13 @@ def attributes_of(kind: type) -> dict[str, str]:
     """What a class says of its attributes, by name: in its docstring, or in comments behind or above them."""
     found: dict[str, str] = {}
     above: list[str] = []
-    name, inside = "", False
-    for line in inspect.getsource(kind).splitlines():
-        code, _, said = line.strip().partition("# ")
+    listed = False
+    for line in map(str.strip, inspect.getsource(kind).splitlines()):
+        code, _, said = line.partition("# ")
         entry = re.match(r"(\w+): (.*)", code)
-        inside = line.strip() == "Attributes:" or (inside and code != '"""')
-        if inside and entry:
-            name, found[entry[1]] = entry[1], entry[2]
-        elif inside and name:
-            found[name] += f" {code}".rstrip()
+        listed = line == "Attributes:" or (listed and line != '"""')
+        if entry and listed:
+            found[entry[1]] = entry[2]
         elif entry and (above or said):
             found[entry[1]], above = " ".join(above) or said, []
         elif said:

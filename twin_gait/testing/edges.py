@@ -172,7 +172,6 @@ def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretc
         lead = max(0, min(due - ticks, max(item.debounce for item in waits)))
         closed = [item.closes for item in guarded]
         yield due - ticks - lead + 1, [(closed, lead), (both, ticks)]
-        yield due - ticks + 1, [(both, ticks)]
         return
     # Both guards are open before, and at least one waits for the tick in which both are due.
     for start in (max(1, due - slow.debounce - 1), due - slow.debounce + 1):
