@@ -1,7 +1,6 @@
 """What builds of an experiment's firmware give for the vectors of its runs, and in a loop with the plant."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from numpy.lib.recfunctions import assign_fields_by_name, require_fields
 
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment import Experiment
-from twin_gait.firmware.cross import build_host, build_image, build_objects, sizes
+from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
 from twin_gait.firmware.project import Project
 from twin_gait.firmware.vectors import (
@@ -151,8 +150,7 @@ class Bench:
 
     def bytes_of(self, name: str) -> dict[str, int]:
         """Flash of a unit of the device, and RAM of its record."""
-        unit = replace(self.unit, name=name, sources=(self.folder / f"{name}.c",))
-        flash, variables = sizes(build_objects(unit, self.folder))
+        flash, variables = sizes(build_object(Unit(name, self.folder), self.folder))
         return {"flash": flash, "ram": variables + self.project.record_bytes[name]}
 
     @cached_property

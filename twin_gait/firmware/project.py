@@ -97,7 +97,7 @@ class Project:
         """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
         for name, text in self.program.files.items():
             (folder / name).write_text(text, encoding="utf-8")
-        return Unit(name=EXOSKELETON, sources=(folder / f"{EXOSKELETON}.c",))
+        return Unit(EXOSKELETON, folder)
 
     def dtypes(self, *, double: bool) -> tuple[np.dtype[Any], np.dtype[Any]]:
         """Layout in C of inputs and outputs of the linked unit."""
