@@ -60,12 +60,15 @@ def scalar_of(value: Any) -> Scalar | None:
     return SCALARS.get(type(value))
 
 
+def entry_of(kind: Kind) -> Kind:
+    """Kind of the entries of a list, and of a list of lists of theirs; any other kind itself."""
+    return entry_of(kind.item) if isinstance(kind, ListKind) else kind
+
+
 def type_name(kind: Kind) -> str:
     """Type of a number or a record in C, and of the entries of a list."""
-    while isinstance(kind, ListKind):
-        kind = kind.item
-    assert isinstance(kind, (Scalar, RecordKind))
-    return kind.name if isinstance(kind, Scalar) else kind.record.__name__
+    entry = entry_of(kind)
+    return entry.record.__name__ if isinstance(entry, RecordKind) else str(entry)
 
 
 def joined(first: Kind, second: Kind) -> Kind:

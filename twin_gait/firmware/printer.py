@@ -68,10 +68,9 @@ def print_units(
     every = [item for found in entries.values() for item in found]
     functions.embed(Shapes(shapes))
     records = Records(functions, every, samples)
-    parts = {unit.name: _Unit(unit, entries[unit.name], records) for unit in units}
     body = {"types.h": _header("types", ["real.h"], records.structures())}
-    for part in parts.values():
-        body |= part.files()
+    for unit in units:
+        body |= _files_of(unit, entries[unit.name], records)
     source_hash = _hash(functions, body)
     first = [
         *comment(
@@ -85,65 +84,50 @@ def print_units(
     return Program({"real.h": real, **texts}, source_hash, records, every)
 
 
-class _Unit:
-    """Prints one unit."""
+def _files_of(unit: TranslationUnit, entries: Sequence[Function], records: Records) -> dict[str, list[str]]:
+    """Header and source of a unit without their first lines."""
+    reached = set(_reached(entries))
+    order = [item for item in records.functions.order if item in reached]
+    taken = TAKEN | {item.name for item in order}  # what no local name may be
+    printed = {item: Statements(records.functions, item, taken) for item in order}
+    header, source, tables = list[str](), list[str](), Tables(records)
+    for item in entries:
+        header += result_struct(item)
+    for name, sample in unit.samples.items():
+        declared, defined = _sample(name, sample, tables)
+        header += [*declared, ""]
+        source += defined
+    for item in entries:
+        header += [*wrapped(f"{printed[item].signature()};", 0), ""]
+    for item in order:
+        source += [] if item in entries else result_struct(item)
+    for item in order:
+        source += [*printed[item].definition(exported=item in entries), ""]
+    name, flash = unit.name, [*tables.lines, ""] if tables.lines else []
+    source = [f'#include "{name}.h"', "", *_constants(order), *flash, *source[:-1]]
+    return {f"{name}.h": _header(name, ["types.h"], header), f"{name}.c": source}
 
-    def __init__(self, unit: TranslationUnit, entries: Sequence[Function], records: Records) -> None:
-        self.unit, self.entries, self.records = unit, entries, records
-        reached = set(_reached(entries))
-        self.order = [item for item in records.functions.order if item in reached]
-        names = [item.name for item in self.order]
-        for item in self.order:
-            if names.count(item.name) > 1:
-                raise item.source.refused(item.source.tree.args, "another function has the same name")
-        self.taken = TAKEN | {*names}  # what no local name may be
 
-    def files(self) -> dict[str, list[str]]:
-        """Header and source without their first lines."""
-        name, tables = self.unit.name, Tables(self.records)
-        inits = [self._sample(item, sample, tables) for item, sample in self.unit.samples.items()]
-        prototypes = [*(head for head, _ in inits), *map(self._prototype, self.entries)]
-        structs = [line for item in self.entries for line in result_struct(item)]
-        header = [*structs, *(line for text in prototypes for line in (*text, ""))]
-        lines = [
-            f'#include "{name}.h"',
-            "",
-            *self._constants(),
-            *tables.lines,
-            *([""] if tables.lines else []),
-        ]
-        lines += [line for _, text in inits for line in text]
-        for item in self.order:
-            if item not in self.entries:
-                lines += result_struct(item)
-        for item in self.order:
-            printed = Statements(self.records.functions, item, self.taken)
-            lines += [*printed.definition(exported=item in self.entries), ""]
-        return {f"{name}.h": _header(name, ["types.h"], header), f"{name}.c": lines[:-1]}
+def _sample(name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str]]:
+    """Lines of the header and of the source that make a record as it is at tick 0."""
+    kind, contents = type(sample).__name__, tables.initialiser(sample, name)
+    if type(sample) not in tables.records.in_ram:
+        tables.add(f"const {kind} {name}", contents)
+        return [f"extern const {kind} {name};"], []
+    tables.add(f"static const {kind} {name}_at_start", contents)
+    head = f"void {name}_init({kind} *record)"
+    source = [f"{head} {{", f"    *record = {name}_at_start;", "}", ""]
+    return [*comment("As it is at tick 0."), f"{head};"], source
 
-    def _prototype(self, function: Function) -> list[str]:
-        printed = Statements(self.records.functions, function, self.taken)
-        return wrapped(f"{printed.signature()};", 0)
 
-    def _sample(self, name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str]]:
-        """Lines of the header and of the source that make a record as it is at tick 0."""
-        kind, contents = type(sample).__name__, tables.initialiser(sample, name)
-        if type(sample) not in self.records.in_ram:
-            tables.add(f"const {kind} {name}", contents)
-            return [f"extern const {kind} {name};"], []
-        tables.add(f"static const {kind} {name}_at_start", contents)
-        head = f"void {name}_init({kind} *record)"
-        source = [f"{head} {{", f"    *record = {name}_at_start;", "}", ""]
-        return [*comment("As it is at tick 0."), f"{head};"], source
-
-    def _constants(self) -> list[str]:
-        found: dict[str, str] = {}
-        for function in self.order:
-            for name, value in function.constants.items():
-                text = _constant(function, name, value)
-                if found.setdefault(identifier(name), text) != text:
-                    raise FirmwareError(f"{name}: two constants of this name have two values")
-        return [*(f"#define {name} {text}" for name, text in found.items()), ""] if found else []
+def _constants(functions: Sequence[Function]) -> list[str]:
+    found: dict[str, str] = {}
+    for function in functions:
+        for name, value in function.constants.items():
+            text = _constant(function, name, value)
+            if found.setdefault(identifier(name), text) != text:
+                raise FirmwareError(f"{name}: two constants of this name have two values")
+    return [*(f"#define {name} {text}" for name, text in found.items()), ""] if found else []
 
 
 def _constant(function: Function, name: str, value: bool | int | float) -> str:

@@ -25,23 +25,19 @@ class Records:
         self._handed: set[type] = set()  # what others may fill with whatever they like
         for entry in entries:
             for name, kind in entry.params.items():
-                self._hand(kind)
+                self._embed(kind, self._handed)
                 if name in entry.written:
                     self._embed(kind, self.in_ram)
         for sample in samples:
-            self._hand(kinds.RecordKind(type(sample)))
-
-    def _hand(self, kind: kinds.Kind) -> None:
-        self._embed(kind, self._handed)
+            self._embed(kinds.RecordKind(type(sample)), self._handed)
 
     def _embed(self, kind: kinds.Kind, into: set[type]) -> None:
         """A record with all that is part of it."""
-        while isinstance(kind, kinds.ListKind):
-            kind = kind.item
-        if isinstance(kind, kinds.RecordKind) and kind.record not in into:
-            into.add(kind.record)
-            for name, inner in self.used(kind.record):
-                if not self.is_table(kind.record, name):
+        entry = kinds.entry_of(kind)
+        if isinstance(entry, kinds.RecordKind) and entry.record not in into:
+            into.add(entry.record)
+            for name, inner in self.used(entry.record):
+                if not self.is_table(entry.record, name):
                     self._embed(inner, into)
 
     def used(self, record: type) -> Iterator[tuple[str, kinds.Kind]]:
@@ -76,10 +72,9 @@ class Records:
                 return
             done.add(record)
             for _, kind in self.used(record):
-                while isinstance(kind, kinds.ListKind):
-                    kind = kind.item
-                if isinstance(kind, kinds.RecordKind):
-                    define(kind.record)
+                entry = kinds.entry_of(kind)
+                if isinstance(entry, kinds.RecordKind):
+                    define(entry.record)
             lines.extend([*self._structure(record), ""])
 
         for record in self.fields:

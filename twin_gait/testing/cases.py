@@ -16,7 +16,7 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.table import GaitTable, StateTable
 from twin_gait.testing import edges, timing
-from twin_gait.testing.driver import MachineFactory, Refusal, machine_of, play
+from twin_gait.testing.driver import MachineFactory, machine_of, play, refuse_broken, refuse_missing
 from twin_gait.testing.exits import Exit, Scenario, comfortable, decisive, fires, scenario, yields
 
 Check = Callable[[MachineFactory], None]
@@ -115,11 +115,10 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
     if yields(leave, alone):
         absent = "another leg" if table.words.member == "phase" else f"a {table.words.member}"
         yield _playing(table, scenario(leave, f"holds without {absent}", alone))
-    refusal = Refusal(table, leave.phase, steps)
-    spoilt = len(steps) * len(table.joints)
-    yield "refuses signals that are NaN or infinite", refusal.broken_signals, 12 * spoilt
+    given, spoilt = (table, leave.phase, steps), len(steps) * len(table.joints)
+    yield "refuses signals that are NaN or infinite", partial(refuse_broken, *given), 12 * spoilt
     if isinstance(table, GaitTable):
-        yield "refuses missing signals", refusal.missing_signals, 5 * spoilt
+        yield "refuses missing signals", partial(refuse_missing, *given), 5 * spoilt
 
 
 def _playing(table: StateTable, item: Scenario) -> Shown:

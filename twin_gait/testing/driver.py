@@ -115,45 +115,44 @@ def _measured(vector: Vector) -> str:
     return ", ".join([*values, other])
 
 
-class Refusal(NamedTuple):
+def refuse_broken(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
+    """Each signal in turn is NaN or infinite in the last of some steps; AssertionError if that is accepted.
+
+    ``phase``: phase that the leg has entered at tick 0. ``steps``: good ones that take an exit.
+    """
+    vector = steps[-1].vector
+    alone = vector.other_phase is None
+    for name in table.signals:
+        if name == TIME or (alone and name.startswith(OTHER)) or name == OTHER_TIME:
+            continue
+        for value in _BROKEN:
+            spoilt = vector._replace(signals={**vector.signals, name: value})
+            _refuse(table, factory(phase), steps, _on(table, spoilt), f"{name} = {value}")
+
+
+def refuse_missing(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
+    """A joint or a whole leg is missing; as :func:`refuse_broken`."""
+    legs = _legs(table, steps[-1].vector)
+    spoilt = [(f"this leg: {text}", legs._replace(own=bad)) for text, bad in _without_joint(legs.own)]
+    if legs.other is not None:
+        for text, bad in _without_joint(legs.other):
+            spoilt.append((f"the other leg: {text}", legs._replace(other=bad)))
+        spoilt.append(("the other leg has a phase but no signals", legs._replace(other=None)))
+    for text, bad_legs in spoilt:
+        _refuse(table, factory(phase), steps, _on_legs(bad_legs), text)
+
+
+def _refuse(table: StateTable, machine: Machine, steps: Steps, spoilt: Advance, text: str) -> None:
     """A machine that is about to take an exit is given one bad measurement instead."""
-
-    table: StateTable  # the gait table
-    phase: str  # phase that the leg has entered at tick 0
-    steps: Steps  # good steps that take the exit; the last one is spoilt
-
-    def broken_signals(self, factory: MachineFactory) -> None:
-        """Each signal in turn is NaN or infinite; raises AssertionError if that is accepted."""
-        vector = self.steps[-1].vector
-        alone = vector.other_phase is None
-        for name in self.table.signals:
-            if name == TIME or (alone and name.startswith(OTHER)) or name == OTHER_TIME:
-                continue
-            for value in _BROKEN:
-                spoilt = vector._replace(signals={**vector.signals, name: value})
-                self._refuses(factory, _on(self.table, spoilt), f"{name} = {value}")
-
-    def missing_signals(self, factory: MachineFactory) -> None:
-        """A joint or a whole leg is missing; raises AssertionError if that is accepted."""
-        legs = _legs(self.table, self.steps[-1].vector)
-        spoilt = [(f"this leg: {text}", legs._replace(own=bad)) for text, bad in _without_joint(legs.own)]
-        if legs.other is not None:
-            for text, bad in _without_joint(legs.other):
-                spoilt.append((f"the other leg: {text}", legs._replace(other=bad)))
-            spoilt.append(("the other leg has a phase but no signals", legs._replace(other=None)))
-        for text, bad_legs in spoilt:
-            self._refuses(factory, _on_legs(bad_legs), text)
-
-    def _refuses(self, factory: MachineFactory, spoilt: Advance, text: str) -> None:
-        machine = factory(self.phase)
-        for tick, vector in self.steps[:-1]:
-            _on(self.table, vector)(machine, tick)
-        try:
-            spoilt(machine, self.steps[-1].tick)
-        except MeasurementError:
-            assert machine.phase == self.phase, f"{text}: refused, but the phase is now {machine.phase}"
-            return
-        raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
+    for tick, vector in steps[:-1]:
+        _on(table, vector)(machine, tick)
+    before = machine.phase
+    try:
+        spoilt(machine, steps[-1].tick)
+    except MeasurementError:
+        assert machine.phase == before, f"{text}: refused, but the phase is now {machine.phase}"
+        return
+    raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
 
 
 def _without_joint(leg: LegSignals) -> list[tuple[str, LegSignals]]:
