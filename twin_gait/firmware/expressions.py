@@ -6,7 +6,6 @@ import ast
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.firmware.kinds import (
@@ -55,12 +54,6 @@ RELATIONS: dict[type[ast.cmpop], tuple[str, int]] = {
 BUILT_IN = {"abs": 1, "max": 2, "min": 2, "len": 1, "float": 1, "int": 1}  # arguments by name
 
 
-class Effect(IntEnum):
-    """What an expression does with records beside giving its value."""
-
-    NONE, READS, WRITES = range(3)
-
-
 @dataclass(frozen=True, slots=True)
 class Value:
     """An expression in C."""
@@ -68,7 +61,6 @@ class Value:
     kind: Kind
     text: str
     binds: int = PRIMARY  # how strongly its last operator does
-    effect: Effect = Effect.NONE
     # Of a record or a list: whether the text is its address, the name that leads to it, and the fields (None
     # for entries) on the way.
     is_address: bool = False
@@ -109,6 +101,7 @@ class Expressions:
         """Keep what is known of the function, and names that its own may not be."""
         self.functions, self.function, self.source = functions, function, function.source
         self.taken = taken
+        self.alone: ast.expr | None = None  # what stands alone in its statement
 
     def local(self, name: str) -> str:
         """An argument or a name of the function."""
@@ -151,22 +144,19 @@ class Expressions:
             for other in self.function.aliases.get(value.name, ()):
                 self._note_length(other)
 
-    def together(self, nodes: Sequence[ast.AST], values: Sequence[Value]) -> Effect:
-        """What several values do whose order C leaves open; refused if it matters."""
-        for node, value in zip(nodes, values, strict=True):
-            if value.effect is Effect.WRITES and any(other.effect for other in values if other is not value):
-                raise self.source.refused(node, "changes records beside what else is read; name its result")
-        return max((value.effect for value in values), default=Effect.NONE)
-
-    def numbers(self, nodes: Sequence[ast.expr]) -> tuple[list[Value], Scalar, Effect]:
-        """Several numbers, the kind that holds them, and what they do."""
+    def numbers(self, nodes: Sequence[ast.expr]) -> tuple[list[Value], Scalar]:
+        """Several numbers, and the kind that holds them."""
         values = [self.value(node) for node in nodes]
         kinds = [value.kind for value in values]
         for node, kind in zip(nodes, kinds, strict=True):
             if not isinstance(kind, Scalar):
                 raise self.source.refused(node, "is no number")
-        kind = REAL if REAL in kinds else INT if INT in kinds else BOOL
-        return values, kind, self.together(nodes, values)
+        return values, REAL if REAL in kinds else INT if INT in kinds else BOOL
+
+    def whole(self, node: ast.expr) -> Value:
+        """An expression that stands alone in its statement, where it may change records."""
+        self.alone = node
+        return self.value(node)
 
     def value(self, node: ast.expr) -> Value:
         """An expression."""
@@ -178,9 +168,7 @@ class Expressions:
             case ast.Attribute(value=ast.Name(id="math"), attr=name):
                 return Value(REAL, number(getattr(math, name), REAL))
             case ast.Attribute() | ast.Subscript():
-                found = self.place(node)
-                reads = Effect.READS if isinstance(found.kind, Scalar) else Effect.NONE
-                return replace(found, effect=max(found.effect, reads))
+                return self.place(node)
             case ast.UnaryOp():
                 return self._unary(node)
             case ast.BinOp():
@@ -190,16 +178,14 @@ class Expressions:
                 parts = [self.expect(item, BOOL) for item in items]
                 # What binds less strongly, and an "and" within an "or", where compilers warn.
                 text = f" {sign} ".join(part.inside(BIT_OR) for part in parts)
-                return Value(BOOL, text, binds, self.together(items, parts))
+                return Value(BOOL, text, binds)
             case ast.Compare():
                 return self._comparison(node)
             case ast.IfExp(test=test, body=body, orelse=other):
-                given = self.expect(test, BOOL)
-                values, kind, _ = self.numbers([body, other])
-                parts = [given, *(item.in_kind(kind) for item in values)]
-                asked, yes, no = (part.inside(CHOICE + 1) for part in parts)
-                effect = self.together([test, body, other], parts)
-                return Value(kind, f"{asked} ? {yes} : {no}", CHOICE, effect)
+                values, kind = self.numbers([body, other])
+                parts = [self.expect(test, BOOL), *(item.in_kind(kind) for item in values)]
+                given, yes, no = (part.inside(CHOICE + 1) for part in parts)
+                return Value(kind, f"{given} ? {yes} : {no}", CHOICE)
             case ast.Call():
                 return self.call(node)
         raise self.source.refused(node, "an expression that is not printed")
@@ -235,7 +221,6 @@ class Expressions:
                     text=f"{items.text}[{at.text}]",
                     is_address=False,
                     fields=(*items.fields, None),
-                    effect=self.together([base, index], [items, at]),
                 )
         raise self.source.refused(node, "is no place in a record")
 
@@ -256,30 +241,30 @@ class Expressions:
         if isinstance(node.op, ast.Not):
             inner, sign = self.expect(node.operand, BOOL), "!"
         else:
-            (inner,), kind, _ = self.numbers([node.operand])
+            (inner,), kind = self.numbers([node.operand])
             sign = {ast.USub: "-", ast.Invert: "~"}.get(type(node.op), "")
             if not sign or kind is BOOL or (kind is REAL and sign == "~"):
                 raise self.source.refused(node, "is no number with a sign")
         text = inner.inside(UNARY)
         text = f"{sign}({text})" if text[0] == sign == "-" else sign + text
-        return Value(inner.kind, text, UNARY, inner.effect)
+        return Value(inner.kind, text, UNARY)
 
     def _binary(self, node: ast.BinOp) -> Value:
-        operands, kind, effect = self.numbers([node.left, node.right])
+        operands, kind = self.numbers([node.left, node.right])
         kind = REAL if isinstance(node.op, ast.Div) else kind
         sign, binds, kinds = OPERATORS.get(type(node.op), ("", PRIMARY, ()))
         if kind not in kinds:
             raise self.source.refused(node, "arithmetic that is not printed")
         left, right = (operand.in_kind(kind) for operand in operands)
         if binds == PRIMARY:
-            return Value(kind, f"{sign}({left.text}, {right.text})", PRIMARY, effect)
+            return Value(kind, f"{sign}({left.text}, {right.text})")
         # In brackets, since compilers warn without, what stands beside an operator on bits.
         beside = (UNARY, UNARY) if binds <= SHIFT else (binds, binds + 1)
-        return Value(kind, f"{left.inside(beside[0])} {sign} {right.inside(beside[1])}", binds, effect)
+        return Value(kind, f"{left.inside(beside[0])} {sign} {right.inside(beside[1])}", binds)
 
     def _comparison(self, node: ast.Compare) -> Value:
         """Comparisons, in a chain too."""
-        items, _, effect = self.numbers([node.left, *node.comparators])
+        items, _ = self.numbers([node.left, *node.comparators])
         parts, binds = [], AND
         for left, op, right in zip(items, node.ops, items[1:], strict=False):
             if type(op) not in RELATIONS:
@@ -287,7 +272,7 @@ class Expressions:
             sign, binds = RELATIONS[type(op)]
             kind = REAL if REAL in (left.kind, right.kind) else INT
             parts.append(f"{left.in_kind(kind).inside(SHIFT)} {sign} {right.in_kind(kind).inside(SHIFT)}")
-        return Value(BOOL, " && ".join(parts), binds if len(parts) == 1 else AND, effect)
+        return Value(BOOL, " && ".join(parts), binds if len(parts) == 1 else AND)
 
     def call(self, node: ast.Call) -> Value:
         """A call of a function, of real.h or printed."""
@@ -301,9 +286,7 @@ class Expressions:
                 return self._built_in(node, name)
             case ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" as name):
                 given = self.expect(node.args[0], REAL)
-                return Value(
-                    REAL if name == "floor" else BOOL, f"real_{name}({given.text})", effect=given.effect
-                )
+                return Value(REAL if name == "floor" else BOOL, f"real_{name}({given.text})")
             case ast.Name(id=name):
                 source = self.functions.sources.found(name, self.source.scope)
                 if isinstance(source, Source):
@@ -315,14 +298,12 @@ class Expressions:
             raise self.source.refused(node, "a function that is not printed")
         if name == "len":
             return Value(INT, str(self.length(node.args[0], self.value(node.args[0]))))
-        values, kind, effect = self.numbers(node.args)
+        values, kind = self.numbers(node.args)
         if (name == "int" and kind is REAL) or (name == "abs" and kind is BOOL):
             raise self.source.refused(node, "a function that is not printed")
         kind = {"float": REAL, "int": INT}.get(name, INT if kind is BOOL else kind)
         called = f"({kind})" if name in ("float", "int") else f"{'real' if kind is REAL else 'int'}_{name}"
-        return Value(
-            kind, f"{called}({', '.join(value.in_kind(kind).text for value in values)})", effect=effect
-        )
+        return Value(kind, f"{called}({', '.join(value.in_kind(kind).text for value in values)})")
 
     def _call_of(self, node: ast.Call, source: Source) -> Value:
         missing = len(source.tree.args.args) - len(node.args)
@@ -339,8 +320,9 @@ class Expressions:
                 self.wrote(value)
             if name in called.lengths:
                 self.length(item, value)
-        effect = max(self.together(node.args, given), Effect.WRITES if called.writes else Effect.READS)
-        return Value(called.returns, f"{called.name}({', '.join(texts)})", effect=effect)
+        if called.writes and node is not self.alone:  # C may evaluate what is beside it before or after
+            raise self.source.refused(node, "changes records beside what else is read; name its result")
+        return Value(called.returns, f"{called.name}({', '.join(texts)})")
 
 
 def is_floor(node: ast.expr) -> bool:

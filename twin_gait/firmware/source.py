@@ -145,19 +145,10 @@ class _Folding(ast.NodeTransformer):
         if len(target.elts) != len(value.elts):
             raise self.source.refused(node, "as many names as values are expected")
         for place, item in enumerate(target.elts):
-            if any(_touches(item, later) for later in value.elts[place + 1 :]):
+            later = [inner for other in value.elts[place + 1 :] for inner in ast.walk(other)]
+            called = isinstance(item, ast.Attribute) and any(isinstance(inner, ast.Call) for inner in later)
+            same = (inner for inner in later if isinstance(inner, ast.expr))
+            if called or any(ast.unparse(inner) == ast.unparse(item) for inner in same):
                 raise self.source.refused(node, "values that are exchanged; assign them one by one")
         pairs = zip(target.elts, value.elts, strict=True)
         return [ast.copy_location(ast.Assign([left], right), node) for left, right in pairs]
-
-
-def _touches(target: ast.expr, value: ast.expr) -> bool:
-    """Whether a value may be another one once the target has been assigned."""
-    if isinstance(target, ast.Name):
-        return any(isinstance(item, ast.Name) and item.id == target.id for item in ast.walk(value))
-    if isinstance(target, ast.Attribute):
-        return any(
-            isinstance(item, ast.Call) or (isinstance(item, ast.Attribute) and item.attr == target.attr)
-            for item in ast.walk(value)
-        )
-    return any(isinstance(item, (ast.Subscript, ast.Call)) for item in ast.walk(value))

@@ -93,7 +93,9 @@ class Statements(Expressions):
             case ast.Assign(targets=[ast.Tuple(elts=targets)], value=value):
                 self._assign_several(node, targets, value, fresh)
             case ast.Assign(targets=[target], value=value):
-                self._assign(target, value, self.value(value), fresh)
+                # C may compute the place of an entry before or after.
+                mixed = any(isinstance(item, ast.Subscript) for item in ast.walk(target))
+                self._assign(target, value, self.value(value) if mixed else self.whole(value), fresh)
             case ast.If():
                 self._condition(node, "if")
             case ast.For(orelse=[]):
@@ -101,7 +103,7 @@ class Statements(Expressions):
             case ast.Return():
                 self._return(node)
             case ast.Expr(value=ast.Call() as call):
-                self._emit(f"{self.call(call).text};")
+                self._emit(f"{self.whole(call).text};")
             case ast.Continue():
                 self._emit("continue;")
             case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
@@ -113,14 +115,14 @@ class Statements(Expressions):
         self, node: ast.stmt, targets: Sequence[ast.expr], call: ast.expr, fresh: set[str]
     ) -> None:
         """Numbers that a function returns, to as many names or places."""
-        found = self.value(call)
+        found = self.whole(call)
         if not isinstance(found.kind, TupleKind) or len(found.kind.items) != len(targets):
             raise self.source.refused(node, "as many names as values are expected")
         assert isinstance(call, ast.Call)
         result = self._free("result")
         self._emit(f"const {self.function.calls[call].result} {result} = {found.text};")
         for number, (target, kind) in enumerate(zip(targets, found.kind.items, strict=True)):
-            part = Value(kind, f"{result}.{result_name(number)}", effect=found.effect)
+            part = Value(kind, f"{result}.{result_name(number)}")
             self._assign(target, call, part, fresh)
 
     def _assign(self, target: ast.expr, node: ast.expr, value: Value, fresh: set[str]) -> None:
@@ -133,7 +135,6 @@ class Statements(Expressions):
             kind, place = to.kind, to.text
             if not isinstance(kind, Scalar):
                 raise self.source.refused(target, "records and lists are changed entry by entry")
-            self.together([target, node], [to, value])
             self.wrote(Value(None, "", name=to.name, fields=to.fields[:-1]))
         self._emit(f"{place} = {self.fit(node, value, kind).text};")
 
@@ -153,7 +154,7 @@ class Statements(Expressions):
         return kind
 
     def _condition(self, node: ast.If, word: str) -> None:
-        self._emit(f"{word} ({self.expect(node.test, BOOL).text}) {{")
+        self._emit(f"{word} ({self.fit(node.test, self.whole(node.test), BOOL).text}) {{")
         self._inner(node.body)
         match node.orelse:
             case [ast.If() as other]:
@@ -217,27 +218,11 @@ class Statements(Expressions):
 
     def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
         """Where a loop ends, which Python computes before it and C anew in every turn."""
-        text = self.expect(node, INT).text
-        if not (text.isdigit() or self._is_steady(node, body)):
-            raise self.source.refused(node, "may be changed in the loop; name it before")
-        return text
-
-    def _is_steady(self, node: ast.expr, body: Sequence[ast.stmt]) -> bool:
-        """Whether nothing in a loop may change a number that is computed before it."""
         inside = [item for statement in body for item in ast.walk(statement)]
-        stores = [item for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)]
-        stored = {getattr(item, "id", getattr(item, "attr", "")) for item in stores}
-        writes = any(item in self.function.calls and self.function.calls[item].writes for item in inside)
-
-        def may_change(item: ast.AST) -> bool:
-            match item:
-                case ast.Name(id=name):
-                    return name in stored
-                case ast.Attribute(attr=name):
-                    return writes or name in stored
-            return isinstance(item, ast.Subscript) or item in self.function.calls
-
-        return not any(map(may_change, ast.walk(node)))
+        stored = {ast.unparse(item) for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)}
+        if any(ast.unparse(item) in stored for item in ast.walk(node) if isinstance(item, ast.expr)):
+            raise self.source.refused(node, "is changed in the loop; name it before")
+        return self.expect(node, INT).text
 
     def _return(self, node: ast.Return) -> None:
         function = self.function
@@ -245,7 +230,7 @@ class Statements(Expressions):
             self._emit("return;")
         elif isinstance(node.value, ast.Tuple):
             items = node.value.elts
-            values, _, _ = self.numbers(items)
+            values, _ = self.numbers(items)
             if function.returns is None:
                 function.returns = TupleKind(
                     tuple(value.kind for value in values if isinstance(value.kind, Scalar))
@@ -257,7 +242,7 @@ class Statements(Expressions):
             texts = ", ".join(self.fit(item, value, kind).text for item, value, kind in parts)
             self._emit(f"return ({function.result}){{{texts}}};")
         else:
-            value = self.value(node.value)
+            value = self.whole(node.value)
             if isinstance(value.kind, TupleKind):
                 raise self.source.refused(node.value, "several numbers of another function; name them first")
             if not isinstance(value.kind, Scalar):

@@ -127,7 +127,7 @@ def refuse_broken(table: StateTable, phase: str, steps: Steps, factory: MachineF
             continue
         for value in _BROKEN:
             spoilt = vector._replace(signals={**vector.signals, name: value})
-            _refuse(table, factory(phase), steps, _on(table, spoilt), f"{name} = {value}")
+            _refuse(table, phase, factory, steps, _on(table, spoilt), f"{name} = {value}")
 
 
 def refuse_missing(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
@@ -139,18 +139,20 @@ def refuse_missing(table: StateTable, phase: str, steps: Steps, factory: Machine
             spoilt.append((f"the other leg: {text}", legs._replace(other=bad)))
         spoilt.append(("the other leg has a phase but no signals", legs._replace(other=None)))
     for text, bad_legs in spoilt:
-        _refuse(table, factory(phase), steps, _on_legs(bad_legs), text)
+        _refuse(table, phase, factory, steps, _on_legs(bad_legs), text)
 
 
-def _refuse(table: StateTable, machine: Machine, steps: Steps, spoilt: Advance, text: str) -> None:
+def _refuse(
+    table: StateTable, phase: str, factory: MachineFactory, steps: Steps, spoilt: Advance, text: str
+) -> None:
     """A machine that is about to take an exit is given one bad measurement instead."""
+    machine = factory(phase)
     for tick, vector in steps[:-1]:
         _on(table, vector)(machine, tick)
-    before = machine.phase
     try:
         spoilt(machine, steps[-1].tick)
     except MeasurementError:
-        assert machine.phase == before, f"{text}: refused, but the phase is now {machine.phase}"
+        assert machine.phase == phase, f"{text}: refused, but the phase is now {machine.phase}"
         return
     raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
 
