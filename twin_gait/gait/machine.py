@@ -5,7 +5,7 @@ decided by the one evaluator in :mod:`twin_gait.core.guards`. Time is the tick c
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -55,13 +55,18 @@ class GaitStateMachine:
         *,
         initial_phase: str | None = None,
         program: GuardProgram | None = None,
+        choose: Callable[..., int] | None = None,
     ) -> None:
-        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``."""
+        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``.
+
+        ``choose``: takes the place of :func:`~twin_gait.core.guards.next_transition`.
+        """
         self.table = table
         self.side = side
         self.owner = f"{side} leg"
         self.program = compile_guards(table) if program is None else program
         self.entry_tick = 0
+        self._choose = choose
         self._debounce = [0] * len(table.transitions)
         self._names = table.signals
         self._scales = [(name, signal_scale(name)) for name in self._names]
@@ -136,8 +141,8 @@ class GaitStateMachine:
         MeasurementError if a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
-        ticks = tick - self.entry_tick
-        index = next_transition(self.program, self._index, ticks, signals, other_phase, self._debounce)
+        choose, ticks = self._choose or next_transition, tick - self.entry_tick
+        index = choose(self.program, self._index, ticks, signals, other_phase, self._debounce)
         if index == NO_TRANSITION:
             return None
         source = self.phase
