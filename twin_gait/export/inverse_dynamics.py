@@ -146,22 +146,19 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
     axes = _belt_axes(world)
 
-    def pressed(side: Side) -> np.ndarray:
-        return np.concatenate([part @ axes for part in np.split(contacts.wrench(side), 2)])
+    def pressed(tick: int, belt_speed: float) -> dict[Side, np.ndarray]:
+        ground.belt_speed = belt_speed
+        contacts.update(q[tick], v[tick], ground, points)
+        halves = {side: np.split(contacts.wrench(side), 2) for side in found}
+        return {side: np.concatenate([half @ axes for half in both]) for side, both in halves.items()}
 
     for tick in range(len(q)):
-        ground.belt_speed = walking.belt_speed_at(tick * TICK, tripped)
-        contacts.update(q[tick], v[tick], ground, points)
-        loaded = {side: pressed(side) for side in found if contacts.wrench(side).any()}
-        for side, wrench in loaded.items():
-            found[side][tick] = wrench
-            found[side][tick, 0] = logged[side][tick]
-        last, now = walking.belt_speed_at(max(tick - 1, 0) * TICK, tripped), ground.belt_speed
-        if last != now:
-            ground.belt_speed = last
-            contacts.update(q[tick], v[tick], ground, points)
-            for side, new in loaded.items():
-                found[side][tick] += 0.5 * (pressed(side) - new)
+        now, last = (walking.belt_speed_at(max(tick - back, 0) * TICK, tripped) for back in (0, 1))
+        wrenches = {speed: pressed(tick, speed) for speed in dict.fromkeys((now, last))}
+        for side, new in wrenches[now].items():
+            if new.any():
+                found[side][tick] = 0.5 * (new + wrenches[last][side])
+                found[side][tick, 0] += logged[side][tick] - new[0]
     return found
 
 

@@ -46,7 +46,10 @@ class GaitStateMachine:
         owner: What messages call it.
         program: The table's compiled guards.
         entry_tick: Tick at which the present phase was entered.
+        choose: What takes the place of :func:`~twin_gait.core.guards.next_transition`, if anything.
     """
+
+    choose: Callable[..., int] | None = None
 
     def __init__(
         self,
@@ -55,18 +58,13 @@ class GaitStateMachine:
         *,
         initial_phase: str | None = None,
         program: GuardProgram | None = None,
-        choose: Callable[..., int] | None = None,
     ) -> None:
-        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``.
-
-        ``choose``: takes the place of :func:`~twin_gait.core.guards.next_transition`.
-        """
+        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``."""
         self.table = table
         self.side = side
         self.owner = f"{side} leg"
         self.program = compile_guards(table) if program is None else program
         self.entry_tick = 0
-        self._choose = choose
         self._debounce = [0] * len(table.transitions)
         self._names = table.signals
         self._scales = [(name, signal_scale(name)) for name in self._names]
@@ -141,7 +139,7 @@ class GaitStateMachine:
         MeasurementError if a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
-        choose, ticks = self._choose or next_transition, tick - self.entry_tick
+        choose, ticks = self.choose or next_transition, tick - self.entry_tick
         index = choose(self.program, self._index, ticks, signals, other_phase, self._debounce)
         if index == NO_TRANSITION:
             return None

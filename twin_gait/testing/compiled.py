@@ -51,8 +51,11 @@ def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
             debounce[:] = counters
             return chosen
 
-        return lambda phase: GaitStateMachine(
-            table, Side.LEFT, initial_phase=phase, program=program, choose=in_c
-        )
+        def machine(phase: str) -> GaitStateMachine:
+            made = GaitStateMachine(table, Side.LEFT, initial_phase=phase, program=program)
+            made.choose = in_c
+            return made
+
+        return machine
 
     return list(map(factory, tables, programs, names))
