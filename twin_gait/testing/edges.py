@@ -151,7 +151,8 @@ def priority(first: Exit, second: Exit) -> Iterator[Scenario]:
         """In each other's place the other one is taken."""
         return fires(leave, steps) and fires(swapped, steps)
 
-    found = (search(first, *schedule, wins, beside=second) for schedule in _schedules(first, second))
+    sparing = replace(first, spared=second.index)
+    found = (search(sparing, *schedule, wins) for schedule in _schedules(first, second))
     for steps in filter(None, found):
         what = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"
         yield scenario(first, what, steps)

@@ -97,6 +97,7 @@ class Exit:
 
     table: StateTable
     index: int
+    spared: int = -1  # Index of a rival that is never closed, -1 for none.
 
     @cached_property
     def item(self) -> Transition:
@@ -146,8 +147,9 @@ class Exit:
 
     @cached_property
     def rivals(self) -> tuple[Exit, ...]:
-        """Other exits of the same phase with a guard."""
-        return tuple(item for item in self.siblings if item != self and not item.item.is_time_out)
+        """Other exits of the same phase with a guard, without the one that is spared."""
+        others = (item for item in self.siblings if item.index not in (self.index, self.spared))
+        return tuple(item for item in others if not item.item.is_time_out)
 
     @cached_property
     def own_time_ticks(self) -> tuple[int, ...]:
@@ -168,28 +170,20 @@ class Exit:
         candidates = {earliest, *near, *(tick - ticks + 1 for tick in near)}
         return sorted(tick for tick in candidates if earliest <= tick and tick + ticks - 1 < self.latest)
 
-    def closings(self, window: Window, beside: Exit | None = None) -> list[tuple[Requirement, ...]]:
-        """Which rivals to close, in the order of preference: all, those that could be due, the earlier.
-
-        ``beside``: a rival that is left alone.
-        """
+    def closings(self, window: Window) -> list[tuple[Requirement, ...]]:
+        """Which rivals to close, in the order of preference: all, those that could be due, the earlier."""
         ticks = window.last - window.first + 1
-        rivals = [item for item in self.rivals if item != beside]
-        able = [item for item in rivals if item.debounce <= ticks and item.gate <= window.last]
+        able = [item for item in self.rivals if item.debounce <= ticks and item.gate <= window.last]
         earlier = [item for item in able if item.index < self.index]
-        choices = (tuple(item.closes for item in chosen) for chosen in (rivals, able, earlier))
+        choices = (tuple(item.closes for item in chosen) for chosen in (self.rivals, able, earlier))
         return list(dict.fromkeys(choices))
 
     def look(
-        self,
-        requirements: Sequence[Requirement],
-        window: Window,
-        pinned: Sequence[Bound] = (),
-        beside: Exit | None = None,
+        self, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
     ) -> Iterator[Vector]:
         """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg."""
         for phases in (self.table.others, (None,)):
-            for closing in self.closings(window, beside):
+            for closing in self.closings(window):
                 found = find(phases, [*requirements, *closing], window, pinned)
                 if found is not None:
                     yield found
@@ -229,16 +223,11 @@ def yields(leave: Exit, steps: Steps) -> bool:
 
 
 def search(
-    leave: Exit,
-    start: int,
-    stretches: Sequence[Stretch],
-    accept: Accept,
-    pinned: Sequence[Bound] = (),
-    beside: Exit | None = None,
+    leave: Exit, start: int, stretches: Sequence[Stretch], accept: Accept, pinned: Sequence[Bound] = ()
 ) -> Steps:
     """Steps from a tick on, stretch by stretch, that pass a criterion; none if there are none.
 
-    ``pinned``: bounds that hold throughout. ``beside``: a rival that is not closed.
+    ``pinned``: bounds that hold throughout.
     """
 
     def ways(first: int, left: Sequence[Stretch]) -> Iterator[Steps]:
@@ -250,7 +239,7 @@ def search(
             yield from ways(first, later)
             return
         window = Window(first, first + ticks - 1)
-        for vector in leave.look(requirements, window, pinned, beside):
+        for vector in leave.look(requirements, window, pinned):
             for rest in ways(window.last + 1, later):
                 yield constant(vector, *window) + rest
 

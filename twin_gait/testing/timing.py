@@ -1,6 +1,7 @@
 """Scenarios in time and across phases: debounce, minimum duration, time-outs, the clock of the next phase."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.guards import AllOf, Comparison
@@ -136,7 +137,7 @@ def again(leave: Exit) -> Iterator[Scenario]:
     last = comfortable(leave, [leave.opens], fires)
     for cutter in leave.siblings:
         home = _way(leave.table, cutter.item.target, leave.phase)
-        if not last or cutter == leave or home is None:
+        if not last or cutter.index == leave.index or home is None:
             continue
         for cut in _cuts(leave, cutter):
             steps = _chain([cut, *home, last])
@@ -153,11 +154,8 @@ def _cuts(leave: Exit, cutter: Exit) -> Iterator[Steps]:
     if cutter.item.is_time_out:
         starts, ticks = [int(cutter.latest) - leave.debounce + 2], leave.debounce - 1
     if ticks < leave.debounce:
-        tries = (
-            search(cutter, start, [([leave.opens, cutter.opens], ticks)], fires, beside=leave)
-            for start in starts
-        )
-        yield from filter(None, tries)
+        sparing, stretch = replace(cutter, spared=leave.index), ([leave.opens, cutter.opens], ticks)
+        yield from filter(None, (search(sparing, start, [stretch], fires) for start in starts))
 
 
 def _way(table: StateTable, start: str, end: str) -> list[Steps] | None:
