@@ -21,7 +21,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, c_dtype, linked_unit
+from twin_gait.firmware.linked import LinkedUnit, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.vectors import Vectors
 from twin_gait.gait.program import compile_guards, require_bits
@@ -85,13 +85,10 @@ class Project:
     @property
     def record_bytes(self) -> dict[str, int]:
         """RAM that the records of the units take on a Cortex-M, by unit."""
-        records = {
-            JOINT_BOARD: units.JointBoard,
-            GAIT_CONTROLLER: units.GaitController,
-            EXOSKELETON: units.Exoskeleton,
-        }
-        real = np.dtype("f4")
-        return {name: c_dtype(self.program.records, kind, real).itemsize for name, kind in records.items()}
+        records = self.program.records
+        kinds = (units.JointBoard, units.GaitController, units.Exoskeleton)
+        pairs = zip((JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON), kinds, strict=True)
+        return {name: records.dtype(kind, "f4").itemsize for name, kind in pairs}
 
     def write_linked(self, folder: Path) -> Unit:
         """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
@@ -101,10 +98,8 @@ class Project:
 
     def dtypes(self, *, double: bool) -> tuple[np.dtype[Any], np.dtype[Any]]:
         """Layout in C of inputs and outputs of the linked unit."""
-        records, real = self.program.records, np.dtype("f8" if double else "f4")
-        return c_dtype(records, units.ExoskeletonInputs, real), c_dtype(
-            records, units.ExoskeletonOutputs, real
-        )
+        records, real = self.program.records, "f8" if double else "f4"
+        return records.dtype(units.ExoskeletonInputs, real), records.dtype(units.ExoskeletonOutputs, real)
 
     def _content(self) -> dict[str, Any]:
         """What the files beside the C are filled with."""

@@ -7,6 +7,8 @@ is part of the structure, and lies in RAM.
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+import numpy as np
+
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import kinds
 from twin_gait.firmware.expressions import number
@@ -61,6 +63,24 @@ class Records:
                 if all(-(2 ** (bits - 1)) <= value < 2 ** (bits - 1) for value in values):
                     return f"int{bits}_t"
         return kind.name
+
+    def dtype(self, record: type, real: str) -> np.dtype[Any]:
+        """Layout of a record in C, its numbers of a type, addresses of tables as a Cortex-M has them."""
+
+        def layout(kind: kinds.Kind) -> tuple[Any, tuple[int, ...]]:
+            if isinstance(kind, kinds.ListKind):
+                assert kind.length is not None  # of inputs and outputs there is one sample
+                entry, shape = layout(kind.item)
+                return entry, (kind.length, *shape)
+            if isinstance(kind, kinds.RecordKind):
+                return self.dtype(kind.record, real), ()
+            return real if kind is kinds.REAL else "?" if kind is kinds.BOOL else "i4", ()
+
+        fields = [
+            (name, "u4") if self.is_table(record, name) else (name, *layout(kind))
+            for name, kind in self.used(record)
+        ]
+        return np.dtype(fields, align=True)
 
     def structures(self) -> list[str]:
         """Definitions of all structures, each after those that it contains."""

@@ -17,6 +17,7 @@ from twin_gait.testing.exits import (
     Window,
     comfortable,
     fires,
+    first_of,
     reads_only_own_time,
     reads_own_time,
     scenario,
@@ -69,13 +70,13 @@ def _placed(steps: Steps, signal: str, value: float) -> Steps:
 
 def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, accept: Accept) -> Steps:
     """Steps, one debounce long, with a condition by a margin inside (or outside, if negative)."""
-    own = reads_only_own_time(atom)
-    for start in _turns(leave, atom, margin > 0.0) if own else leave.starts(leave.debounce):
-        pinned = [] if own else _pinned(atom, margin, Window(start, start + leave.debounce - 1))
-        steps = search(leave, start, [(entry.requirements, leave.debounce)], accept, pinned)
-        if steps:
-            return steps
-    return ()
+    in_time = reads_only_own_time(atom)
+    starts = _turns(leave, atom, margin > 0.0) if in_time else leave.starts(leave.debounce)
+    windows = (Window(start, start + leave.debounce - 1) for start in starts)
+    stretch = (entry.requirements, leave.debounce)
+    return first_of(
+        search(leave, window.first, [stretch], accept, _pinned(atom, margin, window)) for window in windows
+    )
 
 
 def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
@@ -89,7 +90,9 @@ def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
 
 
 def _pinned(atom: Comparison, margin: float, window: Window) -> list[Bound]:
-    """Bounds that put a difference to its edge, at the tick that is the nearest to it."""
+    """Bounds that put a difference to its edge, at the tick nearest to it; none of a time alone."""
+    if reads_only_own_time(atom):
+        return []
     late = (atom.operator == ">") is (margin > 0.0)
     tick = window.first if late is (atom.signal == TIME) else window.last
     pins = equal(atom.signal, atom.minus or ZERO, atom.threshold + _distance(atom, margin))
@@ -113,8 +116,7 @@ def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
     pins = equal(atom.signal, atom.minus or ZERO, atom.threshold)
     ends = [] if atom.minus is None else [atom.signal, atom.minus]
     zeros = [equal(name, ZERO, 0.0) for name in ends] or [[]]
-    found = (comfortable(leave, entry.requirements, on, pinned=[*pins, *zero]) for zero in zeros)
-    return next(filter(None, found), ())
+    return first_of(comfortable(leave, entry.requirements, on, pinned=[*pins, *zero]) for zero in zeros)
 
 
 def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterator[Scenario]:
@@ -152,11 +154,10 @@ def priority(first: Exit, second: Exit) -> Iterator[Scenario]:
         return fires(leave, steps) and fires(swapped, steps)
 
     sparing = replace(first, spared=second.index)
-    found = (search(sparing, *schedule, wins) for schedule in _schedules(first, second))
-    for steps in filter(None, found):
+    steps = first_of(search(sparing, *schedule, wins) for schedule in _schedules(first, second))
+    if steps:
         what = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"
         yield scenario(first, what, steps)
-        return
 
 
 def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretch]]]:

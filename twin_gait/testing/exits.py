@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -253,12 +253,16 @@ def comfortable(
     leave: Exit, requirements: Sequence[Requirement], *accepts: Accept, pinned: Sequence[Bound] = ()
 ) -> Steps:
     """Steps, one debounce long, that fulfil requirements with room and pass one of some criteria."""
-    for accept in accepts:
-        for start in leave.starts(leave.debounce):
-            steps = search(leave, start, [(requirements, leave.debounce)], accept, pinned)
-            if steps:
-                return steps
-    return ()
+    return first_of(
+        search(leave, start, [(requirements, leave.debounce)], accept, pinned)
+        for accept in accepts
+        for start in leave.starts(leave.debounce)
+    )
+
+
+def first_of(tries: Iterable[Steps]) -> Steps:
+    """Steps of the first search that has found some; none if all were in vain."""
+    return next(filter(None, tries), ())
 
 
 def scenario(leave: Exit, what: str, steps: Steps) -> Scenario:

@@ -16,6 +16,7 @@ from twin_gait.testing.exits import (
     decisive,
     find,
     fires,
+    first_of,
     reads_only_own_time,
     scenario,
     search,
@@ -31,9 +32,8 @@ def debounce(leave: Exit) -> Iterator[Scenario]:
     steps = comfortable(leave, [leave.opens], fires)
     yield scenario(leave, f"debounce: holds for {ticks - 1} ticks, fires on tick {ticks}", steps)
     stretches = [([leave.opens], ticks - 1), ([leave.closes], 1), ([leave.opens], ticks)]
-    tries = (search(leave, start, stretches, fires) for start in leave.starts(2 * ticks))
-    what = f"debounce: one closed tick starts the count of {ticks} anew"
-    yield scenario(leave, what, next(filter(None, tries), ()))
+    steps = first_of(search(leave, start, stretches, fires) for start in leave.starts(2 * ticks))
+    yield scenario(leave, f"debounce: one closed tick starts the count of {ticks} anew", steps)
 
 
 def waiting(leave: Exit) -> Iterator[Scenario]:
@@ -89,8 +89,7 @@ def _quiet(leave: Exit) -> Steps:
     """Steps with all guards closed until a pure time-out fires; the last ``LONGEST_RUN`` ticks of them."""
     due = max(leave.item.time_out_ticks or 0, leave.debounce)
     starts = (max(1, due - LONGEST_RUN), max(1, due - leave.debounce))
-    tries = (search(leave, first, [([], due - first + 1)], fires) for first in starts)
-    return next(filter(None, tries), ())
+    return first_of(search(leave, first, [([], due - first + 1)], fires) for first in starts)
 
 
 def _last_wait(leave: Exit) -> Steps:
