@@ -62,7 +62,7 @@ def write_unit(
         f"void {name}_init({title} *unit) {{ *unit = ({title}){{0}}; }}\n"
         f"void {name}_step({title} *unit, const {title}Inputs *in, {title}Outputs *out) {{ {step} }}\n"
     )
-    return Unit(name=name, sources=(source,))
+    return Unit(name, folder)
 
 
 class PythonUnit:

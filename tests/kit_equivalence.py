@@ -18,7 +18,7 @@ from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, GaitTable, Transition
 from twin_gait.testing.exits import Exit, decisive, reads_only_own_time, reads_own_time, turning_tick
-from twin_gait.testing.reference import Vector, exits, holds, is_pure_time_out
+from twin_gait.testing.reference import Vector, exits, holds
 
 SAME = "nothing has changed: zero is zero in every unit"
 ONE_CONDITION = "a list of one condition: all and any are the same"
@@ -198,7 +198,7 @@ def _wait_reason(before: Exit, after: Transition) -> str | None:
     """Debounce or time-out has changed, the guard has not."""
     item = before.item
     waits = [max(entry.time_out_ticks or 0, entry.debounce_ticks) for entry in (item, after)]
-    if waits[0] == waits[1] and is_pure_time_out(item):
+    if waits[0] == waits[1] and item.is_time_out:
         return LONG_OPEN
     if item.debounce_ticks == after.debounce_ticks:
         gates = [max(wait, before.minimum, 1) for wait in waits]
@@ -231,7 +231,7 @@ def _pair_is_free(one: Exit, two: Exit) -> bool:
     if is_dead(one) or is_dead(two):
         return True
     due = [
-        max(item.item.time_out_ticks or 0, item.debounce) if is_pure_time_out(item.item) else None
+        max(item.item.time_out_ticks or 0, item.debounce) if item.item.is_time_out else None
         for item in (one, two)
     ]
     known = [tick for tick in due if tick is not None]

@@ -7,7 +7,7 @@ import pytest
 from firmware_tools import TARGET_TOOLS, require_tools, symbols, write_unit
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware import Emulator, build_host, build_image, build_objects, find_tool, sizes
+from twin_gait.firmware import Emulator, build_host, build_image, build_object, find_tool, sizes
 
 
 def unit_of(folder, step, **records):
@@ -34,7 +34,7 @@ def test_a_compiler_without_its_library_is_told(tmp_path, monkeypatch):
 def test_single_precision_needs_no_library(tmp_path):
     require_tools(*TARGET_TOOLS)
     unit = unit_of(tmp_path / "unit", "out->y = in->x * 1.5f;")
-    assert set(symbols(build_objects(unit, tmp_path))) == {"probe_init", "probe_step"}
+    assert set(symbols([build_object(unit, tmp_path)])) == {"probe_init", "probe_step"}
     names = symbols([build_image(unit, tmp_path / "image.elf")])
     assert names["probe_step"] == "T"
     assert not [name for name in names if "alloc" in name or name.startswith("__aeabi_")]
@@ -43,7 +43,7 @@ def test_single_precision_needs_no_library(tmp_path):
 def test_double_precision_shows_in_the_symbols(tmp_path):
     require_tools(*TARGET_TOOLS)
     unit = unit_of(tmp_path / "unit", "out->y = (float)((double)in->x * 1.1);")
-    found = symbols(build_objects(unit, tmp_path))
+    found = symbols([build_object(unit, tmp_path)])
     assert found["__aeabi_dmul"] == "U"
     assert "__aeabi_dmul" in symbols([build_image(unit, tmp_path / "image.elf")])
 
@@ -60,7 +60,7 @@ def test_sizes_are_constants_in_flash_and_variables_in_ram(tmp_path):
     index = "out->y = TABLE[(int32_t)in->x & 31];"
     table = "float TABLE[32] = {1.0f};"
     constant, variable = (
-        sizes(build_objects(unit_of(tmp_path / kind, f"static {kind} {table} {index}"), tmp_path))
+        sizes(build_object(unit_of(tmp_path / kind, f"static {kind} {table} {index}"), tmp_path))
         for kind in ("const", "volatile")
     )
     assert constant.ram == 0 and constant.flash > 128

@@ -78,9 +78,8 @@ def test_20_s_of_every_shipped_table_are_proven(name):
 
 def test_some_seconds_of_the_treadmill_are_proven(bench):
     require_tools("gcc", *TARGET_TOOLS)
-    before, after = bench.vectors[0].run, bench.walk(None, None)
-    checks = [*(check(bench) for _, check in verifying.CHECKS), verifying.walks_as_before(before, after)]
-    assert_proven(Verification("", tuple(checks), before, after))
+    checks = tuple(check(bench) for check in verifying.CHECKS.values())
+    assert_proven(Verification("", checks, bench.vectors[0].run, bench.walk))
 
 
 # ------------------------------------------------------------------------- vectors
@@ -90,9 +89,7 @@ def test_some_seconds_of_the_treadmill_are_proven(bench):
 def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(bench):
     assert len(bench.vectors) == len(FaultKind)  # a walk without, and every kind but a controller's own
     tripped = missing = 0
-    for expected, given, vectors in zip(
-        bench.expected(double=True), bench.double, bench.vectors, strict=True
-    ):
+    for expected, given, vectors in zip(bench.expected, bench.double, bench.vectors, strict=True):
         with PythonUnit(vectors.unit) as unit:
             assert verifying.differing(unit.exchange_many(vectors.inputs), vectors.outputs) == 0
         assert verifying.differing(expected, given) == 0
@@ -168,7 +165,7 @@ def test_a_wrong_c_is_found(bench, tmp_path, name):
 
 
 def test_of_two_builds_that_differ_one_bit_is_found(bench):
-    rows = bench.expected(double=False)[0]
+    rows = bench.single[0]
     other = rows.copy()
     other["commands"]["torque"][7, 1] = np.nextafter(rows["commands"]["torque"][7, 1], np.float32(np.inf))
     other["commands"]["gravity"][9, 0] = -0.0 if rows["commands"]["gravity"][9, 0] == 0.0 else 0.0
@@ -178,7 +175,7 @@ def test_of_two_builds_that_differ_one_bit_is_found(bench):
 
 
 def test_switches_that_come_late_or_otherwise_are_told(bench):
-    rows = bench.expected(double=False)[0]
+    rows = bench.single[0]
     first = int(np.flatnonzero(np.diff(rows["decision"]["phases"][:, 0]))[0])
     late, other = rows.copy(), rows.copy()
     late["decision"]["phases"][first + 1 : first + 4, 0] = rows["decision"]["phases"][first, 0]

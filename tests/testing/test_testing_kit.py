@@ -319,6 +319,13 @@ def test_tables_pass_in_c(table: str) -> None:
     assert tests
 
 
+def test_the_machine_in_c_leaves_the_choice_to_c(monkeypatch) -> None:
+    require_tools("gcc")
+    (machine,) = compiled_machines([rich_table()])
+    monkeypatch.setattr("twin_gait.gait.machine.next_transition", None)
+    assert failures(rich_table(), machine) == []
+
+
 def trunk_table() -> GaitTable:
     return two_phase_table(
         transition("stance", "swing", "trunk.pitch_deg > 5", cause="bent", debounce_ticks=3),

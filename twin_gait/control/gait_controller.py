@@ -9,7 +9,7 @@ functions, and the C firmware is printed from them.
 from dataclasses import dataclass, field
 from typing import Any
 
-from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates
+from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates, demand_rest
 from twin_gait.control.supervisor import Supervisor, choose_mode
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
@@ -387,9 +387,4 @@ def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: 
 
     ``support``: share of the weight that is still carried. ``weight``: gravity torque in [N m].
     """
-    asked = joint.demand
-    asked.stiffness, asked.damping, asked.gain = 0.0, limits.hold_damping, 0.0
-    asked.equilibrium = joint.hold_angle
-    asked.inertia, asked.target = 0.0, 0.0
-    asked.gravity = support * weight if support != 0.0 else 0.0
-    asked.held = True
+    demand_rest(joint.demand, limits, joint.hold_angle, support, weight)

@@ -280,13 +280,22 @@ def stand_alone(board: BoardState) -> None:
 
 def let_down(board: BoardState, limits: Limits) -> None:
     """Demand of oneself to brake, and to carry less and less of what was fed forward."""
-    demand, share = board.demand, support_share(board.alone_ticks, limits.lowering_ticks)
+    share = support_share(board.alone_ticks, limits.lowering_ticks)
+    demand_rest(board.demand, limits, board.encoder.angle, share, board.carried)
+    board.alone_ticks += 1
+
+
+def demand_rest(demand: Demand, limits: Limits, angle: float, support: float, weight: float) -> None:
+    """Demand that a joint is braked and let down slowly.
+
+    ``angle``: where it is held, in [rad]. ``support``: share of the weight that is still carried. ``weight``:
+    torque in [N m].
+    """
     demand.stiffness, demand.damping, demand.gain = 0.0, limits.hold_damping, 0.0
-    demand.equilibrium = board.encoder.angle
-    demand.gravity = share * board.carried if share != 0.0 else 0.0
+    demand.equilibrium = angle
+    demand.gravity = support * weight if support != 0.0 else 0.0
     demand.inertia, demand.target = 0.0, 0.0
     demand.held = True
-    board.alone_ticks += 1
 
 
 def set_current(board: BoardState, limits: Limits, torque: float) -> None:

@@ -7,8 +7,17 @@ from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName, Side
 
 
-class TripCause(StrEnum):
-    """Why the monitor tripped; ``code`` is the number in the log."""
+class Coded(StrEnum):
+    """Words whose numbers are their places."""
+
+    @property
+    def code(self) -> int:
+        """Number in the log, of a cause also in :mod:`twin_gait.core.safety`."""
+        return list(type(self)).index(self)
+
+
+class TripCause(Coded):
+    """Why the monitor tripped."""
 
     NONE = "none"
     ENCODER_MISSING = "encoder_missing"
@@ -28,22 +37,12 @@ class TripCause(StrEnum):
     OPERATOR = "operator"
     BUS = "bus_silence"
 
-    @property
-    def code(self) -> int:
-        """Number of the cause in :mod:`twin_gait.core.safety` and in the log."""
-        return list(TripCause).index(self)
 
-
-class SafetyState(StrEnum):
-    """What the monitor does; ``code`` is the number in the log."""
+class SafetyState(Coded):
+    """What the monitor does."""
 
     WATCHING = "watching"
     HOLD = "hold"
-
-    @property
-    def code(self) -> int:
-        """Number in the log."""
-        return list(SafetyState).index(self)
 
 
 _ELSEWHERE = {TripCause.OPERATOR: "operator", TripCause.BUS: "gait controller"}

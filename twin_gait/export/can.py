@@ -92,51 +92,47 @@ def encoded(message: Message, values: list[float]) -> bytes:
     return struct.pack("<2I", *halves)[: message.length]
 
 
+# Signals of the frames of a board, and how the columns of the log end that have their values.
+_SETPOINT = {
+    "stiffness": "stiffness_Nm_per_rad",
+    "damping": "damping_Nms_per_rad",
+    "equilibrium": "equilibrium_rad",
+    "gain": "friction_compensation_gain",
+}
+_FED_FORWARD = ("gravity_compensation", "inertia_compensation", "target")
+_MEASUREMENT = {
+    "angle": "measured_angle_rad",
+    "velocity": "velocity_fast_rad_per_s",
+    "current": "measured_current_A",
+}
+
+
 def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -> dict[str, Any]:
     """Values of the signals by name, but for counter and time; empty if nobody sends the message."""
     board, _, kind = message.name.rpartition("_")
     if board in BOARDS and (kind == "command" or f"{board}_measured_angle_rad" not in rows):
         return {}
     if kind == "setpoint":
-        return _setpoint(rows, board)
+        states = np.array([CODES["state"].index(name) for name in ("run", "hold")])
+        return {
+            **{name: rows[f"{board}_{column}"] for name, column in _SETPOINT.items()},
+            "torque": sum(rows[f"{board}_{name}_torque_Nm"] for name in _FED_FORWARD),
+            "state": states[rows["safety_state"].astype(int)],
+        }
     if kind == "measurement":
-        return _measurement(message, rows, board, body_weight, board == tripped)
+        side, _, joint = board.partition("_")
+        force = rows.get(f"{side}_foot_normal_force_N", 0.0) if joint == JointName.KNEE else 0.0
+        return {
+            **{name: rows[f"{board}_{column}"] for name, column in _MEASUREMENT.items()},
+            "foot_load": force / body_weight,
+            "trip_cause": _trip_causes(message, rows) if board == tripped else 0.0,
+        }
     if message.name == "battery":
         return {"voltage": rows["bus_voltage_V"], "power": rows["battery_power_W"]}
     if message.name == "imu":  # neither guide nor harness lets the trunk pitch; the rate is the true one
         rate = rows.get("trunk_pitch_velocity_rad_per_s", 0.0)
         return {"pitch": rows.get(TRUNK_PITCH.column, 0.0), "pitch_rate": rate}
     return _gait_state(message, rows)
-
-
-def _setpoint(rows: Rows, board: str) -> dict[str, Any]:
-    fed = [rows[f"{board}_{name}_torque_Nm"] for name in _FED_FORWARD]
-    states = np.array([CODES["state"].index(name) for name in ("run", "hold")])
-    return {
-        "stiffness": rows[f"{board}_stiffness_Nm_per_rad"],
-        "damping": rows[f"{board}_damping_Nms_per_rad"],
-        "equilibrium": rows[f"{board}_equilibrium_rad"],
-        "gain": rows[f"{board}_friction_compensation_gain"],
-        "torque": sum(fed),
-        "state": states[rows["safety_state"].astype(int)],
-    }
-
-
-_FED_FORWARD = ("gravity_compensation", "inertia_compensation", "target")
-
-
-def _measurement(
-    message: Message, rows: Rows, board: str, body_weight: float, tripped: bool
-) -> dict[str, Any]:
-    side, _, joint = board.partition("_")
-    force = rows.get(f"{side}_foot_normal_force_N") if joint == JointName.KNEE else None
-    return {
-        "angle": rows[f"{board}_measured_angle_rad"],
-        "velocity": rows[f"{board}_velocity_fast_rad_per_s"],
-        "current": rows[f"{board}_measured_current_A"],
-        "foot_load": 0.0 if force is None else force / body_weight,
-        "trip_cause": _trip_causes(message, rows) if tripped else 0.0,
-    }
 
 
 def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
@@ -146,8 +142,7 @@ def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
         name = f"{side}_phase"
         codes = message.codes.get(name, {})
         other = codes.get("other", message.signals[name].highest)
-        phases = rows.get(name, np.full(held.shape, "other"))
-        walked = np.array([codes.get(phase, other) for phase in phases])
+        walked = [codes.get(phase, other) for phase in rows.get(name, np.full(held.shape, "other"))]
         found[name] = np.where(held, codes.get("hold", other), walked)
     return found
 

@@ -146,22 +146,19 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
     axes = _belt_axes(world)
 
-    def pressed(side: Side) -> np.ndarray:
-        return np.concatenate([part @ axes for part in np.split(contacts.wrench(side), 2)])
+    def pressed(tick: int, belt_speed: float) -> dict[Side, np.ndarray]:
+        ground.belt_speed = belt_speed
+        contacts.update(q[tick], v[tick], ground, points)
+        halves = {side: np.split(contacts.wrench(side), 2) for side in found}
+        return {side: np.concatenate([half @ axes for half in both]) for side, both in halves.items()}
 
     for tick in range(len(q)):
-        ground.belt_speed = walking.belt_speed_at(tick * TICK, tripped)
-        contacts.update(q[tick], v[tick], ground, points)
-        loaded = {side: pressed(side) for side in found if contacts.wrench(side).any()}
-        for side, wrench in loaded.items():
-            found[side][tick] = wrench
-            found[side][tick, 0] = logged[side][tick]
-        last, now = walking.belt_speed_at(max(tick - 1, 0) * TICK, tripped), ground.belt_speed
-        if last != now:
-            ground.belt_speed = last
-            contacts.update(q[tick], v[tick], ground, points)
-            for side, new in loaded.items():
-                found[side][tick] += 0.5 * (pressed(side) - new)
+        now, last = (walking.belt_speed_at(max(tick - back, 0) * TICK, tripped) for back in (0, 1))
+        wrenches = {speed: pressed(tick, speed) for speed in dict.fromkeys((now, last))}
+        for side, new in wrenches[now].items():
+            if new.any():
+                found[side][tick] = 0.5 * (new + wrenches[last][side])
+                found[side][tick, 0] += logged[side][tick] - new[0]
     return found
 
 
@@ -176,18 +173,14 @@ def _centres_of_pressure(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 
 def _pelvis_load(run: Run, world: World, device: bool) -> ExternalLoad:
-    log, zero = run.log, np.zeros(len(run.log))
+    log, zero = run.log, pd.Series(0.0, run.log.index)
     forward, height = _pelvis_place(run, world, device)
-    if world.braces is None:
-        along, moment = log["guide_force_N"].to_numpy(), log["guide_moment_Nm"].to_numpy()
-        up = log["support_force_N"].to_numpy()
-    else:
-        brace = log["pelvis_brace_force_N"].to_numpy()
-        moment, up = zero, -brace if device else log["support_force_N"].to_numpy() + brace
-        along = zero
-        if world.model.forward_index is not None:
-            brace = log["pelvis_forward_brace_force_N"].to_numpy()
-            along = -brace if device else log["guide_force_N"].to_numpy() + brace
+    along, up, moment = log["guide_force_N"], log["support_force_N"], log["guide_moment_Nm"]
+    if world.braces is not None:
+        lifting, moment = log["pelvis_brace_force_N"], zero
+        up = -lifting if device else up + lifting
+        pushing = log.get("pelvis_forward_brace_force_N")
+        along = zero if pushing is None else -pushing if device else along + pushing
     turn = to_opensim(world.model.up_axis)
     force, point, torque = (
         np.column_stack(parts) @ turn.T
@@ -223,35 +216,32 @@ def joint_moments(run: Run, world: World, convention: Convention, device: bool) 
 
 
 def _joint_moment(run: Run, world: World, side: Side, joint: JointName, device: bool) -> np.ndarray:
-    name, log = f"{side}_{joint}", run.log
-    wearers = log[f"{name}_patient_torque_Nm"].to_numpy() if f"{name}_patient_torque_Nm" in log else 0.0
-    if world.braces is not None:
-        brace = log[f"{name}_brace_torque_Nm"].to_numpy()
-        return np.asarray(_device_moment(run, world, side, joint) - brace if device else wearers + brace)
-    return np.asarray(_device_moment(run, world, side, joint) + wearers)
+    wearers = run.log.get(f"{side}_{joint}_patient_torque_Nm", 0.0)
+    if world.braces is None:
+        return np.asarray(_device_moment(run, world, side, joint) + wearers)
+    brace = run.log[f"{side}_{joint}_brace_torque_Nm"]
+    return np.asarray(_device_moment(run, world, side, joint) - brace if device else wearers + brace)
 
 
 def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
     """Motor, friction, stop and orthosis less what the rotor takes; without a motor, orthosis and stop."""
-    name, log, index = f"{side}_{joint}", run.log, world.model.index(side, joint)
+    name, log = f"{side}_{joint}", run.log
     velocity = log[f"{name}_velocity_rad_per_s"].to_numpy()
     if f"{name}_motor_torque_Nm" not in log:
         # The log has the orthosis without its stops.
-        plant = world.plant[index]
+        plant = world.plant[world.model.index(side, joint)]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
         torques = (
             passive_torque(plant, rotational_torque(plant.friction, speed, 0.0), angle, speed, 0.0, 0.0)
             for angle, speed in states
         )
         return np.array(list(torques))
-    motor, friction, stop = (
-        log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("motor", "friction", "stop")
-    )
     # The log has the motor from its tick on, an acceleration at the tick is the mean of before and after.
-    held = np.concatenate((motor[:1], 0.5 * (motor[1:] + motor[:-1])))
+    motor = log[f"{name}_motor_torque_Nm"]
+    held = 0.5 * (motor + motor.shift().fillna(motor))
     rotor = run.experiment.plant.actuators[joint].armature * np.gradient(velocity, TICK)
-    orthosis = log[f"{name}_orthosis_torque_Nm"].to_numpy() if f"{name}_orthosis_torque_Nm" in log else 0.0
-    return np.asarray(held + friction + stop + orthosis - rotor)
+    passive = log[f"{name}_friction_torque_Nm"] + log[f"{name}_stop_torque_Nm"]
+    return np.asarray(held + passive + log.get(f"{name}_orthosis_torque_Nm", 0.0) - rotor)
 
 
 def _load_columns(loads: list[ExternalLoad]) -> Mapping[str, np.ndarray]:

@@ -2,7 +2,7 @@ from .cross import Sizes as Sizes
 from .cross import Unit as Unit
 from .cross import build_host as build_host
 from .cross import build_image as build_image
-from .cross import build_objects as build_objects
+from .cross import build_object as build_object
 from .cross import find_tool as find_tool
 from .cross import sizes as sizes
 from .emulator import Emulator as Emulator

@@ -1,42 +1,37 @@
 """What builds of an experiment's firmware give for the vectors of its runs, and in a loop with the plant."""
 
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
+from numpy.lib.recfunctions import assign_fields_by_name, require_fields
 
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment import Experiment
-from twin_gait.firmware.cross import build_host, build_image, build_objects, sizes
+from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
-from twin_gait.firmware.linked import converted
 from twin_gait.firmware.project import Project
-from twin_gait.firmware.vectors import Vectors, drive_pairs, keep, sensor_pairs, without_bus
+from twin_gait.firmware.vectors import (
+    Progress,
+    Vectors,
+    drive_pairs,
+    keep,
+    run_by_ticks,
+    sensor_pairs,
+    without_bus,
+)
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
-from twin_gait.simulation.engine import run_in_chunks
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
-from twin_gait.simulation.simulator import run_of
-
-
-class Exchanging(Protocol):
-    """A unit of :class:`~twin_gait.firmware.emulator.UnitProcess`, or one like it."""
-
-    def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick."""
-        ...
 
 
 def walk_with(
-    unit: Exchanging,
+    unit: UnitProcess,
     project: Project,
     experiment: Experiment,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     on_compile: Callable[[], None] | None = None,
     *,
     double: bool = False,
@@ -63,20 +58,17 @@ def walk_with(
     def run_tick(tick: int, end: int) -> tuple[int, int]:
         plant(address, 0, tick)
         keep([*drives, *sensors], 0)
-        obey(engine, unit.exchange(converted(inputs, given)[0]).view(taken)[0], tick)
+        obey(engine, unit.exchange(require_fields(inputs, given)[0]).view(taken)[0], tick)
         return end, plant(address, 1, tick)
 
-    began = time.perf_counter()
-    done = run_in_chunks(problem, 1, run_tick, progress, None)[0]
-    return run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
+    return run_by_ticks(engine, run_tick, rows, progress)
 
 
 def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
     """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
     e, decision = engine.episode, answer["decision"]
     commands, trip, legs = e["joints"]["board"]["command"], e["controller"]["trip"], e["controller"]["legs"]
-    for name in answer["commands"].dtype.names:
-        commands[name] = answer["commands"][name]
+    assign_fields_by_name(commands, answer["commands"], zero_unassigned=False)
     if "mode" in decision.dtype.names:
         supervisor = e["controller"]["supervisor"]
         supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
@@ -99,21 +91,35 @@ def _switch(engine: CompiledEngine, number: int, decision: np.void, tick: int) -
 
 
 class Bench:
-    """Builds of a project, and their outputs for vectors.
+    """Builds of a project, and their outputs for vectors; nothing is built before it is asked for.
 
     Whatever needs a compiler or an emulator raises
     :class:`~twin_gait.exceptions.MissingToolError` without it.
     """
 
-    def __init__(self, project: Project, vectors: Sequence[Vectors], folder: Path) -> None:
-        """Write the C for vectors of some runs into a folder; nothing is built before it is asked for."""
+    def __init__(
+        self,
+        project: Project,
+        vectors: Sequence[Vectors],
+        folder: Path,
+        progress: Progress | None = None,
+        on_compile: Callable[[], None] | None = None,
+    ) -> None:
+        """Write the C for vectors of some runs into a folder; for the last two see :func:`walk_with`."""
         self.project, self.vectors, self.folder = project, vectors, folder
+        self.progress, self.on_compile = progress, on_compile
         self.unit = project.write_linked(folder)
 
     def host(self, *, double: bool) -> HostUnit:
         """The unit on this machine."""
         path = self.folder / ("double" if double else "single")
         return HostUnit(build_host(self.unit, path, flags=["-DREAL_DOUBLE"] if double else []))
+
+    @cached_property
+    def expected(self) -> list[np.ndarray]:
+        """Outputs of the simulation, as the C in double numbers has them."""
+        _, taken = self.project.dtypes(double=True)
+        return [require_fields(item.outputs, taken) for item in self.vectors]
 
     @cached_property
     def double(self) -> list[np.ndarray]:
@@ -135,25 +141,21 @@ class Bench:
     def _run(self, unit: UnitProcess, vectors: Vectors, *, double: bool = False) -> np.ndarray:
         given, taken = self.project.dtypes(double=double)
         with unit:
-            return unit.exchange_many(converted(vectors.inputs, given)).view(taken)[:, 0]
+            return unit.exchange_many(require_fields(vectors.inputs, given)).view(taken)[:, 0]
 
     def on_target(self, vectors: Vectors) -> tuple[np.ndarray, Emulator]:
         """Outputs on the Cortex-M4F, and the emulator with what it has counted."""
         target = Emulator(self.image)
         return self._run(target, vectors), target
 
-    def expected(self, *, double: bool) -> list[np.ndarray]:
-        """Outputs of the simulation."""
-        _, taken = self.project.dtypes(double=double)
-        return [converted(item.outputs, taken) for item in self.vectors]
-
     def bytes_of(self, name: str) -> dict[str, int]:
         """Flash of a unit of the device, and RAM of its record."""
-        unit = replace(self.unit, name=name, sources=(self.folder / f"{name}.c",))
-        flash, variables = sizes(build_objects(unit, self.folder))
+        flash, variables = sizes(build_object(Unit(name, self.folder), self.folder))
         return {"flash": flash, "ram": variables + self.project.record_bytes[name]}
 
-    def walk(self, progress: Callable[[int, int], None] | None, on_compile: Callable[[], None] | None) -> Run:
-        """The experiment with the Cortex-M4F as its controller."""
+    @cached_property
+    def walk(self) -> Run:
+        """The experiment of the first vectors with the Cortex-M4F as its controller."""
+        experiment = self.vectors[0].run.experiment
         with Emulator(self.image) as target:
-            return walk_with(target, self.project, self.vectors[0].run.experiment, progress, on_compile)
+            return walk_with(target, self.project, experiment, self.progress, self.on_compile)

@@ -19,25 +19,25 @@ _CAUSE = re.compile("error|undefined reference|overflowed")
 _AFTERMATH = re.compile("collect2|linker command failed")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Unit:
-    """C sources of a unit: the record, ``init`` and ``step`` that its header ``<name>.h`` declares."""
+    """C of a unit in a folder: ``<name>.c``, and ``<name>.h`` with its record, ``init`` and ``step``."""
 
     # prefix of its functions, ``exoskeleton``; its records are ``Exoskeleton``, ``ExoskeletonInputs`` and
     # ``ExoskeletonOutputs``
     name: str
-    sources: tuple[Path, ...]  # files to compile; headers are looked for beside them
+    folder: Path  # of the two files
 
     @property
-    def flags(self) -> list[str]:
-        """What the compiler must know of the unit."""
+    def words(self) -> list[str]:
+        """What the compiler must know of the unit: what it is called, and its source."""
         record = "".join(word.capitalize() for word in self.name.split("_"))
-        folders = dict.fromkeys(f"-I{source.parent}" for source in self.sources)
-        return [f"-DUNIT={self.name}", f"-DUNIT_RECORD={record}", f'-DUNIT_HEADER="{self.name}.h"', *folders]
+        names = [f"-DUNIT={self.name}", f"-DUNIT_RECORD={record}", f'-DUNIT_HEADER="{self.name}.h"']
+        return [*names, f"-I{self.folder}", f"{self.folder / self.name}.c"]
 
 
 class Sizes(NamedTuple):
-    """Bytes of memory that object files take, without the records that their caller keeps."""
+    """Bytes of memory that an object file takes, without the records that their caller keeps."""
 
     flash: int  # code, constants and the initial values of variables
     ram: int  # variables
@@ -52,13 +52,11 @@ def find_tool(name: str) -> str:
     return path
 
 
-def build_objects(unit: Unit, folder: Path, *, flags: Sequence[str] = ()) -> tuple[Path, ...]:
-    """Compile the sources of a unit for the Cortex-M4F into object files in a folder that exists."""
-    objects = tuple(folder / f"{source.stem}.o" for source in unit.sources)
-    for source, made in zip(unit.sources, objects, strict=True):
-        words = [*FLAGS, *CORTEX_M4F, *unit.flags, *flags, "-c", source, "-o", made]
-        _run("arm-none-eabi-gcc", words)
-    return objects
+def build_object(unit: Unit, folder: Path) -> Path:
+    """Compile a unit for the Cortex-M4F into an object file in a folder that exists."""
+    path = folder / f"{unit.name}.o"
+    _run("arm-none-eabi-gcc", [*FLAGS, *CORTEX_M4F, *unit.words, "-c", "-o", path])
+    return path
 
 
 def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
@@ -68,15 +66,14 @@ def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
     """
     harness = [TARGET / name for name in ("main.c", "cortex_m4.c", "clock.S")]
     script = ["-nostartfiles", "--specs=nano.specs", "-T", TARGET / "mps2_an386.ld"]
-    words = [*FLAGS, *CORTEX_M4F, *unit.flags, *flags, *script, *unit.sources, *harness, "-o", path]
+    words = [*FLAGS, *CORTEX_M4F, *flags, *script, *unit.words, *harness, "-o", path]
     _run("arm-none-eabi-gcc", words)
     return path
 
 
 def build_host(unit: Unit, path: Path, *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
     """Link a unit with the same main loop into a program of this machine, by ``gcc`` or ``clang``."""
-    words = [*FLAGS, *unit.flags, *flags, *unit.sources, TARGET / "main.c", TARGET / "host.c"]
-    _run(compiler, [*words, "-o", path])
+    _run(compiler, [*FLAGS, *flags, *unit.words, TARGET / "main.c", TARGET / "host.c", "-o", path])
     return path
 
 
@@ -87,10 +84,9 @@ def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Se
     return path
 
 
-def sizes(objects: Sequence[Path]) -> Sizes:
-    """Flash and RAM of object files, as ``arm-none-eabi-size`` counts them."""
-    lines = _run("arm-none-eabi-size", objects).splitlines()[1:]
-    text, data, bss = (sum(int(line.split()[column]) for line in lines) for column in range(3))
+def sizes(path: Path) -> Sizes:
+    """Flash and RAM of an object file, as ``arm-none-eabi-size`` counts them."""
+    text, data, bss = map(int, _run("arm-none-eabi-size", [path]).splitlines()[1].split()[:3])
     return Sizes(text + data, data + bss)
 
 

@@ -34,20 +34,15 @@ _STATUS = {
 
 
 class UnitProcess:
-    """A unit that waits for inputs, as a context manager: its process starts and ends with the block.
-
-    Attributes:
-        input_bytes: Size of the record of inputs.
-        output_bytes: Size of the record of outputs.
-        state_bytes: Size of the unit's own record, the RAM that its caller keeps for it.
-    """
+    """A unit that waits for inputs, as a context manager: its process starts and ends with the block."""
 
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
         """Keep name for messages, program and arguments, and the longest time in [s] without an answer."""
         self._name, self._command, self._timeout = name, [str(word) for word in command], timeout
         self._process: subprocess.Popen[bytes] | None = None
-        self._costs: list[np.ndarray] = []
-        self.input_bytes = self.output_bytes = self.state_bytes = 0
+        self._input_bytes = self._answer_words = 0
+        self._calibration = np.zeros(len(_CALIBRATION))  # clock counts of steps of known length
+        self._costs = [np.empty((0, _COST), np.uint32)]
 
     def __enter__(self) -> Self:
         """Start the process; the unit is as its ``init`` leaves it."""
@@ -61,11 +56,11 @@ class UnitProcess:
         )
         try:
             words = np.frombuffer(self._read(self._process, 4 * _GREETING), np.uint32)
-            self.input_bytes, self.output_bytes, self.state_bytes = map(int, words[:3])
-            self._calibrate(words[3:])
         except BaseException:
             self._end()
             raise
+        self._input_bytes, self._answer_words = int(words[0]), int(words[1]) // 4 + _COST
+        self._calibration = words[3:].astype(float)
         return self
 
     def __exit__(
@@ -80,7 +75,7 @@ class UnitProcess:
         return None if self._process is None else self._process.pid
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick: inputs as numbers of any type, ``input_bytes`` long; outputs as 4-byte words.
+        """Run one tick: a record of inputs, of any type; outputs as 4-byte words.
 
         Raises FirmwareError: inputs of another size, a process that has ended or does not answer.
         """
@@ -89,24 +84,23 @@ class UnitProcess:
     def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
         """Run a tick for each row of inputs, none of which depends on an answer."""
         rows = np.ascontiguousarray(inputs)
-        if rows.nbytes != len(rows) * self.input_bytes:
+        if rows.nbytes != len(rows) * self._input_bytes:
             size = rows.nbytes // max(len(rows), 1)
-            raise FirmwareError(f"{self._name} takes inputs of {self.input_bytes} bytes a tick, got {size}")
-        answer = self.output_bytes + 4 * _COST
+            raise FirmwareError(f"{self._name} takes inputs of {self._input_bytes} bytes a tick, got {size}")
         # As much as the pipes hold: else each side might wait for the other to read.
-        ticks = max(1, _PIPE // max(self.input_bytes, answer))
-        parts = [self._send(rows[first : first + ticks], answer) for first in range(0, len(rows), ticks)]
-        words = np.frombuffer(b"".join(parts), np.uint32).reshape(len(rows), answer // 4)
+        ticks = max(1, _PIPE // max(self._input_bytes, 4 * self._answer_words))
+        content = b"".join(self._send(rows[first : first + ticks]) for first in range(0, len(rows), ticks))
+        words = np.frombuffer(content, np.uint32).reshape(len(rows), self._answer_words)
         self._costs.append(words[:, -_COST:])
         return words[:, :-_COST].copy()
 
-    def _send(self, rows: np.ndarray, answer: int) -> bytes:
+    def _send(self, rows: np.ndarray) -> bytes:
         if self._process is None or self._process.stdin is None:
             raise FirmwareError(f"{self._name} does not run: use it in a with statement")
         with contextlib.suppress(BrokenPipeError):  # reading says why
             self._process.stdin.write(rows.tobytes())
             self._process.stdin.flush()
-        return self._read(self._process, len(rows) * answer)
+        return self._read(self._process, 4 * len(rows) * self._answer_words)
 
     def _read(self, process: subprocess.Popen[bytes], size: int) -> bytes:
         assert process.stdout is not None  # __enter__ asked for it
@@ -131,9 +125,6 @@ class UnitProcess:
         if status in _STATUS:
             return _STATUS[status]
         return [*(line for line in said if "error" in line.lower()), *said[-1:], f"exit status {status}"][0]
-
-    def _calibrate(self, counts: np.ndarray) -> None:
-        """Take the clock's counts of steps of known length."""
 
     def _end(self) -> None:
         process, self._process = self._process, None
@@ -160,27 +151,23 @@ class Emulator(UnitProcess):
         """Keep the image; nothing starts before the ``with`` statement. FirmwareError without QEMU."""
         command = [find_tool("qemu-system-arm"), *_MACHINE, "-kernel", image.resolve()]
         super().__init__("qemu-system-arm", command, timeout)
-        self._shortest = self._rate = 0.0  # counts of the shortest step, and an instruction
 
     @property
     def instructions(self) -> np.ndarray:
-        """Instructions of each call of ``step`` since the start, its return included; shape ``(ticks,)``."""
-        counts = np.concatenate([np.empty((0, _COST)), *self._costs])[:, 0]
-        return self._instructions(counts)
+        """Instructions of each call of ``step`` since the start, its return included; shape ``(ticks,)``.
+
+        FirmwareError: the clock does not follow them, which a step of known length shows.
+        """
+        shortest, _, longest = self._calibration
+        rate = (longest - shortest) / (_CALIBRATION[2] - _CALIBRATION[0])  # counts an instruction
+        counts = np.concatenate([self._calibration, np.concatenate(self._costs)[:, 0]])
+        found = np.rint((counts - shortest) / rate) + _CALIBRATION[0]
+        # Less than a few counts an instruction could not tell one from the next.
+        if rate < 4.0 or (found[: len(_CALIBRATION)] != _CALIBRATION).any():
+            raise FirmwareError(f"this version of {self._name} has a clock that does not follow instructions")
+        return np.asarray(found[len(_CALIBRATION) :], np.int64)
 
     @property
     def stack_bytes(self) -> int:
         """The deepest stack since the start, the main loop's frame of a few words included."""
-        return max((int(costs[-1, 1]) for costs in self._costs), default=0)
-
-    def _instructions(self, counts: np.ndarray) -> np.ndarray:
-        longer = np.rint((counts - self._shortest) / self._rate)
-        return np.asarray(longer + _CALIBRATION[0], np.int64)
-
-    def _calibrate(self, counts: np.ndarray) -> None:
-        shortest, _, longest = counts.astype(float)
-        self._shortest = shortest
-        self._rate = (longest - shortest) / (_CALIBRATION[2] - _CALIBRATION[0])
-        # The middle one is the check; less than a few counts an instruction could not tell one from the next.
-        if self._rate < 4.0 or (self._instructions(counts) != _CALIBRATION).any():
-            raise FirmwareError(f"this version of {self._name} has a clock that does not follow instructions")
+        return int(np.concatenate(self._costs)[:, 1].max(initial=0))

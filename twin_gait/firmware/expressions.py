@@ -1,32 +1,48 @@
-"""Expressions in C, every operation in the order of Python."""
+"""Expressions: of what kind they are, what they change, and how C says them, in the order of Python."""
+
+from __future__ import annotations
 
 import ast
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
-from twin_gait.firmware.expression_kinds import is_floor
-from twin_gait.firmware.function import Function, Functions
-from twin_gait.firmware.kinds import BOOL, INT, REAL, Kind, ListKind, RecordKind, Scalar
+from twin_gait.firmware.kinds import (
+    BOOL,
+    INT,
+    REAL,
+    Kind,
+    ListKind,
+    RecordKind,
+    Scalar,
+    joined,
+    scalar_of,
+)
 from twin_gait.firmware.layout import TAKEN, identifier
+from twin_gait.firmware.source import Source
+
+if TYPE_CHECKING:
+    from twin_gait.firmware.function import Function, Functions
 
 # How strongly operators bind in C; what is stronger needs no brackets.
 PRIMARY, UNARY, PRODUCT, SUM, SHIFT, RELATION, EQUALITY, BIT_AND, BIT_XOR, BIT_OR, AND, OR, CHOICE = range(
     13, 0, -1
 )
-BINARY: dict[type[ast.operator], tuple[str, int]] = {
-    ast.Add: ("+", SUM),
-    ast.Sub: ("-", SUM),
-    ast.Mult: ("*", PRODUCT),
-    ast.Div: ("/", PRODUCT),
-    ast.LShift: ("<<", SHIFT),
-    ast.RShift: (">>", SHIFT),
-    ast.BitAnd: ("&", BIT_AND),
-    ast.BitXor: ("^", BIT_XOR),
-    ast.BitOr: ("|", BIT_OR),
+# In C, how strongly it binds, and what it takes. C divides whole numbers otherwise: functions of real.h.
+OPERATORS: dict[type[ast.operator], tuple[str, int, tuple[Scalar, ...]]] = {
+    ast.Add: ("+", SUM, (INT, REAL)),
+    ast.Sub: ("-", SUM, (INT, REAL)),
+    ast.Mult: ("*", PRODUCT, (INT, REAL)),
+    ast.Div: ("/", PRODUCT, (REAL,)),
+    ast.FloorDiv: ("int_divide", PRIMARY, (INT,)),
+    ast.Mod: ("int_modulo", PRIMARY, (INT,)),
+    ast.LShift: ("<<", SHIFT, (INT,)),
+    ast.RShift: (">>", SHIFT, (INT,)),
+    ast.BitAnd: ("&", BIT_AND, (INT, BOOL)),
+    ast.BitXor: ("^", BIT_XOR, (INT, BOOL)),
+    ast.BitOr: ("|", BIT_OR, (INT, BOOL)),
 }
-# Those that C does otherwise than Python: functions of real.h.
-WHOLE = {ast.FloorDiv: "int_divide", ast.Mod: "int_modulo"}
 RELATIONS: dict[type[ast.cmpop], tuple[str, int]] = {
     ast.Lt: ("<", RELATION),
     ast.LtE: ("<=", RELATION),
@@ -35,45 +51,34 @@ RELATIONS: dict[type[ast.cmpop], tuple[str, int]] = {
     ast.Eq: ("==", EQUALITY),
     ast.NotEq: ("!=", EQUALITY),
 }
+BUILT_IN = {"abs": 1, "max": 2, "min": 2, "len": 1, "float": 1, "int": 1}  # arguments by name
 
 
-class Text(NamedTuple):
-    """An expression in C, and how strongly its last operator binds."""
+@dataclass(frozen=True, slots=True)
+class Value:
+    """An expression in C."""
 
+    kind: Kind
     text: str
-    binds: int
+    binds: int = PRIMARY  # how strongly its last operator does
+    # Of a record or a list: whether the text is its address, the name that leads to it, and the fields (None
+    # for entries) on the way.
+    is_address: bool = False
+    name: str = ""
+    fields: tuple[tuple[type, str] | None, ...] = ()
 
     def inside(self, binds: int) -> str:
         """As an operand, in brackets where they are needed."""
         return self.text if self.binds >= binds else f"({self.text})"
 
-
-class Naming:
-    """Names of functions and constants in C.
-
-    Attributes:
-        functions: By function.
-        taken: Names that no local name may have.
-    """
-
-    def __init__(self, functions: Sequence[Function]) -> None:
-        """Name all functions."""
-        self.functions: dict[Function, str] = {}
-        for function in functions:
-            name = identifier(function.source.name)
-            if name in self.functions.values():
-                raise function.source.refused(function.source.tree.args, "another function has the same name")
-            self.functions[function] = name
-        self.taken = TAKEN | set(self.functions.values())
-
-    def of(self, function: Function) -> str:
-        """Name of a function, of real.h too."""
-        return self.functions.get(function, function.source.name)
-
-    @staticmethod
-    def result(function: Function) -> str:
-        """Name of the structure of several numbers that a function returns."""
-        return "".join(word.capitalize() for word in function.source.name.split("_")) + "Result"
+    def in_kind(self, wanted: Kind) -> Value:
+        """As a number of a kind that holds it; of a record or a list the address."""
+        if not isinstance(self.kind, Scalar):
+            direct = self.is_address or isinstance(self.kind, ListKind)
+            return replace(self, text=self.text if direct else f"&{self.text}", binds=UNARY)
+        if wanted is not REAL or self.kind is REAL:
+            return self
+        return replace(self, kind=REAL, text=f"(real){self.inside(UNARY)}", binds=UNARY)
 
 
 def number(value: bool | int | float, kind: Scalar) -> str:
@@ -90,132 +95,236 @@ def number(value: bool | int | float, kind: Scalar) -> str:
 
 
 class Expressions:
-    """Prints the expressions of one function."""
+    """Understands and prints the expressions of one function."""
 
-    def __init__(self, functions: Functions, function: Function, naming: Naming) -> None:
-        """Keep what is known of the function."""
-        self.functions, self.function, self.naming = functions, function, naming
+    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = TAKEN) -> None:
+        """Keep what is known of the function, and names that its own may not be."""
+        self.functions, self.function, self.source = functions, function, function.source
+        self.taken = taken
+        self.alone: ast.expr | None = None  # what stands alone in its statement
 
     def local(self, name: str) -> str:
         """An argument or a name of the function."""
-        return identifier(name, self.naming.taken)
+        return identifier(name, self.taken)
 
-    def place(self, node: ast.expr) -> tuple[str, bool]:
-        """Where a record or a list is, and whether that is its address."""
-        match node:
-            case ast.Name(id=name):
-                return self.local(name), True
-            case ast.Attribute(value=base, attr=name):
-                kind = self.function.kinds[base]
-                assert isinstance(kind, RecordKind)
-                return self.field(node), (kind.record, name) not in self.functions.mutable
-            case ast.Subscript(value=base, slice=number):
-                return f"{self.place(base)[0]}[{self.value(number, INT)}]", False
-        raise self.function.source.refused(node, "is no place in a record")
+    def known(self, name: str) -> Kind:
+        """Kind of an argument or a name of the function; None of any other."""
+        return self.function.params.get(name) or self.function.locals.get(name)
 
-    def field(self, node: ast.Attribute) -> str:
-        """A field of a record."""
-        text, is_address = self.place(node.value)
-        return f"{text}{'->' if is_address else '.'}{identifier(node.attr)}"
+    def fit(self, node: ast.AST, value: Value, wanted: Kind) -> Value:
+        """A value in the place of one of some kind; refused if it cannot take it."""
+        kind = value.kind
+        widened = (kind in (INT, BOOL) and wanted is REAL) or (kind is BOOL and wanted is INT)
+        if kind != wanted and not widened and joined(kind, wanted) is None:
+            raise self.source.refused(node, f"is {kind} where {wanted} is expected")
+        return value.in_kind(wanted)
 
-    def address(self, node: ast.expr) -> str:
-        """Of a record or a list."""
-        text, is_address = self.place(node)
-        return text if is_address or isinstance(self.function.kinds[node], ListKind) else f"&{text}"
+    def expect(self, node: ast.expr, wanted: Kind) -> Value:
+        """An expression of some kind."""
+        return self.fit(node, self.value(node), wanted)
 
-    def value(self, node: ast.expr, wanted: Kind) -> str:
-        """An expression as a value of some kind."""
-        return self.text(node, wanted).text
+    def wrote(self, value: Value) -> None:
+        """Note that a record or list is written to, and so all that it is reached through."""
+        self.functions.mutable.update(field for field in value.fields if field is not None)
+        if value.name not in self.function.written:
+            self.function.written.add(value.name)
+            for other in self.function.aliases.get(value.name, ()):
+                self.wrote(other)
 
-    def text(self, node: ast.expr, wanted: Kind) -> Text:
-        """As :meth:`value`, with how strongly it binds."""
-        kind = self.function.kinds[node]
-        if not isinstance(kind, Scalar):
-            return Text(self.address(node), UNARY)
-        if wanted is REAL and kind is not REAL:
-            if isinstance(node, ast.Constant):
-                return Text(number(node.value, REAL), PRIMARY)  # type: ignore[arg-type]
-            return Text(f"(real){self.plain(node, kind).inside(UNARY)}", UNARY)
-        return self.plain(node, kind)
+    def length(self, node: ast.AST, value: Value) -> int:
+        """Of a list, which is refused if it is not known; notes that it matters."""
+        if not isinstance(value.kind, ListKind) or value.kind.length is None:
+            raise self.source.refused(node, "is no list of one known length")
+        self._note_length(value)
+        return value.kind.length
 
-    def plain(self, node: ast.expr, kind: Scalar) -> Text:
-        """An expression of its own kind."""
+    def _note_length(self, value: Value) -> None:
+        if not value.fields:
+            self.function.lengths.add(value.name)
+            for other in self.function.aliases.get(value.name, ()):
+                self._note_length(other)
+
+    def numbers(self, nodes: Sequence[ast.expr]) -> tuple[list[Value], Scalar]:
+        """Several numbers, and the kind that holds them."""
+        values = [self.value(node) for node in nodes]
+        kinds = [value.kind for value in values]
+        for node, kind in zip(nodes, kinds, strict=True):
+            if not isinstance(kind, Scalar):
+                raise self.source.refused(node, "is no number")
+        return values, REAL if REAL in kinds else INT if INT in kinds else BOOL
+
+    def whole(self, node: ast.expr) -> Value:
+        """An expression that stands alone in its statement, where it may change records."""
+        self.alone = node
+        return self.value(node)
+
+    def value(self, node: ast.expr) -> Value:
+        """An expression."""
         match node:
             case ast.Constant(value=value):
-                return Text(number(value, kind), PRIMARY)  # type: ignore[arg-type]
+                return self._literal(node, value, "")
             case ast.Name(id=name):
-                constant = name in self.function.constants
-                return Text(identifier(name) if constant else self.local(name), PRIMARY)
-            case ast.Attribute(attr=name):
-                return Text(self.of_module(node) or self.field(node), PRIMARY)
-            case ast.Subscript(value=base, slice=place):
-                return Text(f"{self.place(base)[0]}[{self.value(place, INT)}]", PRIMARY)
-            case ast.UnaryOp(op=op, operand=operand):
-                inner = self.text(operand, kind).inside(UNARY)
-                sign = {ast.USub: "-", ast.Invert: "~", ast.Not: "!"}[type(op)]
-                return Text(f"{sign}({inner})" if inner[0] == sign == "-" else sign + inner, UNARY)
+                return self.place(node) if self.known(name) is not None else self._constant(node, name)
+            case ast.Attribute(value=ast.Name(id="math"), attr=name):
+                return Value(REAL, number(getattr(math, name), REAL))
+            case ast.Attribute() | ast.Subscript():
+                return self.place(node)
+            case ast.UnaryOp():
+                return self._unary(node)
             case ast.BinOp():
-                return self.binary(node, kind)
-            case ast.BoolOp(op=op, values=values):
+                return self._binary(node)
+            case ast.BoolOp(op=op, values=items):
                 sign, binds = ("&&", AND) if isinstance(op, ast.And) else ("||", OR)
-                parts = [self.text(item, BOOL) for item in values]
+                parts = [self.expect(item, BOOL) for item in items]
                 # What binds less strongly, and an "and" within an "or", where compilers warn.
-                return Text(f" {sign} ".join(item.inside(BIT_OR) for item in parts), binds)
+                text = f" {sign} ".join(part.inside(BIT_OR) for part in parts)
+                return Value(BOOL, text, binds)
             case ast.Compare():
-                return self.comparison(node)
+                return self._comparison(node)
             case ast.IfExp(test=test, body=body, orelse=other):
-                texts = (self.text(test, BOOL), self.text(body, kind), self.text(other, kind))
-                given, yes, no = (item.inside(CHOICE + 1) for item in texts)
-                return Text(f"{given} ? {yes} : {no}", CHOICE)
+                values, kind = self.numbers([body, other])
+                parts = [self.expect(test, BOOL), *(item.in_kind(kind) for item in values)]
+                given, yes, no = (part.inside(CHOICE + 1) for part in parts)
+                return Value(kind, f"{given} ? {yes} : {no}", CHOICE)
             case ast.Call():
-                return Text(self.call(node, kind), PRIMARY)
-        raise self.function.source.refused(node, "an expression that is not printed")
+                return self.call(node)
+        raise self.source.refused(node, "an expression that is not printed")
 
-    def of_module(self, node: ast.Attribute) -> str:
-        """A constant of a module; nothing if it is a field of a record."""
-        if node.value in self.function.kinds:
-            return ""
-        value = getattr(math, node.attr, None) if node.attr not in self.function.constants else None
-        return identifier(node.attr) if value is None else number(value, REAL)
+    def place(self, node: ast.expr) -> Value:
+        """A name, a field of a record or an entry of a list, which may be written to."""
+        match node:
+            case ast.Name(id=name):
+                return Value(self.known(name), self.local(name), is_address=True, name=name)
+            case ast.Attribute(value=base, attr=name):
+                record = self.value(base)
+                if not isinstance(record.kind, RecordKind):
+                    raise self.source.refused(node, "is no field of a record")
+                field = (record.kind.record, name)
+                kind = self.functions.shapes.fields.get(field[0], {}).get(name)
+                if kind is None:
+                    raise self.source.refused(node, f"no sample of {field[0].__name__} has {name}")
+                self.functions.used.add(field)
+                return replace(
+                    record,
+                    kind=kind,
+                    text=f"{record.text}{'->' if record.is_address else '.'}{identifier(name)}",
+                    is_address=field not in self.functions.mutable,
+                    fields=(*record.fields, field),
+                )
+            case ast.Subscript(value=base, slice=index):
+                items, at = self.value(base), self.expect(index, INT)
+                if not isinstance(items.kind, ListKind) or isinstance(index, ast.UnaryOp):
+                    raise self.source.refused(node, "is no entry of a list, counted from its beginning")
+                return replace(
+                    items,
+                    kind=items.kind.item,
+                    text=f"{items.text}[{at.text}]",
+                    is_address=False,
+                    fields=(*items.fields, None),
+                )
+        raise self.source.refused(node, "is no place in a record")
 
-    def binary(self, node: ast.BinOp, kind: Scalar) -> Text:
-        """Arithmetic."""
-        left, right = (self.text(item, kind) for item in (node.left, node.right))
-        if type(node.op) in WHOLE:
-            return Text(f"{WHOLE[type(node.op)]}({left.text}, {right.text})", PRIMARY)
-        sign, binds = BINARY[type(node.op)]
-        if binds <= SHIFT:  # compilers warn without brackets
-            return Text(f"{left.inside(UNARY)} {sign} {right.inside(UNARY)}", binds)
-        return Text(f"{left.inside(binds)} {sign} {right.inside(binds + 1)}", binds)
+    def _literal(self, node: ast.expr, value: Any, name: str) -> Value:
+        """A number, by the name of a constant if it has one."""
+        kind = scalar_of(value)
+        if kind is None:
+            raise self.source.refused(node, "is no constant number" if name else "is no number")
+        if name:
+            self.function.constants[name] = value
+            return Value(kind, identifier(name))
+        return Value(kind, number(value, kind))
 
-    def comparison(self, node: ast.Compare) -> Text:
+    def _constant(self, node: ast.Name, name: str) -> Value:
+        return self._literal(node, self.functions.sources.found(name, self.source.scope), name)
+
+    def _unary(self, node: ast.UnaryOp) -> Value:
+        if isinstance(node.op, ast.Not):
+            inner, sign = self.expect(node.operand, BOOL), "!"
+        else:
+            (inner,), kind = self.numbers([node.operand])
+            sign = {ast.USub: "-", ast.Invert: "~"}.get(type(node.op), "")
+            if not sign or kind is BOOL or (kind is REAL and sign == "~"):
+                raise self.source.refused(node, "is no number with a sign")
+        text = inner.inside(UNARY)
+        text = f"{sign}({text})" if text[0] == sign == "-" else sign + text
+        return Value(inner.kind, text, UNARY)
+
+    def _binary(self, node: ast.BinOp) -> Value:
+        operands, kind = self.numbers([node.left, node.right])
+        kind = REAL if isinstance(node.op, ast.Div) else kind
+        sign, binds, kinds = OPERATORS.get(type(node.op), ("", PRIMARY, ()))
+        if kind not in kinds:
+            raise self.source.refused(node, "arithmetic that is not printed")
+        left, right = (operand.in_kind(kind) for operand in operands)
+        if binds == PRIMARY:
+            return Value(kind, f"{sign}({left.text}, {right.text})")
+        # In brackets, since compilers warn without, what stands beside an operator on bits.
+        beside = (UNARY, UNARY) if binds <= SHIFT else (binds, binds + 1)
+        return Value(kind, f"{left.inside(beside[0])} {sign} {right.inside(beside[1])}", binds)
+
+    def _comparison(self, node: ast.Compare) -> Value:
         """Comparisons, in a chain too."""
-        parts, items = [], [node.left, *node.comparators]
+        items, _ = self.numbers([node.left, *node.comparators])
+        parts, binds = [], AND
         for left, op, right in zip(items, node.ops, items[1:], strict=False):
-            kind = REAL if REAL in (self.function.kinds[left], self.function.kinds[right]) else INT
+            if type(op) not in RELATIONS:
+                raise self.source.refused(node, "a comparison that is not printed")
             sign, binds = RELATIONS[type(op)]
-            parts.append(
-                f"{self.text(left, kind).inside(SHIFT)} {sign} {self.text(right, kind).inside(SHIFT)}"
-            )
-        return Text(parts[0], binds) if len(parts) == 1 else Text(" && ".join(parts), AND)
+            kind = REAL if REAL in (left.kind, right.kind) else INT
+            parts.append(f"{left.in_kind(kind).inside(SHIFT)} {sign} {right.in_kind(kind).inside(SHIFT)}")
+        return Value(BOOL, " && ".join(parts), binds if len(parts) == 1 else AND)
 
-    def call(self, node: ast.Call, kind: Kind) -> str:
+    def call(self, node: ast.Call) -> Value:
         """A call of a function, of real.h or printed."""
-        called = self.function.calls.get(node)
-        if called is not None:
-            wanted = called.params.values()
-            given = ", ".join(self.value(item, part) for item, part in zip(node.args, wanted, strict=True))
-            return f"{self.naming.of(called)}({given})"
-        name = ast.unparse(node.func)
-        if name in ("math.floor", "math.isfinite"):
-            return f"real_{name.removeprefix('math.')}({self.value(node.args[0], REAL)})"
+        if node.keywords:
+            raise self.source.refused(node, "arguments are given by place")
+        match node.func:
+            case ast.Name(id="int") if len(node.args) == 1 and is_floor(node.args[0]):
+                floor = self.value(node.args[0])
+                return replace(floor, kind=INT, text=floor.text.replace("real", "int", 1))
+            case ast.Name(id=name) if name in BUILT_IN and name not in self.source.scope:
+                return self._built_in(node, name)
+            case ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" as name):
+                given = self.expect(node.args[0], REAL)
+                return Value(REAL if name == "floor" else BOOL, f"real_{name}({given.text})")
+            case ast.Name(id=name):
+                source = self.functions.sources.found(name, self.source.scope)
+                if isinstance(source, Source):
+                    return self._call_of(node, source)
+        raise self.source.refused(node, "a function that is not printed")
+
+    def _built_in(self, node: ast.Call, name: str) -> Value:
+        if len(node.args) != BUILT_IN[name]:
+            raise self.source.refused(node, "a function that is not printed")
         if name == "len":
-            length = self.function.kinds[node.args[0]]
-            assert isinstance(length, ListKind)
-            return str(length.length)
-        if name == "int" and is_floor(node.args[0]):
-            return f"int_floor({self.value(node.args[0].args[0], REAL)})"  # type: ignore[attr-defined]
-        if name in ("float", "int"):
-            return f"({kind.name})({self.value(node.args[0], kind)})"  # type: ignore[union-attr]
-        prefix = "real" if kind is REAL else "int"
-        return f"{prefix}_{name}({', '.join(self.value(item, kind) for item in node.args)})"
+            return Value(INT, str(self.length(node.args[0], self.value(node.args[0]))))
+        values, kind = self.numbers(node.args)
+        if (name == "int" and kind is REAL) or (name == "abs" and kind is BOOL):
+            raise self.source.refused(node, "a function that is not printed")
+        kind = {"float": REAL, "int": INT}.get(name, INT if kind is BOOL else kind)
+        called = f"({kind})" if name in ("float", "int") else f"{'real' if kind is REAL else 'int'}_{name}"
+        return Value(kind, f"{called}({', '.join(value.in_kind(kind).text for value in values)})")
+
+    def _call_of(self, node: ast.Call, source: Source) -> Value:
+        missing = len(source.tree.args.args) - len(node.args)
+        defaults = source.tree.args.defaults
+        if not 0 <= missing <= len(defaults) or any(isinstance(item, ast.Starred) for item in node.args):
+            raise self.source.refused(node, f"{source.name} takes other arguments")
+        node.args += defaults[len(defaults) - missing :]
+        given = [self.value(item) for item in node.args]
+        called = self.function.calls[node] = self.functions.called(source, [item.kind for item in given])
+        texts = []
+        for item, value, (name, wanted) in zip(node.args, given, called.params.items(), strict=True):
+            texts.append(self.fit(item, value, wanted).text)
+            if name in called.written:
+                self.wrote(value)
+            if name in called.lengths:
+                self.length(item, value)
+        if called.writes and node is not self.alone:  # C may evaluate what is beside it before or after
+            raise self.source.refused(node, "changes records beside what else is read; name its result")
+        return Value(called.returns, f"{called.name}({', '.join(texts)})")
+
+
+def is_floor(node: ast.expr) -> bool:
+    """Whether an expression is a call of ``math.floor``."""
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "math.floor"

@@ -1,4 +1,4 @@
-"""A function with the kind of everything in it, and what it writes to."""
+"""A function with the kinds of its names, and what it writes to; all that entries lead to."""
 
 from __future__ import annotations
 
@@ -6,20 +6,11 @@ import ast
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from twin_gait.firmware.expression_kinds import ExpressionKinds
-from twin_gait.firmware.kinds import (
-    BOOL,
-    INT,
-    SCALARS,
-    Kind,
-    ListKind,
-    RecordKind,
-    Scalar,
-    Shapes,
-    TupleKind,
-    kind_of_hint,
-)
+from twin_gait.firmware.expressions import Value
+from twin_gait.firmware.kinds import SCALARS, Kind, Shapes, joined, kind_of_hint
+from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.source import Source, Sources
+from twin_gait.firmware.statements import Statements
 
 ELEMENTARY = "twin_gait.core.elementary"
 # These look at bits; real.h has them.
@@ -34,13 +25,22 @@ class Function:
     params: dict[str, Kind]  # kinds of its arguments
     returns: Kind = None  # kind of its result
     locals: dict[str, Kind] = field(default_factory=dict)  # kinds of its names
-    kinds: dict[ast.AST, Kind] = field(default_factory=dict)  # of every expression
     calls: dict[ast.Call, Function] = field(default_factory=dict)  # functions that are called, by the call
     constants: dict[str, bool | int | float] = field(default_factory=dict)  # values of the global names in it
     # what names of records and lists have been assigned
-    aliases: dict[str, list[ast.expr]] = field(default_factory=dict)
+    aliases: dict[str, list[Value]] = field(default_factory=dict)
     written: set[str] = field(default_factory=set)  # names of records and lists that are written to
     lengths: set[str] = field(default_factory=set)  # arguments whose length matters
+
+    @property
+    def name(self) -> str:
+        """In C."""
+        return identifier(self.source.name)
+
+    @property
+    def result(self) -> str:
+        """Name of the structure of several numbers that it returns."""
+        return "".join(word.capitalize() for word in self.source.name.split("_")) + "Result"
 
     @property
     def writes(self) -> bool:
@@ -87,14 +87,13 @@ class Functions:
             params[name] = SCALARS[hint] if hint in SCALARS else kind
         known = self._found.get(source)
         if known is None:
-            self._open.append(source)
-            known = self._found[source] = Function(source, params)
-            if (source.module, source.name) in BY_HAND:
-                known.returns = kind_of_hint(source.hints["return"])
-            else:
-                Inference(self, known).run()
+            known = self._found[source] = Function(source, params, kind_of_hint(source.hints.get("return")))
+            if (source.module, source.name) not in BY_HAND:
+                self._open.append(source)
+                # What it writes is known behind its last line only: it is printed another time.
+                Statements(self, known).definition(exported=False)
+                self._open.pop()
                 self.order.append(known)
-            self._open.pop()
         self._agree(known, params)
         return known
 
@@ -106,138 +105,9 @@ class Functions:
     def _agree(function: Function, params: dict[str, Kind]) -> None:
         """Refuse arguments of other kinds than in the calls before; of a list's length where it matters."""
         for name, kind in params.items():
-            known = function.params[name]
-            if kind == known:
-                continue
-            if isinstance(known, ListKind) and isinstance(kind, ListKind) and known.item == kind.item:
-                if name not in function.lengths:
-                    function.params[name] = ListKind(known.item, None)
-                    continue
-            raise function.source.refused(function.source.tree.args, f"{name} is of two kinds in two calls")
-
-
-class Inference(ExpressionKinds):
-    """Finds the kinds in one function."""
-
-    def __init__(self, functions: Functions, function: Function) -> None:
-        """Begin with the arguments."""
-        super().__init__(functions, function)
-        self.returned: list[Kind] = []
-
-    def run(self) -> None:
-        """Go through the function."""
-        self._block(self.source.tree.body)
-        found: Kind = self.returned[0] if self.returned else None
-        if "return" in self.source.hints:
-            found = kind_of_hint(self.source.hints["return"])
-        self.function.returns = found
-
-    def _block(self, statements: Sequence[ast.stmt]) -> None:
-        for statement in statements:
-            self._statement(statement)
-
-    def _statement(self, node: ast.stmt) -> None:
-        match node:
-            case ast.Assign(targets=[target]):
-                self._assign(node, target, node.value)
-            case ast.If():
-                self.expect(node.test, BOOL)
-                self.in_order(node.test)
-                self._block(node.body)
-                self._block(node.orelse)
-            case ast.For(orelse=[]):
-                self._loop(node)
-            case ast.Return():
-                self._returns(node)
-            case ast.Expr(value=ast.Constant(value=str())) | ast.Pass() | ast.Continue():
-                pass
-            case ast.Expr(value=ast.Call()):
-                self.kind(node.value)
-                self.in_order(node.value)
-            case _:
-                raise self.source.refused(node, "a statement that is not printed")
-
-    def _assign(self, node: ast.stmt, target: ast.expr, value: ast.expr) -> None:
-        kind = self.kind(value)
-        if isinstance(target, ast.Tuple):
-            if not isinstance(kind, TupleKind) or len(kind.items) != len(target.elts):
-                raise self.source.refused(node, "as many names as values are expected")
-            for item, part in zip(target.elts, kind.items, strict=True):
-                self._store(item, part, value)
-        else:
-            self._store(target, kind, value)
-        self.in_order(value, target)
-
-    def _store(self, target: ast.expr, kind: Kind, value: ast.expr) -> None:
-        if isinstance(target, ast.Name):
-            if kind is None or isinstance(kind, TupleKind):
-                raise self.source.refused(value, "is no single value")
-            self._declare(target, kind, value)
-        else:
-            known = self.kind(target)
-            if not isinstance(known, Scalar):
-                raise self.source.refused(target, "records and lists are changed entry by entry")
-            assert isinstance(target, (ast.Attribute, ast.Subscript))
-            self.wrote(target.value)
-            self.fits(value, kind, known)
-
-    def _declare(self, target: ast.Name, kind: Kind, value: ast.expr) -> None:
-        function, name = self.function, target.id
-        if name in function.params and not isinstance(kind, Scalar):
-            raise self.source.refused(target, "an argument that is assigned anew")
-        known = function.params.get(name) or function.locals.setdefault(name, kind)
-        self.fits(value, kind, known)
-        function.kinds[target] = known
-        if not isinstance(kind, Scalar):
-            function.aliases.setdefault(name, []).append(value)
-            if name in function.written:
-                self.wrote(value)
-
-    def _loop(self, node: ast.For) -> None:
-        target = node.target
-        match node.iter:
-            case ast.Call(func=ast.Name(id="range"), args=args) if 1 <= len(args) <= 2:
-                for item in args:
-                    self.expect(item, INT)
-                    self.in_order(item)
-                self._counter(target)
-            case ast.Call(func=ast.Name(id="enumerate"), args=[items]) if isinstance(target, ast.Tuple):
-                self._counter(target.elts[0])
-                self._entry_of(target.elts[1], items)
-            case _:
-                self._entry_of(target, node.iter)
-        counters = {item.id for item in ast.walk(target) if isinstance(item, ast.Name)}
-        for name in (name for item in node.body for name in ast.walk(item)):
-            if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store) and name.id in counters:
-                raise self.source.refused(name, "is counted by the loop")
-        self._block(node.body)
-
-    def _counter(self, target: ast.expr) -> None:
-        assert isinstance(target, ast.Name)
-        self._declare(target, INT, target)
-
-    def _entry_of(self, target: ast.expr, items: ast.expr) -> None:
-        kind = self.kind(items)
-        if not isinstance(kind, ListKind) or not isinstance(target, ast.Name):
-            raise self.source.refused(items, "loops are printed over range, enumerate and lists")
-        self.known_length(items)
-        self._declare(target, kind.item, items)
-
-    def _returns(self, node: ast.Return) -> None:
-        hint = self.source.hints.get("return", self)
-        kind = self.kind(node.value) if node.value else None
-        if node.value:
-            self.in_order(node.value)
-        wanted = kind_of_hint(hint) if hint is not self else self.returned[0] if self.returned else kind
-        parts = zip(kind.items, wanted.items, strict=True) if _pair(kind, wanted) else [(kind, wanted)]  # type: ignore[union-attr]
-        for part, whole in parts:
-            self.fits(node, part, whole)
-        if isinstance(kind, (RecordKind, ListKind)):
-            raise self.source.refused(node, "records and lists are not returned")
-        self.returned.append(kind)
-
-
-def _pair(kind: Kind, wanted: Kind) -> bool:
-    return (
-        isinstance(kind, TupleKind) and isinstance(wanted, TupleKind) and len(kind.items) == len(wanted.items)
-    )
+            known, both = function.params[name], joined(function.params[name], kind)
+            if (both is None and kind is not None) or (both != known and name in function.lengths):
+                raise function.source.refused(
+                    function.source.tree.args, f"{name} is of two kinds in two calls"
+                )
+            function.params[name] = both

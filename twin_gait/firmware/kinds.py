@@ -60,12 +60,22 @@ def scalar_of(value: Any) -> Scalar | None:
     return SCALARS.get(type(value))
 
 
+def entry_of(kind: Kind) -> Kind:
+    """Kind of the entries of a list, and of a list of lists of theirs; any other kind itself."""
+    return entry_of(kind.item) if isinstance(kind, ListKind) else kind
+
+
 def type_name(kind: Kind) -> str:
     """Type of a number or a record in C, and of the entries of a list."""
-    while isinstance(kind, ListKind):
-        kind = kind.item
-    assert isinstance(kind, (Scalar, RecordKind))
-    return kind.name if isinstance(kind, Scalar) else kind.record.__name__
+    entry = entry_of(kind)
+    return entry.record.__name__ if isinstance(entry, RecordKind) else str(entry)
+
+
+def joined(first: Kind, second: Kind) -> Kind:
+    """The kind of both; of lists of two lengths one of no length, of two other kinds None."""
+    if isinstance(first, ListKind) and isinstance(second, ListKind) and first.item == second.item:
+        return first if first == second else ListKind(first.item, None)
+    return first if first == second else None
 
 
 class Shapes:
@@ -92,9 +102,11 @@ class Shapes:
         for name, entry in kinds_of(kind):
             value = getattr(record, name)
             if value is not ABSENT and value != [] and value != ():
-                known[name] = self._joined(
-                    known.get(name), self._kind(value, entry), f"{kind.__name__}.{name}"
-                )
+                found = self._kind(value, entry)
+                known[name] = joined(known.get(name, found), found)
+                if known[name] is None:
+                    where = f"{kind.__name__}.{name}"
+                    raise FirmwareError(f"{where}: of one kind in one sample and of another in the next")
 
     def _kind(self, value: Any, entry: type) -> Kind:
         if isinstance(value, (list, tuple)):
@@ -106,14 +118,6 @@ class Shapes:
             return SCALARS[entry]
         self._visit(value)
         return RecordKind(type(value))
-
-    @staticmethod
-    def _joined(old: Kind, new: Kind, where: str) -> Kind:
-        if old is None or old == new:
-            return new
-        if isinstance(old, ListKind) and isinstance(new, ListKind) and old.item == new.item:
-            return ListKind(old.item, None)
-        raise FirmwareError(f"{where}: of one kind in one sample and of another in the next")
 
 
 def kind_of_hint(hint: Any) -> Kind:

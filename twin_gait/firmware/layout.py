@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from collections.abc import Iterator
+import textwrap
 
 WIDTH = 100
 INDENT = 4
@@ -30,23 +30,12 @@ def plain(text: str) -> str:
 
 def comment(text: str, indent: int = 0) -> list[str]:
     """A comment, on one line if it fits."""
-    lines = list(_filled(plain(text).split(), WIDTH - indent - 6))
+    lines = textwrap.wrap(plain(text), WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False)
     if not lines:
         return []
     pad = " " * indent
     lines = [f"{pad}/* {lines[0]}", *(f"{pad}   {line}" for line in lines[1:])]
     return [*lines[:-1], f"{lines[-1]} */"]
-
-
-def _filled(words: list[str], width: int) -> Iterator[str]:
-    line = ""
-    for word in words:
-        if line and len(line) + 1 + len(word) > width:
-            yield line
-            line = ""
-        line = f"{line} {word}" if line else word
-    if line:
-        yield line
 
 
 # Where a line may be broken, best places first: after commas, before operators, after an assignment.
@@ -88,15 +77,13 @@ def attributes_of(kind: type) -> dict[str, str]:
     """What a class says of its attributes, by name: in its docstring, or in comments behind or above them."""
     found: dict[str, str] = {}
     above: list[str] = []
-    name, inside = "", False
-    for line in inspect.getsource(kind).splitlines():
-        code, _, said = line.strip().partition("# ")
+    listed = False
+    for line in map(str.strip, inspect.getsource(kind).splitlines()):
+        code, _, said = line.partition("# ")
         entry = re.match(r"(\w+): (.*)", code)
-        inside = line.strip() == "Attributes:" or (inside and code != '"""')
-        if inside and entry:
-            name, found[entry[1]] = entry[1], entry[2]
-        elif inside and name:
-            found[name] += f" {code}".rstrip()
+        listed = line == "Attributes:" or (listed and line != '"""')
+        if entry and listed:
+            found[entry[1]] = entry[2]
         elif entry and (above or said):
             found[entry[1]], above = " ".join(above) or said, []
         elif said:

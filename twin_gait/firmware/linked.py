@@ -4,13 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from twin_gait.control.joint_board import Command
 from twin_gait.core.guards import GuardProgram
 from twin_gait.firmware import units
-from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
-from twin_gait.firmware.records import Records
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK
@@ -79,32 +75,3 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
             ticks = round(comparison.threshold / TICK)
             ticks -= ticks * TICK > comparison.threshold
             comparison.threshold = (ticks + 0.5) * TICK
-
-
-def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any]:
-    """Layout of a record in C, its numbers of type ``real``, addresses of tables as a Cortex-M has them."""
-
-    def layout(kind: Kind, name: str) -> tuple[Any, ...]:
-        if isinstance(kind, ListKind):
-            assert kind.length is not None  # of inputs and outputs there is one sample
-            return name, layout(kind.item, name)[1], kind.length
-        if isinstance(kind, RecordKind):
-            return name, c_dtype(records, kind.record, real)
-        assert isinstance(kind, Scalar)
-        return name, real if kind.name == "real" else {"bool": "?"}.get(kind.name, "i4")
-
-    fields = [
-        (name, "u4") if records.is_table(record, name) else layout(kind, name)
-        for name, kind in records.used(record)
-    ]
-    return np.dtype(fields, align=True)
-
-
-def converted(rows: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
-    """Rows in another layout, field by field; what the other one does not have is left out."""
-    result = np.zeros(rows.shape, dtype)
-    for name in dtype.names or ():
-        field = result[name]
-        kind = field.dtype
-        result[name] = rows[name] if kind.names is None else converted(rows[name], kind)
-    return result

@@ -6,21 +6,20 @@ the bits of Python; a microcontroller takes float.
 """
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.resources import files
-from types import FunctionType
 from typing import Any, NamedTuple
 
 import twin_gait
 from twin_gait.core.elementary_single import SINGLE
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware.expressions import Naming, number
+from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import ELEMENTARY, Function, Functions
 from twin_gait.firmware.kinds import REAL, Shapes, scalar_of
-from twin_gait.firmware.layout import comment, identifier, wrapped
+from twin_gait.firmware.layout import TAKEN, comment, identifier, wrapped
 from twin_gait.firmware.records import Records, Tables
 from twin_gait.firmware.source import Sources
-from twin_gait.firmware.statements import Printed, result_struct
+from twin_gait.firmware.statements import Statements, result_struct
 
 
 class TranslationUnit(NamedTuple):
@@ -38,7 +37,6 @@ class Program(NamedTuple):
 
     files: dict[str, str]  # text by name
     source_hash: str  # of all that it was printed from
-    functions: Functions  # what is known of the functions
     records: Records  # layout of the records
     entries: list[Function]  # what is called from outside
 
@@ -66,16 +64,13 @@ def print_units(
     """
     sources, samples = Sources(names or {}, text), [item for unit in units for item in unit.samples.values()]
     functions = Functions(sources, Shapes([*samples, *shapes]))
-    entries = {
-        unit.name: [functions.entry(sources.of(_function(item))) for item in unit.entries] for unit in units
-    }
+    entries = {unit.name: [functions.entry(sources.of(item)) for item in unit.entries] for unit in units}
     every = [item for found in entries.values() for item in found]
     functions.embed(Shapes(shapes))
     records = Records(functions, every, samples)
-    parts = {unit.name: _Unit(unit, entries[unit.name], records, every) for unit in units}
     body = {"types.h": _header("types", ["real.h"], records.structures())}
-    for part in parts.values():
-        body |= part.files()
+    for unit in units:
+        body |= _files_of(unit, entries[unit.name], records)
     source_hash = _hash(functions, body)
     first = [
         *comment(
@@ -86,68 +81,53 @@ def print_units(
     ]
     texts = {name: "\n".join([*first, *lines]) + "\n" for name, lines in body.items()}
     real = (files("twin_gait.firmware") / "include" / "real.h").read_text()
-    return Program({"real.h": real, **texts}, source_hash, functions, records, every)
+    return Program({"real.h": real, **texts}, source_hash, records, every)
 
 
-class _Unit:
-    """Prints one unit."""
+def _files_of(unit: TranslationUnit, entries: Sequence[Function], records: Records) -> dict[str, list[str]]:
+    """Header and source of a unit without their first lines."""
+    reached = set(_reached(entries))
+    order = [item for item in records.functions.order if item in reached]
+    taken = TAKEN | {item.name for item in order}  # what no local name may be
+    printed = {item: Statements(records.functions, item, taken) for item in order}
+    header, source, tables = list[str](), list[str](), Tables(records)
+    for item in entries:
+        header += result_struct(item)
+    for name, sample in unit.samples.items():
+        declared, defined = _sample(name, sample, tables)
+        header += [*declared, ""]
+        source += defined
+    for item in entries:
+        header += [*wrapped(f"{printed[item].signature()};", 0), ""]
+    for item in order:
+        source += [] if item in entries else result_struct(item)
+    for item in order:
+        source += [*printed[item].definition(exported=item in entries), ""]
+    name, flash = unit.name, [*tables.lines, ""] if tables.lines else []
+    source = [f'#include "{name}.h"', "", *_constants(order), *flash, *source[:-1]]
+    return {f"{name}.h": _header(name, ["types.h"], header), f"{name}.c": source}
 
-    def __init__(
-        self, unit: TranslationUnit, entries: Sequence[Function], records: Records, every: Sequence[Function]
-    ) -> None:
-        self.unit, self.entries, self.records = unit, entries, records
-        reached = set(_reached(entries, {*every} - {*entries}))
-        self.order = [item for item in records.functions.order if item in reached]
-        self.foreign = [item for item in every if item in reached and item not in entries]
-        self.naming = Naming(self.order)
 
-    def files(self) -> dict[str, list[str]]:
-        """Header and source without their first lines."""
-        name, tables = self.unit.name, Tables(self.records)
-        inits = [self._sample(item, sample, tables) for item, sample in self.unit.samples.items()]
-        prototypes = [*(head for head, _ in inits), *map(self._prototype, self.entries)]
-        structs = [line for item in self.entries for line in result_struct(item, self.naming)]
-        header = [*structs, *(line for text in prototypes for line in (*text, ""))]
-        lines = [
-            f'#include "{name}.h"',
-            "",
-            *self._constants(),
-            *tables.lines,
-            *([""] if tables.lines else []),
-        ]
-        lines += [line for _, text in inits for line in text]
-        own = [item for item in self.order if item not in self.foreign]
-        for item in own:
-            if item not in self.entries:
-                lines += result_struct(item, self.naming)
-        for item in own:
-            printed = Printed(self.records.functions, item, self.naming)
-            lines += [*printed.definition(exported=item in self.entries), ""]
-        return {f"{name}.h": _header(name, ["types.h"], header), f"{name}.c": lines[:-1]}
+def _sample(name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str]]:
+    """Lines of the header and of the source that make a record as it is at tick 0."""
+    kind, contents = type(sample).__name__, tables.initialiser(sample, name)
+    if type(sample) not in tables.records.in_ram:
+        tables.add(f"const {kind} {name}", contents)
+        return [f"extern const {kind} {name};"], []
+    tables.add(f"static const {kind} {name}_at_start", contents)
+    head = f"void {name}_init({kind} *record)"
+    source = [f"{head} {{", f"    *record = {name}_at_start;", "}", ""]
+    return [*comment("As it is at tick 0."), f"{head};"], source
 
-    def _prototype(self, function: Function) -> list[str]:
-        printed = Printed(self.records.functions, function, self.naming)
-        return wrapped(f"{printed.signature()};", 0)
 
-    def _sample(self, name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str]]:
-        """Lines of the header and of the source that make a record as it is at tick 0."""
-        kind, contents = type(sample).__name__, tables.initialiser(sample, name)
-        if type(sample) not in self.records.in_ram:
-            tables.add(f"const {kind} {name}", contents)
-            return [f"extern const {kind} {name};"], []
-        tables.add(f"static const {kind} {name}_at_start", contents)
-        head = f"void {name}_init({kind} *record)"
-        source = [f"{head} {{", f"    *record = {name}_at_start;", "}", ""]
-        return [*comment("As it is at tick 0."), f"{head};"], source
-
-    def _constants(self) -> list[str]:
-        found: dict[str, str] = {}
-        for function in self.order:
-            for name, value in function.constants.items():
-                text = _constant(function, name, value)
-                if found.setdefault(identifier(name), text) != text:
-                    raise FirmwareError(f"{name}: two constants of this name have two values")
-        return [*(f"#define {name} {text}" for name, text in found.items()), ""] if found else []
+def _constants(functions: Sequence[Function]) -> list[str]:
+    found: dict[str, str] = {}
+    for function in functions:
+        for name, value in function.constants.items():
+            text = _constant(function, name, value)
+            if found.setdefault(identifier(name), text) != text:
+                raise FirmwareError(f"{name}: two constants of this name have two values")
+    return [*(f"#define {name} {text}" for name, text in found.items()), ""] if found else []
 
 
 def _constant(function: Function, name: str, value: bool | int | float) -> str:
@@ -159,17 +139,11 @@ def _constant(function: Function, name: str, value: bool | int | float) -> str:
     return f"({text})" if text[0] == "-" else text
 
 
-def _reached(entries: Sequence[Function], foreign: set[Function]) -> Iterator[Function]:
-    """Entries and what they call, but nothing beyond the entries of other units."""
+def _reached(entries: Iterable[Function]) -> Iterator[Function]:
+    """Entries and what they call."""
     for item in entries:
         yield item
-        if item not in foreign:
-            yield from _reached(list(item.calls.values()), foreign)
-
-
-def _function(entry: Callable[..., Any]) -> FunctionType:
-    assert isinstance(entry, FunctionType)
-    return entry
+        yield from _reached(item.calls.values())
 
 
 def _header(name: str, included: Sequence[str], lines: Sequence[str]) -> list[str]:

@@ -3,41 +3,26 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.control import TripCause
-from twin_gait.control.gait_controller import Device
 from twin_gait.control.joint_board import Demand, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
 from twin_gait.experiment import Experiment
+from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, c_dtype, linked_unit
+from twin_gait.firmware.linked import LinkedUnit, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
-from twin_gait.firmware.units import (
-    Decision,
-    Exoskeleton,
-    ExoskeletonInputs,
-    ExoskeletonOutputs,
-    GaitController,
-    GaitControllerInputs,
-    GaitControllerOutputs,
-    JointBoard,
-    JointBoardInputs,
-    JointBoardOutputs,
-    exoskeleton_step,
-    gait_controller_step,
-    joint_board_step,
-)
 from twin_gait.firmware.vectors import Vectors
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
@@ -52,9 +37,13 @@ JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS = (
     "exoskeleton",
     "can_codec",
 )
-# How runner.c takes a request where there are operating modes.
-_READ_REQUEST = "row->inputs.surroundings.request = (int32_t)next_number(file);"
-_FILES = Path(__file__).with_name("project_files")
+_FILES = Environment(
+    loader=FileSystemLoader(Path(__file__).with_name("project_files")),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 
 
 @dataclass(frozen=True)
@@ -74,15 +63,11 @@ class Project:
     def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
         """Write C, vectors of a short walk and the resolved document of the experiment into a folder."""
         self.write_linked(folder)
-        texts = {}
-        for path in _FILES.iterdir():
-            text = path.read_text(encoding="utf-8")
-            filled = path.suffix in (".md", ".c")
-            texts[path.name] = Template(text).substitute(self._words()) if filled else text
+        content = self._content()
+        texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
         texts["experiment.yaml"] = dump_yaml(dict(document))
         texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
-        supervised = self.problem.experiment.modes is not None
-        texts[VECTORS] = _table(self.joints, vectors, supervised)
+        texts[VECTORS] = _table(self.joints, vectors)
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
 
@@ -100,56 +85,43 @@ class Project:
     @property
     def record_bytes(self) -> dict[str, int]:
         """RAM that the records of the units take on a Cortex-M, by unit."""
-        records = {JOINT_BOARD: JointBoard, GAIT_CONTROLLER: GaitController, EXOSKELETON: Exoskeleton}
-        return {name: self._bytes(record) for name, record in records.items()}
+        records = self.program.records
+        kinds = (units.JointBoard, units.GaitController, units.Exoskeleton)
+        pairs = zip((JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON), kinds, strict=True)
+        return {name: records.dtype(kind, "f4").itemsize for name, kind in pairs}
 
     def write_linked(self, folder: Path) -> Unit:
         """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
         for name, text in self.program.files.items():
             (folder / name).write_text(text, encoding="utf-8")
-        return Unit(name=EXOSKELETON, sources=(folder / f"{EXOSKELETON}.c",))
+        return Unit(EXOSKELETON, folder)
 
     def dtypes(self, *, double: bool) -> tuple[np.dtype[Any], np.dtype[Any]]:
         """Layout in C of inputs and outputs of the linked unit."""
-        records, real = self.program.records, np.dtype("f8" if double else "f4")
-        return c_dtype(records, ExoskeletonInputs, real), c_dtype(records, ExoskeletonOutputs, real)
+        records, real = self.program.records, "f8" if double else "f4"
+        return records.dtype(units.ExoskeletonInputs, real), records.dtype(units.ExoskeletonOutputs, real)
 
-    def _bytes(self, record: type) -> int:
-        return c_dtype(self.program.records, record, np.dtype("f4")).itemsize
-
-    def _words(self) -> dict[str, str]:
+    def _content(self) -> dict[str, Any]:
+        """What the files beside the C are filled with."""
         problem, counts = self.problem, self.problem.experiment.sensors.encoder_counts
+        ratios = [problem.actuator(joint).gear_ratio for joint in problem.joints]
         modes = problem.experiment.modes
-        asked = () if modes is None else modes.requests
-        steps = [2.0 * math.pi / (counts * problem.actuator(joint).gear_ratio) for joint in problem.joints]
-        boards = [
-            [name, f"`{JOINT_BOARD}_{name}_init`", f"{step:.9g}"]
-            for name, step in zip(self.joints, steps, strict=True)
-        ]
         return {
-            "name": problem.experiment.name,
-            "table": problem.table.name,
+            "experiment": problem.experiment,
+            "table": problem.table,
             "version": twin_gait.__version__,
-            "source_hash": self.program.source_hash[:16],
-            "first": self.joints[0],
-            "boards": _markdown(["joint", "first call", "angle of a count [rad]"], boards),
-            "phases": _numbered(problem.table.phases),
-            "causes": ", ".join(f"{cause.code} {cause}" for cause in TripCause),
-            "can": self._can(),
-            "modes": _numbered([] if modes is None else modes.phases) or "none",
-            "requests": _numbered(["none", *asked]),
-            "read_request": "" if modes is None else _READ_REQUEST,
-            **{f"{item.__name__}_bytes": str(self._bytes(item)) for item in (JointBoard, GaitController)},
+            "source_hash": self.program.source_hash,
+            "joints": [
+                {"name": name, "count_angle": 2.0 * math.pi / (counts * ratio)}
+                for name, ratio in zip(self.joints, ratios, strict=True)
+            ],
+            "bytes": self.record_bytes,
+            "modes": modes,
+            "requests": ["none", *(() if modes is None else modes.requests)],
+            "causes": TripCause,
+            "messages": self.messages,
+            "numbered": _numbered,
         }
-
-    def _can(self) -> str:
-        if not self.messages:
-            return "`can_codec.[ch]` was left out: `pip install cantools`, and print again."
-        rows = [
-            [f"`{name}`", f"{item.identifier:#x}", ", ".join(item.signals)]
-            for name, item in self.messages.items()
-        ]
-        return _markdown(["message", "identifier", "values in this order"], rows)
 
 
 def print_project(experiment: Experiment) -> Project:
@@ -164,11 +136,11 @@ def print_project(experiment: Experiment) -> Project:
     if experiment.modes is not None:
         require_bits(experiment.modes, compile_guards(experiment.modes))
     linked, messages = linked_unit(problem), _messages(experiment)
-    units, shapes = list(_units(problem, linked)), _shapes(linked)
+    files, shapes = list(_units(problem, linked)), _shapes(linked)
     if messages:
-        units.append(TranslationUnit(CAN_CODEC, [can_pack, can_unpack], can_messages(messages)))
+        files.append(TranslationUnit(CAN_CODEC, [can_pack, can_unpack], can_messages(messages)))
         shapes.append(CanFrame())
-    program = print_units(units, {**linked.structure, "sine_cosine": sine_cosine}, linked.kernel, shapes)
+    program = print_units(files, {**linked.structure, "sine_cosine": sine_cosine}, linked.kernel, shapes)
     return Project(problem, linked, messages, program)
 
 
@@ -190,13 +162,13 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
 def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
     whole = linked.record
     boards = {
-        f"{JOINT_BOARD}_{joint.side}_{joint.joint}": JointBoard(whole.settings, board)
+        f"{JOINT_BOARD}_{joint.side}_{joint.joint}": units.JointBoard(whole.settings, board)
         for joint, board in zip(problem.joints, whole.boards, strict=True)
     }
-    central = GaitController(whole.settings, whole.controller)
-    yield TranslationUnit(JOINT_BOARD, [joint_board_step], boards)
-    yield TranslationUnit(GAIT_CONTROLLER, [gait_controller_step], {GAIT_CONTROLLER: central})
-    yield TranslationUnit(EXOSKELETON, [exoskeleton_step], {EXOSKELETON: whole})
+    central = units.GaitController(whole.settings, whole.controller)
+    yield TranslationUnit(JOINT_BOARD, [units.joint_board_step], boards)
+    yield TranslationUnit(GAIT_CONTROLLER, [units.gait_controller_step], {GAIT_CONTROLLER: central})
+    yield TranslationUnit(EXOSKELETON, [units.exoskeleton_step], {EXOSKELETON: whole})
 
 
 def _shapes(linked: LinkedUnit) -> list[Any]:
@@ -205,10 +177,10 @@ def _shapes(linked: LinkedUnit) -> list[Any]:
     return [
         linked.inputs,
         linked.outputs,
-        JointBoardInputs(),
-        JointBoardOutputs(),
-        GaitControllerInputs(linked.inputs.surroundings, measurements, [False] * joints),
-        GaitControllerOutputs(Decision([0] * legs, [0] * legs), demands),
+        units.JointBoardInputs(),
+        units.JointBoardOutputs(),
+        units.GaitControllerInputs(linked.inputs.surroundings, measurements, [False] * joints),
+        units.GaitControllerOutputs(units.Decision([0] * legs, [0] * legs), demands),
     ]
 
 
@@ -219,28 +191,23 @@ def _messages(experiment: Experiment) -> dict[str, Message]:
         return {}
 
 
-def _table(joints: Sequence[str], vectors: Vectors, supervised: bool) -> str:
+def _table(joints: Sequence[str], vectors: Vectors) -> str:
     """Vectors as runner.c reads them: a tick in a line, its inputs, then what is expected."""
     boards, around = vectors.inputs["boards"], vectors.inputs["surroundings"]
     commands, decision = vectors.outputs["commands"], vectors.outputs["decision"]
-    read = ("angle", "voltage", "current", "current_deviation")
+    read, set_points = ("angle", "voltage", "current", "current_deviation"), ("torque", "target_current")
     columns = {f"{joint}_{name}": boards[name][:, k] for k, joint in enumerate(joints) for name in read}
     columns |= {f"foot_{side}_load": load for side, load in enumerate(around["loads"].T)}
     columns["bus_voltage"] = around["bus_voltage"]
-    columns |= {item.name: around["common"][item.name].astype(float) for item in fields(Device)}
-    if supervised:
-        columns["request"] = around["request"].astype(float)
+    columns |= {name: around["common"][name] for name in around["common"].dtype.names or ()}
+    if vectors.run.experiment.modes is not None:
+        columns["request"] = around["request"]
     for k, joint in enumerate(joints):
-        columns |= {f"{joint}_{name}": commands[name][:, k] for name in ("torque", "target_current")}
+        columns |= {f"{joint}_{name}": commands[name][:, k] for name in set_points}
     columns |= {f"foot_{side}_phase": phase for side, phase in enumerate(decision["phases"].T)}
     table = pd.DataFrame(columns | {"trip_cause": decision["trip_cause"]})
     return table.to_csv(index=False, lineterminator="\n", na_rep="nan")
 
 
-def _numbered(names: Iterable[str]) -> str:
+def _numbered(names: Iterable[object]) -> str:
     return ", ".join(f"{number} {name}" for number, name in enumerate(names))
-
-
-def _markdown(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [heading, ["---"] * len(heading), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

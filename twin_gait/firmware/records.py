@@ -7,6 +7,8 @@ is part of the structure, and lies in RAM.
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+import numpy as np
+
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import kinds
 from twin_gait.firmware.expressions import number
@@ -25,23 +27,19 @@ class Records:
         self._handed: set[type] = set()  # what others may fill with whatever they like
         for entry in entries:
             for name, kind in entry.params.items():
-                self._hand(kind)
+                self._embed(kind, self._handed)
                 if name in entry.written:
                     self._embed(kind, self.in_ram)
         for sample in samples:
-            self._hand(kinds.RecordKind(type(sample)))
-
-    def _hand(self, kind: kinds.Kind) -> None:
-        self._embed(kind, self._handed)
+            self._embed(kinds.RecordKind(type(sample)), self._handed)
 
     def _embed(self, kind: kinds.Kind, into: set[type]) -> None:
         """A record with all that is part of it."""
-        while isinstance(kind, kinds.ListKind):
-            kind = kind.item
-        if isinstance(kind, kinds.RecordKind) and kind.record not in into:
-            into.add(kind.record)
-            for name, inner in self.used(kind.record):
-                if not self.is_table(kind.record, name):
+        entry = kinds.entry_of(kind)
+        if isinstance(entry, kinds.RecordKind) and entry.record not in into:
+            into.add(entry.record)
+            for name, inner in self.used(entry.record):
+                if not self.is_table(entry.record, name):
                     self._embed(inner, into)
 
     def used(self, record: type) -> Iterator[tuple[str, kinds.Kind]]:
@@ -66,6 +64,24 @@ class Records:
                     return f"int{bits}_t"
         return kind.name
 
+    def dtype(self, record: type, real: str) -> np.dtype[Any]:
+        """Layout of a record in C, its numbers of a type, addresses of tables as a Cortex-M has them."""
+
+        def layout(kind: kinds.Kind) -> tuple[Any, tuple[int, ...]]:
+            if isinstance(kind, kinds.ListKind):
+                assert kind.length is not None  # of inputs and outputs there is one sample
+                entry, shape = layout(kind.item)
+                return entry, (kind.length, *shape)
+            if isinstance(kind, kinds.RecordKind):
+                return self.dtype(kind.record, real), ()
+            return real if kind is kinds.REAL else "?" if kind is kinds.BOOL else "i4", ()
+
+        fields = [
+            (name, "u4") if self.is_table(record, name) else (name, *layout(kind))
+            for name, kind in self.used(record)
+        ]
+        return np.dtype(fields, align=True)
+
     def structures(self) -> list[str]:
         """Definitions of all structures, each after those that it contains."""
         lines: list[str] = []
@@ -76,10 +92,9 @@ class Records:
                 return
             done.add(record)
             for _, kind in self.used(record):
-                while isinstance(kind, kinds.ListKind):
-                    kind = kind.item
-                if isinstance(kind, kinds.RecordKind):
-                    define(kind.record)
+                entry = kinds.entry_of(kind)
+                if isinstance(entry, kinds.RecordKind):
+                    define(entry.record)
             lines.extend([*self._structure(record), ""])
 
         for record in self.fields:

@@ -7,9 +7,9 @@ of the function.
 import ast
 import inspect
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any, get_type_hints
 
 from twin_gait.exceptions import FirmwareError
@@ -41,51 +41,48 @@ class Sources:
 
     def __init__(self, names: Mapping[str, Any], text: str) -> None:
         """Keep ``names``, which replace globals, and the functions of a ``text``, likewise."""
-        self.names = names
+        self.names, self._text = names, text
         self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
-        self._lines = text.splitlines()
         self._read: dict[Any, Source] = {}
 
     def found(self, name: str, scope: Mapping[str, Any]) -> Any:
         """What a global name stands for: a :class:`Source`, a number, a module; None of nothing."""
         if name in self._texts:
-            if name not in self._read:
-                self._read[name] = self._of_text(self._texts[name], scope.get(name))
-            return self._read[name]
+            return self._generated(name, scope.get(name))
         value = self.names.get(name, scope.get(name))
         return self.of(value) if isinstance(value, FunctionType) else value
 
-    def of(self, function: FunctionType) -> Source:
+    def of(self, function: Callable[..., Any]) -> Source:
         """A function, or what takes its place."""
-        if function.__name__ in self._texts:
-            found: Source = self.found(function.__name__, {function.__name__: function})
-            return found
+        assert isinstance(function, FunctionType)
+        name = function.__name__
+        return self._generated(name, function) if name in self._texts else self._written(function)
+
+    def _generated(self, name: str, stub: Any) -> Source:
+        """A function of the text; one whose place it takes may say what its arguments are."""
+        if name not in self._read:
+            tree, hints = self._texts[name], get_type_hints(stub) if stub is not None else {}
+            text = ast.get_source_segment(self._text, tree) or ""
+            self._read[name] = self._folded(Source(name, "generated", text, 1, tree, {}, hints))
+        return self._read[name]
+
+    def _written(self, function: FunctionType) -> Source:
         if function not in self._read:
             lines, first = inspect.getsourcelines(function)
             text = textwrap.dedent("".join(lines))
             tree = ast.parse(text).body[0]
             assert isinstance(tree, ast.FunctionDef)
-            hints = get_type_hints(function)
-            self._read[function] = self._simplified(
-                Source(function.__name__, function.__module__, text, first, tree, function.__globals__, hints)
-            )
+            name, scope, hints = function.__name__, function.__globals__, get_type_hints(function)
+            source = Source(name, function.__module__, text, first, tree, scope, hints)
+            self._read[function] = self._folded(source)
         return self._read[function]
 
-    def _of_text(self, tree: ast.FunctionDef, stub: Any) -> Source:
-        hints = get_type_hints(stub) if isinstance(stub, FunctionType) else {}
-        text = "\n".join(self._lines[tree.lineno - 1 : tree.end_lineno])
-        return self._simplified(Source(tree.name, "generated", text, 1, tree, {}, hints))
-
-    def _simplified(self, source: Source) -> Source:
-        names = {node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and _stores(node)}
-        names |= {item.arg for item in source.tree.args.args}
-        _Folding(self, source, names).generic_visit(source.tree)
-        _drop_unread(source.tree)
+    def _folded(self, source: Source) -> Source:
+        names = (node for node in ast.walk(source.tree) if isinstance(node, ast.Name))
+        own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
+        own |= {item.arg for item in source.tree.args.args}
+        _Folding(self, source, own).generic_visit(source.tree)
         return source
-
-
-def _stores(node: ast.Name) -> bool:
-    return isinstance(node.ctx, ast.Store)
 
 
 class _Folding(ast.NodeTransformer):
@@ -148,57 +145,10 @@ class _Folding(ast.NodeTransformer):
         if len(target.elts) != len(value.elts):
             raise self.source.refused(node, "as many names as values are expected")
         for place, item in enumerate(target.elts):
-            if any(_touches(item, later) for later in value.elts[place + 1 :]):
+            later = [inner for other in value.elts[place + 1 :] for inner in ast.walk(other)]
+            called = isinstance(item, ast.Attribute) and any(isinstance(inner, ast.Call) for inner in later)
+            same = (inner for inner in later if isinstance(inner, ast.expr))
+            if called or any(ast.unparse(inner) == ast.unparse(item) for inner in same):
                 raise self.source.refused(node, "values that are exchanged; assign them one by one")
         pairs = zip(target.elts, value.elts, strict=True)
         return [ast.copy_location(ast.Assign([left], right), node) for left, right in pairs]
-
-
-def _touches(target: ast.expr, value: ast.expr) -> bool:
-    """Whether a value may be another one once the target has been assigned."""
-    if isinstance(target, ast.Name):
-        return any(isinstance(item, ast.Name) and item.id == target.id for item in ast.walk(value))
-    if isinstance(target, ast.Attribute):
-        return any(
-            isinstance(item, ast.Call) or (isinstance(item, ast.Attribute) and item.attr == target.attr)
-            for item in ast.walk(value)
-        )
-    return any(isinstance(item, (ast.Subscript, ast.Call)) for item in ast.walk(value))
-
-
-def _drop_unread(tree: ast.FunctionDef) -> None:
-    """Take out assignments of names that are not read (any more), unless they call something."""
-    while True:
-        read = {item.id for item in ast.walk(tree) if isinstance(item, ast.Name) and not _stores(item)}
-        if not _dropped(tree, read):
-            return
-
-
-def _dropped(tree: ast.AST, read: set[str]) -> bool:
-    found = False
-    for block in blocks_in(tree):
-        kept = [item for item in block if not _is_unread(item, read)]
-        if len(kept) < len(block):
-            found, block[:] = True, kept or [ast.copy_location(ast.Pass(), block[0])]
-    return found
-
-
-def _is_unread(item: ast.stmt, read: set[str]) -> bool:
-    if not (isinstance(item, ast.Assign) and isinstance(item.targets[0], ast.Name)):
-        return False
-    return item.targets[0].id not in read and not any(isinstance(node, ast.Call) for node in ast.walk(item))
-
-
-def blocks_in(tree: ast.AST) -> Iterator[list[ast.stmt]]:
-    """Every list of statements in a tree."""
-    for node in ast.walk(tree):
-        for name in ("body", "orelse"):
-            block = getattr(node, name, None)
-            if isinstance(block, list):
-                yield block
-
-
-def constant_in(module: Any, name: str) -> Any:
-    """A number that a module has by a name; None of anything else."""
-    value = getattr(module, name, None) if isinstance(module, ModuleType) else None
-    return value if type(value) in SCALARS else None

@@ -1,57 +1,52 @@
 """Functions in C, statement by statement; every name is declared where the narrowest block needs it."""
 
+from __future__ import annotations
+
 import ast
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from twin_gait.firmware.expressions import Expressions, Naming
-from twin_gait.firmware.function import Function, Functions
+from twin_gait.firmware.expressions import Expressions, Value
 from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, TupleKind, type_name
-from twin_gait.firmware.layout import INDENT, comment, identifier, wrapped
+from twin_gait.firmware.layout import INDENT, TAKEN, comment, identifier, wrapped
+
+if TYPE_CHECKING:
+    from twin_gait.firmware.function import Function, Functions
 
 
-def declared(kind: Kind, name: str, is_written: bool) -> str:
-    """Declaration of a name, of records and lists as an address."""
-    if isinstance(kind, Scalar):
-        return f"{kind.name} {name}"
-    return f"{'' if is_written else 'const '}{type_name(kind)} *{name}"
+class Statements(Expressions):
+    """Understands and prints one function."""
 
-
-class Printed:
-    """Prints one function."""
-
-    def __init__(self, functions: Functions, function: Function, naming: Naming) -> None:
-        """Keep what is known of the function."""
-        self.function, self.naming, self.tree = function, naming, function.source.tree
-        self.expressions = Expressions(functions, function, naming)
+    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = TAKEN) -> None:
+        """Begin before its first line; see :class:`Expressions`."""
+        super().__init__(functions, function, taken)
+        self.tree = self.source.tree
         names = [item for item in ast.walk(self.tree) if isinstance(item, ast.Name)]
         self.stores = Counter(item.id for item in names if isinstance(item.ctx, ast.Store))
         self.read = {item.id for item in names if isinstance(item.ctx, ast.Load)}
-        self.known = set(function.params)
+        self.declared = set(function.params)
         self.lines: list[str] = []
         self.depth = 0
 
     def signature(self) -> str:
         """Head of the function without its end."""
         function, returns = self.function, self.function.returns
-        params = [
-            declared(kind, self.expressions.local(name), name in function.written)
-            for name, kind in function.params.items()
-        ]
+        params = [self._declaration(name) for name in function.params]
         result = returns.name if isinstance(returns, Scalar) else "void"
         if isinstance(returns, TupleKind):
-            result = self.naming.result(function)
-        return f"{result} {self.naming.of(function)}({', '.join(params) or 'void'})"
+            result = function.result
+        return f"{result} {function.name}({', '.join(params) or 'void'})"
 
     def definition(self, *, exported: bool) -> list[str]:
         """The function with the first line of its docstring."""
-        says = docstring_of_tree(self.tree)
+        says = (ast.get_docstring(self.tree) or "").split("\n")[0]
         head = self.signature() if exported else f"static {self.signature()}"
         self.lines = [*comment(says), *wrapped(f"{head} {{", 0)]
         self.depth = 1
         for name in self.function.params:
             if name not in self.read:
-                self._emit(f"(void){self.expressions.local(name)};")
+                self._emit(f"(void){self.local(name)};")
         self._block(self.tree.body)
         return [*self.lines, "}"]
 
@@ -62,78 +57,104 @@ class Printed:
     def _block(self, statements: Sequence[ast.stmt]) -> None:
         """Statements, with the names that are of no narrower block."""
         first = {}
-        for name in sorted(set(self.function.locals) - self.known):
+        for name in sorted(set(self.function.locals) - self.declared):
             places = [number for number, item in enumerate(statements) if name in names_in(item)]
             if places and (len(places) > 1 or name not in _in_one_block(statements[places[0]])):
                 first[name] = places[0]
-        self.known |= first.keys()
+        self.declared |= first.keys()
         for number, item in enumerate(statements):
             fresh = {name for name, place in first.items() if place == number}
             for name in sorted(fresh - _assigned_by(item)):
                 self._emit(f"{self._declaration(name)};")
             self._statement(item, fresh)
-        self.known -= first.keys()
+        self.declared -= first.keys()
 
     def _declaration(self, name: str, *, once: bool = False) -> str:
-        """Of a local name."""
-        kind = self.function.locals[name]
-        text = declared(kind, self.expressions.local(name), name in self.function.written)
-        constant = once and isinstance(kind, Scalar) and self.stores[name] == 1
-        return f"const {text}" if constant else text
+        """Of a name, of records and lists as an address; constant if it is a number that is stored once."""
+        kind = self.known(name)
+        if isinstance(kind, Scalar):
+            constant = once and self.stores[name] == 1
+            return f"{'const ' if constant else ''}{kind} {self.local(name)}"
+        written = name in self.function.written
+        return f"{'' if written else 'const '}{type_name(kind)} *{self.local(name)}"
 
     def _free(self, wanted: str) -> str:
         """A name that the function does not have yet."""
-        used = {self.expressions.local(name) for name in (*self.function.locals, *self.function.params)}
+        used = {self.local(name) for name in (*self.function.locals, *self.function.params)}
         used |= {word for line in self.lines for word in line.replace("(", " ").replace(";", " ").split()}
         number = 1
         while (name := wanted if number == 1 else f"{wanted}_{number}") in used:
             number += 1
-        return identifier(name, self.naming.taken)
+        return identifier(name, self.taken)
 
     def _statement(self, node: ast.stmt, fresh: set[str]) -> None:
         """One statement; ``fresh`` are names that it declares if it assigns them."""
         match node:
+            case ast.Assign(targets=[ast.Tuple(elts=targets)], value=value):
+                self._assign_several(node, targets, value, fresh)
             case ast.Assign(targets=[target], value=value):
-                self._assign(target, value, fresh)
+                # C may compute the place of an entry before or after.
+                mixed = any(isinstance(item, ast.Subscript) for item in ast.walk(target))
+                self._assign(target, value, self.value(value) if mixed else self.whole(value), fresh)
             case ast.If():
                 self._condition(node, "if")
-            case ast.For():
+            case ast.For(orelse=[]):
                 self._loop(node)
-            case ast.Return(value=value):
-                self._returns(value)
+            case ast.Return():
+                self._return(node)
             case ast.Expr(value=ast.Call() as call):
-                self._emit(f"{self.expressions.call(call, None)};")
+                self._emit(f"{self.whole(call).text};")
             case ast.Continue():
                 self._emit("continue;")
+            case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
+                pass
+            case _:
+                raise self.source.refused(node, "a statement that is not printed")
 
-    def _assign(self, target: ast.expr, value: ast.expr, fresh: set[str]) -> None:
-        if not isinstance(target, ast.Tuple):
-            self._store(target, self.expressions.value(value, self.function.kinds[target]), fresh)
-            return
-        assert isinstance(value, ast.Call)
-        result, called = self._free("result"), self.function.calls[value]
-        text = self.expressions.call(value, None)
-        kept = [item for item in target.elts if not (isinstance(item, ast.Name) and item.id not in self.read)]
-        if not kept:
-            self._emit(f"(void){text};")
-            return
-        self._emit(f"const {self.naming.result(called)} {result} = {text};")
-        for number, item in enumerate(target.elts):
-            if item in kept:
-                self._store(item, f"{result}.{result_name(number)}", fresh)
+    def _assign_several(
+        self, node: ast.stmt, targets: Sequence[ast.expr], call: ast.expr, fresh: set[str]
+    ) -> None:
+        """Numbers that a function returns, to as many names or places."""
+        found = self.whole(call)
+        if not isinstance(found.kind, TupleKind) or len(found.kind.items) != len(targets):
+            raise self.source.refused(node, "as many names as values are expected")
+        assert isinstance(call, ast.Call)
+        result = self._free("result")
+        self._emit(f"const {self.function.calls[call].result} {result} = {found.text};")
+        for number, (target, kind) in enumerate(zip(targets, found.kind.items, strict=True)):
+            part = Value(kind, f"{result}.{result_name(number)}")
+            self._assign(target, call, part, fresh)
 
-    def _store(self, target: ast.expr, text: str, fresh: set[str]) -> None:
-        if isinstance(target, ast.Name) and target.id in fresh:
-            self._emit(f"{self._declaration(target.id, once=True)} = {text};")
-            return
+    def _assign(self, target: ast.expr, node: ast.expr, value: Value, fresh: set[str]) -> None:
         if isinstance(target, ast.Name):
-            place = self.expressions.local(target.id)
+            kind = self._declare(target, node, value)
+            is_new = target.id in fresh
+            place = self._declaration(target.id, once=True) if is_new else self.local(target.id)
         else:
-            place = self.expressions.plain(target, self.function.kinds[target]).text  # type: ignore[arg-type]
-        self._emit(f"{place} = {text};")
+            to = self.place(target)
+            kind, place = to.kind, to.text
+            if not isinstance(kind, Scalar):
+                raise self.source.refused(target, "records and lists are changed entry by entry")
+            self.wrote(Value(None, "", name=to.name, fields=to.fields[:-1]))
+        self._emit(f"{place} = {self.fit(node, value, kind).text};")
+
+    def _declare(self, target: ast.Name, node: ast.expr, value: Value) -> Kind:
+        """Note that a name has a value from here on; the kind that it has everywhere."""
+        function, name = self.function, target.id
+        if value.kind is None or isinstance(value.kind, TupleKind):
+            raise self.source.refused(node, "is no single value")
+        if name in function.params and not isinstance(value.kind, Scalar):
+            raise self.source.refused(target, "an argument that is assigned anew")
+        kind = function.params.get(name) or function.locals.setdefault(name, value.kind)
+        self.fit(node, value, kind)
+        if not isinstance(kind, Scalar):
+            function.aliases.setdefault(name, []).append(value)
+            if name in function.written:
+                self.wrote(value)
+        return kind
 
     def _condition(self, node: ast.If, word: str) -> None:
-        self._emit(f"{word} ({self.expressions.value(node.test, BOOL)}) {{")
+        self._emit(f"{word} ({self.fit(node.test, self.whole(node.test), BOOL).text}) {{")
         self._inner(node.body)
         match node.orelse:
             case [ast.If() as other]:
@@ -144,88 +165,90 @@ class Printed:
                 self._inner(node.orelse)
         self._emit("}")
 
-    def _inner(self, statements: Sequence[ast.stmt], before: Sequence[str] = ()) -> None:
+    def _inner(self, statements: Sequence[ast.stmt], first: str = "") -> None:
         self.depth += 1
-        for line in before:
-            self._emit(line)
+        if first:
+            self._emit(first)
         self._block(statements)
         self.depth -= 1
 
     def _loop(self, node: ast.For) -> None:
-        first, before, target = "0", [], node.target
-        match node.iter:
-            case ast.Call(func=ast.Name(id="range"), args=args):
-                first = self.expressions.value(args[0], INT) if len(args) == 2 else "0"
-                end = self._end(args[-1], node.body)
-                counter = self._counter(target)
-            case ast.Call(func=ast.Name(id="enumerate"), args=[items]):
-                assert isinstance(target, ast.Tuple)
-                counter = self._counter(target.elts[0])
-                end = self._over(items)
-                before = [self._entry(target.elts[1], items, counter)]
-            case items:
+        """Over numbers or a list, whose entry then has a name of its own within the loop."""
+        first, entry = "0", ""
+        match node.iter, node.target:
+            case ast.Call(func=ast.Name(id="range"), args=args), ast.Name() as number if len(args) in (1, 2):
+                if len(args) == 2:
+                    first = self.expect(args[0], INT).text
+                end, counter = self._end(args[-1], node.body), self._counter(number)
+            case ast.Call(func=ast.Name(id="enumerate"), args=[items]), ast.Tuple(
+                elts=[ast.Name() as number, ast.Name() as item]
+            ):
+                counter = self._counter(number)
+                end, entry = self._entry(item, items, counter)
+            case items, ast.Name() as item:
                 counter = self._free("number")
-                end = self._over(items)
-                before = [self._entry(target, items, counter)]
+                end, entry = self._entry(item, items, counter)
+            case _:
+                raise self.source.refused(node.iter, "loops are printed over range, enumerate and lists")
+        counted = names_in(node.target)
+        for name in (name for statement in node.body for name in ast.walk(statement)):
+            if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store) and name.id in counted:
+                raise self.source.refused(name, "is counted by the loop")
         self._emit(f"for (int32_t {counter} = {first}; {counter} < {end}; {counter}++) {{")
-        loops = {item.id for item in ast.walk(target) if isinstance(item, ast.Name)}
-        added = loops - self.known
-        self.known |= added
-        self._inner(node.body, before)
-        self.known -= added
+        added = counted - self.declared
+        self.declared |= added
+        self._inner(node.body, entry)
+        self.declared -= added
         self._emit("}")
 
-    def _counter(self, target: ast.expr) -> str:
-        assert isinstance(target, ast.Name)
-        return self.expressions.local(target.id)
+    def _counter(self, target: ast.Name) -> str:
+        self._declare(target, target, Value(INT, ""))
+        return self.local(target.id)
 
-    def _over(self, items: ast.expr) -> str:
-        kind = self.function.kinds[items]
-        assert isinstance(kind, ListKind)
-        return str(kind.length)
-
-    def _entry(self, target: ast.expr, items: ast.expr, counter: str) -> str:
-        assert isinstance(target, ast.Name)
-        text = f"{self.expressions.place(items)[0]}[{counter}]"
-        text = text if isinstance(self.function.locals[target.id], Scalar) else f"&{text}"
-        return f"{self._declaration(target.id, once=True)} = {text};"
+    def _entry(self, target: ast.Name, node: ast.expr, counter: str) -> tuple[str, str]:
+        """Length of a list, and the statement that names its present entry."""
+        items = self.value(node)
+        if not isinstance(items.kind, ListKind):
+            raise self.source.refused(node, "loops are printed over range, enumerate and lists")
+        length, fields = self.length(node, items), (*items.fields, None)
+        entry = Value(items.kind.item, f"{items.text}[{counter}]", name=items.name, fields=fields)
+        kind = self._declare(target, node, entry)
+        text = f"{self._declaration(target.id, once=True)} = {entry.in_kind(kind).text};"
+        return str(length), text
 
     def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
-        """Where a loop ends; named before it if the loop may change what it is computed from."""
-        text = self.expressions.value(node, INT)
-        if self._is_steady(node, body):
-            return text
-        name = self._free("end")
-        self._emit(f"const int32_t {name} = {text};")
-        return name
-
-    def _is_steady(self, node: ast.expr, body: Sequence[ast.stmt]) -> bool:
+        """Where a loop ends, which Python computes before it and C anew in every turn."""
         inside = [item for statement in body for item in ast.walk(statement)]
-        stores = [item for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)]
-        stored = {item.id for item in stores if isinstance(item, ast.Name)}
-        fields = {item.attr for item in stores if isinstance(item, ast.Attribute)}
-        calls = any(item in self.function.calls and self.function.calls[item].writes for item in inside)
-        for item in ast.walk(node):
-            if isinstance(item, ast.Name) and item.id in stored:
-                return False
-            if isinstance(item, ast.Attribute) and (calls or item.attr in fields):
-                return False
-            if isinstance(item, ast.Subscript) or item in self.function.calls:
-                return False
-        return True
+        stored = {ast.unparse(item) for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)}
+        if any(ast.unparse(item) in stored for item in ast.walk(node) if isinstance(item, ast.expr)):
+            raise self.source.refused(node, "is changed in the loop; name it before")
+        return self.expect(node, INT).text
 
-    def _returns(self, value: ast.expr | None) -> None:
-        kind = self.function.returns
-        if value is None:
+    def _return(self, node: ast.Return) -> None:
+        function = self.function
+        if node.value is None:
             self._emit("return;")
-        elif isinstance(value, ast.Tuple) and isinstance(kind, TupleKind):
-            parts = zip(value.elts, kind.items, strict=True)
-            texts = ", ".join(self.expressions.value(item, part) for item, part in parts)
-            self._emit(f"return ({self.naming.result(self.function)}){{{texts}}};")
-        elif isinstance(kind, TupleKind):
-            raise self.function.source.refused(value, "several numbers of another function; name them first")
+        elif isinstance(node.value, ast.Tuple):
+            items = node.value.elts
+            values, _ = self.numbers(items)
+            if function.returns is None:
+                function.returns = TupleKind(
+                    tuple(value.kind for value in values if isinstance(value.kind, Scalar))
+                )
+            wanted = function.returns.items if isinstance(function.returns, TupleKind) else ()
+            if len(wanted) != len(items):
+                raise self.source.refused(node, "as many values as it returns elsewhere are expected")
+            parts = zip(items, values, wanted, strict=True)
+            texts = ", ".join(self.fit(item, value, kind).text for item, value, kind in parts)
+            self._emit(f"return ({function.result}){{{texts}}};")
         else:
-            self._emit(f"return {self.expressions.value(value, kind)};")
+            value = self.whole(node.value)
+            if isinstance(value.kind, TupleKind):
+                raise self.source.refused(node.value, "several numbers of another function; name them first")
+            if not isinstance(value.kind, Scalar):
+                raise self.source.refused(node, "records and lists are not returned")
+            function.returns = function.returns or value.kind
+            self._emit(f"return {self.fit(node.value, value, function.returns).text};")
 
 
 def result_name(number: int) -> str:
@@ -233,23 +256,18 @@ def result_name(number: int) -> str:
     return ("first", "second", "third", "fourth")[number] if number < 4 else f"number_{number + 1}"
 
 
-def result_struct(function: Function, naming: Naming) -> list[str]:
+def result_struct(function: Function) -> list[str]:
     """Structure of several numbers that a function returns; nothing of another function."""
     if not isinstance(function.returns, TupleKind):
         return []
     fields = enumerate(function.returns.items)
     return [
-        *comment(f"What {naming.of(function)} returns, in its order."),
+        *comment(f"What {function.name} returns, in its order."),
         "typedef struct {",
         *(f"    {kind.name} {result_name(number)};" for number, kind in fields),
-        f"}} {naming.result(function)};",
+        f"}} {function.result};",
         "",
     ]
-
-
-def docstring_of_tree(tree: ast.FunctionDef) -> str:
-    """First line of the docstring of a function that was read."""
-    return (ast.get_docstring(tree) or "").split("\n")[0]
 
 
 def names_in(node: ast.AST) -> set[str]:
@@ -262,19 +280,15 @@ def names_in(node: ast.AST) -> set[str]:
 
 def _in_one_block(node: ast.stmt) -> set[str]:
     """Names that one inner block of a statement has to itself."""
-    blocks = list(_blocks(node))
-    counts = Counter(name for block in blocks for name in set().union(*map(names_in, block), set()))
-    outside: set[str] = set()
-    for item in ast.iter_child_nodes(node):
-        if not any(item is inner for block in blocks for inner in block):
-            outside |= names_in(item)
-    return {name for name, count in counts.items() if count == 1} - outside
-
-
-def _blocks(node: ast.stmt) -> Iterator[list[ast.stmt]]:
-    if isinstance(node, (ast.If, ast.For)):
-        yield node.body
-        yield node.orelse
+    match node:
+        case ast.If():
+            head = names_in(node.test)
+        case ast.For():
+            head = names_in(node.iter) | names_in(node.target)
+        case _:
+            return set()
+    first, second = (set().union(*map(names_in, block)) for block in (node.body, node.orelse))
+    return (first ^ second) - head
 
 
 def _assigned_by(node: ast.stmt) -> set[str]:

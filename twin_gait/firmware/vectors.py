@@ -18,6 +18,9 @@ from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import run_of
 from twin_gait.worlds.faults import FaultKind
 
+Progress: TypeAlias = Callable[[int, int], None]  # takes ticks done and ticks in all
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
+
 
 class Vectors(NamedTuple):
     """A run as the unit sees it."""
@@ -37,9 +40,7 @@ def without_bus(experiment: Experiment) -> Experiment:
 
 
 def record_vectors(
-    experiment: Experiment,
-    progress: Callable[[int, int], None] | None = None,
-    on_compile: Callable[[], None] | None = None,
+    experiment: Experiment, progress: Progress | None = None, on_compile: Callable[[], None] | None = None
 ) -> Vectors:
     """Run an experiment on the compiled engine, and keep what the unit reads and gives in each tick.
 
@@ -60,13 +61,20 @@ def record_vectors(
         keep(now, tick)
         return end, int(engine.episode["status"])
 
+    run = run_by_ticks(engine, run_tick, rows, progress)
+    return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
+
+
+def run_by_ticks(
+    engine: CompiledEngine,
+    run_tick: Callable[[int, int], tuple[int, int]],
+    rows: np.ndarray,
+    progress: Progress | None,
+) -> Run:
+    """The run of an engine, tick by tick, whose log is written into ``rows``."""
     began = time.perf_counter()
-    done = run_in_chunks(problem, 1, run_tick, progress, None)[0]
-    run = run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
-    return Vectors(run, unit, inputs[:done], outputs[:done])
-
-
-Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
+    done = run_in_chunks(engine.problem, 1, run_tick, progress, None)[0]
+    return run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
 
 
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:

@@ -5,7 +5,7 @@ decided by the one evaluator in :mod:`twin_gait.core.guards`. Time is the tick c
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -46,7 +46,10 @@ class GaitStateMachine:
         owner: What messages call it.
         program: The table's compiled guards.
         entry_tick: Tick at which the present phase was entered.
+        choose: What takes the place of :func:`~twin_gait.core.guards.next_transition`, if anything.
     """
+
+    choose: Callable[..., int] | None = None
 
     def __init__(
         self,
@@ -136,8 +139,8 @@ class GaitStateMachine:
         MeasurementError if a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
-        ticks = tick - self.entry_tick
-        index = next_transition(self.program, self._index, ticks, signals, other_phase, self._debounce)
+        choose, ticks = self.choose or next_transition, tick - self.entry_tick
+        index = choose(self.program, self._index, ticks, signals, other_phase, self._debounce)
         if index == NO_TRANSITION:
             return None
         source = self.phase

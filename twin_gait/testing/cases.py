@@ -8,17 +8,16 @@ import difflib
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.documents import transition_table, truth_table
-from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.table import GaitTable, StateTable
 from twin_gait.testing import edges, timing
-from twin_gait.testing.driver import MachineFactory, Refusal, machine_of, play
+from twin_gait.testing.driver import MachineFactory, machine_of, play, refuse_broken, refuse_missing
 from twin_gait.testing.exits import Exit, Scenario, comfortable, decisive, fires, scenario, yields
-from twin_gait.testing.reference import exits, is_pure_time_out
 
 Check = Callable[[MachineFactory], None]
 
@@ -68,30 +67,27 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
         leave = Exit(table, index)
         title = f"{leave.item.source}→{leave.item.target} ({leave.item.cause})"
         for what, check, ticks in _checks(leave):
-            name = _unused(f"{title}::{what}", tests)
+            name, number = f"{title}::{what}", 1
+            while name in tests:
+                number += 1
+                name = f"{title}::{what} [{number}]"
             tests[name] = TransitionTest(name, leave.phase, factory, check, ticks)
     return list(tests.values())
 
 
-def _unused(name: str, taken: dict[str, TransitionTest]) -> str:
-    numbered = (f"{name} [{number}]" for number in itertools.count(2))
-    return next(item for item in itertools.chain([name], numbered) if item not in taken)
-
-
-Shown = tuple[str, Check | None, int]
+Shown = tuple[str, Check | None, int]  # what a test shows, what it does, ticks
 
 
 def _checks(leave: Exit) -> Iterator[Shown]:
     found = list(_scenarios(leave))
-    for item in found:
-        yield (item, None, 0) if isinstance(item, str) else _playing(leave.table, item)
-    taking = [item for item in found if isinstance(item, Scenario) and item.expected[-1] == leave.index]
+    yield from (_playing(leave.table, item) for item in found)
+    taking = [item for item in found if item.expected and item.expected[-1] == leave.index]
     if taking:
         yield from _more(leave, min(taking, key=lambda item: len(item.steps)))
 
 
-def _scenarios(leave: Exit) -> Iterator[Scenario | str]:
-    if is_pure_time_out(leave.item):
+def _scenarios(leave: Exit) -> Iterator[Scenario]:
+    if leave.item.is_time_out:
         yield from timing.time_out(leave)
     else:
         for entry in decisive(leave.item.guard):
@@ -100,10 +96,9 @@ def _scenarios(leave: Exit) -> Iterator[Scenario | str]:
         yield from timing.debounce(leave)
         yield from timing.waiting(leave)
         yield from timing.from_entry(leave)
-    for index in exits(leave.table, leave.phase):
-        second = edges.priority(leave, Exit(leave.table, index)) if index > leave.index else None
-        if second is not None:
-            yield second
+    for second in leave.siblings:
+        if second.index > leave.index:
+            yield from edges.priority(leave, second)
 
 
 def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
@@ -115,20 +110,20 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
         timing.clock(leave, last), timing.again(leave), *(timing.elsewhere(leave, phase) for phase in away)
     ):
         yield _playing(table, item)
-    steps = comfortable(leave, [Requirement(leave.item.guard)], fires) or last
+    steps = comfortable(leave, [leave.opens], fires) or last
     alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
     if yields(leave, alone):
         absent = "another leg" if table.words.member == "phase" else f"a {table.words.member}"
         yield _playing(table, scenario(leave, f"holds without {absent}", alone))
-    refusal = Refusal(table, leave.phase, steps)
-    spoilt = len(steps) * len(table.joints)
-    yield "refuses signals that are NaN or infinite", refusal.broken_signals, 12 * spoilt
+    given, spoilt = (table, leave.phase, steps), len(steps) * len(table.joints)
+    yield "refuses signals that are NaN or infinite", partial(refuse_broken, *given), 12 * spoilt
     if isinstance(table, GaitTable):
-        yield "refuses missing signals", refusal.missing_signals, 5 * spoilt
+        yield "refuses missing signals", partial(refuse_missing, *given), 5 * spoilt
 
 
 def _playing(table: StateTable, item: Scenario) -> Shown:
-    return item.what, lambda factory: play(table, item, factory), len(item.steps)
+    check = partial(play, table, item) if item.steps else None
+    return item.what, check, len(item.steps)
 
 
 def approval_text(table: StateTable) -> str:

@@ -5,11 +5,9 @@ the C compiler of this machine, and called where :class:`~twin_gait.gait.GaitSta
 """
 
 import ctypes
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from twin_gait.core.guards import GuardProgram, next_transition
 from twin_gait.firmware import TranslationUnit, print_units
@@ -19,26 +17,6 @@ from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.gait.table import StateTable
 from twin_gait.testing.driver import MachineFactory
 from twin_gait.vocabulary import Side
-
-_ARGUMENTS = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int32, ctypes.c_void_p, ctypes.c_int32, ctypes.c_void_p
-
-
-class CompiledMachine(GaitStateMachine):
-    """A state machine whose transitions are chosen in C."""
-
-    def __init__(self, table: StateTable, program: GuardProgram, choose: Callable[..., int], phase: str):
-        """Begin in a phase.
-
-        ``table``: the gait table. ``program``: its guards. ``choose``:
-        :func:`~twin_gait.core.guards.next_transition` of the same guards in C. ``phase``: phase at tick 0.
-        """
-        super().__init__(table, Side.LEFT, initial_phase=phase, program=program)
-        self._in_c = choose
-        self._counters = (ctypes.c_int32 * program.n_transitions)()
-
-    def _choose(self, ticks_in_phase: int, signals: Sequence[float], other_phase: int) -> int:
-        measured = (ctypes.c_double * len(signals))(*signals)
-        return self._in_c(self.phase_index, ticks_in_phase, measured, other_phase, self._counters)
 
 
 def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
@@ -58,10 +36,26 @@ def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
         sources = sorted(Path(folder).glob("*.c"))
         library = ctypes.CDLL(str(compile_library(sources, flags=["-DREAL_DOUBLE"])))
     choose = library.next_transition
-    choose.argtypes = _ARGUMENTS
+    numbers, number = ctypes.c_void_p, ctypes.c_int32
+    choose.argtypes = numbers, number, number, numbers, number, numbers
 
     def factory(table: StateTable, program: GuardProgram, name: str) -> MachineFactory:
-        there: Any = ctypes.byref(ctypes.c_char.in_dll(library, name))
-        return partial(CompiledMachine, table, program, partial(choose, there))
+        guards = ctypes.byref(ctypes.c_char.in_dll(library, name))
+
+        def in_c(
+            _: GuardProgram, phase: int, ticks: int, signals: Sequence[float], other: int, debounce: list[int]
+        ) -> int:
+            measured = (ctypes.c_double * len(signals))(*signals)
+            counters = (ctypes.c_int32 * program.n_transitions)(*debounce)
+            chosen: int = choose(guards, phase, ticks, measured, other, counters)
+            debounce[:] = counters
+            return chosen
+
+        def machine(phase: str) -> GaitStateMachine:
+            made = GaitStateMachine(table, Side.LEFT, initial_phase=phase, program=program)
+            made.choose = in_c
+            return made
+
+        return machine
 
     return list(map(factory, tables, programs, names))

@@ -53,16 +53,16 @@ def machine_of(table: StateTable) -> MachineFactory:
 
 
 class _Legs(NamedTuple):
-    """What a machine is given in a tick, in SI units."""
+    """What a machine of a gait table is given in a tick, in SI units."""
 
     own: LegSignals
     other: LegSignals | None
     other_phase: str | None
     other_time: float
 
-    def taken_by(self, machine: Machine, tick: int) -> PhaseSwitch | None:
-        """What the machine does."""
-        return machine.step(tick, *self)
+
+# Advances a machine by a tick on what was measured.
+Advance = Callable[[Machine, int], PhaseSwitch | None]
 
 
 def _legs(table: StateTable, vector: Vector) -> _Legs:
@@ -77,37 +77,28 @@ def _legs(table: StateTable, vector: Vector) -> _Legs:
     return _Legs(leg(""), other, vector.other_phase, vector.signals.get(OTHER_TIME, 0.0))
 
 
-class _Asked(NamedTuple):
-    """What a machine of modes is given in a tick, in the units of the table."""
-
-    signals: Mapping[str, float]
-    request: str | None
-
-    def taken_by(self, machine: Machine, tick: int) -> PhaseSwitch | None:
-        """What the machine does."""
-        return machine.take(tick, self.signals, self.request)
+def _on_legs(legs: _Legs) -> Advance:
+    return lambda machine, tick: machine.step(tick, *legs)
 
 
-def _given(table: StateTable, vector: Vector) -> _Legs | _Asked:
+def _on(table: StateTable, vector: Vector) -> Advance:
     if isinstance(table, ModeTable):
-        return _Asked(vector.signals, vector.other_phase)
-    return _legs(table, vector)
+        return lambda machine, tick: machine.take(tick, vector.signals, vector.other_phase)
+    return _on_legs(_legs(table, vector))
 
 
 def play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
     """Drive a machine through a scenario; AssertionError at the first tick that is not as expected."""
     machine, phase = factory(scenario.phase), scenario.phase
-    given: dict[int, _Legs | _Asked] = {}
+    advances: dict[int, Advance] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
-        if id(vector) not in given:
-            given[id(vector)] = _given(table, vector)
-        switch = given[id(vector)].taken_by(machine, tick)
-        wanted = None
+        if id(vector) not in advances:
+            advances[id(vector)] = _on(table, vector)
+        switch, source, wanted = advances[id(vector)](machine, tick), phase, None
         if index is not None:
             item = table.transitions[index]
-            wanted = (tick, phase, item.target, item.cause)
+            wanted, phase = (tick, phase, item.target, item.cause), item.target
         got = None if switch is None else (switch.tick, switch.source, switch.target, switch.cause)
-        source, phase = phase, phase if wanted is None else wanted[2]
         assert got == wanted and machine.phase == phase, (
             f"tick {tick} in {source}: expected that the leg {_words(wanted)}, the machine {_words(got)}"
             f"; measured {_measured(vector)}"
@@ -124,45 +115,46 @@ def _measured(vector: Vector) -> str:
     return ", ".join([*values, other])
 
 
-class Refusal(NamedTuple):
-    """A machine that is about to take an exit is given one bad measurement instead."""
+def refuse_broken(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
+    """Each signal in turn is NaN or infinite in the last of some steps; AssertionError if that is accepted.
 
-    table: StateTable  # the gait table
-    phase: str  # phase that the leg has entered at tick 0
-    steps: Steps  # good steps that take the exit; the last one is spoilt
+    ``phase``: phase that the leg has entered at tick 0. ``steps``: good ones that take an exit.
+    """
+    vector = steps[-1].vector
+    alone = vector.other_phase is None
+    for name in table.signals:
+        if name == TIME or (alone and name.startswith(OTHER)) or name == OTHER_TIME:
+            continue
+        for value in _BROKEN:
+            spoilt = vector._replace(signals={**vector.signals, name: value})
+            _refuse(table, phase, factory, steps, _on(table, spoilt), f"{name} = {value}")
 
-    def broken_signals(self, factory: MachineFactory) -> None:
-        """Each signal in turn is NaN or infinite; raises AssertionError if that is accepted."""
-        vector = self.steps[-1].vector
-        alone = vector.other_phase is None
-        for name in self.table.signals:
-            if name == TIME or (alone and name.startswith(OTHER)) or name == OTHER_TIME:
-                continue
-            for value in _BROKEN:
-                spoilt = vector._replace(signals={**vector.signals, name: value})
-                self._refuses(factory, _given(self.table, spoilt), f"{name} = {value}")
 
-    def missing_signals(self, factory: MachineFactory) -> None:
-        """A joint or a whole leg is missing; raises AssertionError if that is accepted."""
-        legs = _legs(self.table, self.steps[-1].vector)
-        for text, bad in _without_joint(legs.own):
-            self._refuses(factory, legs._replace(own=bad), f"this leg: {text}")
-        if legs.other is None:
-            return
+def refuse_missing(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
+    """A joint or a whole leg is missing; as :func:`refuse_broken`."""
+    legs = _legs(table, steps[-1].vector)
+    spoilt = [(f"this leg: {text}", legs._replace(own=bad)) for text, bad in _without_joint(legs.own)]
+    if legs.other is not None:
         for text, bad in _without_joint(legs.other):
-            self._refuses(factory, legs._replace(other=bad), f"the other leg: {text}")
-        self._refuses(factory, legs._replace(other=None), "the other leg has a phase but no signals")
+            spoilt.append((f"the other leg: {text}", legs._replace(other=bad)))
+        spoilt.append(("the other leg has a phase but no signals", legs._replace(other=None)))
+    for text, bad_legs in spoilt:
+        _refuse(table, phase, factory, steps, _on_legs(bad_legs), text)
 
-    def _refuses(self, factory: MachineFactory, given: _Legs | _Asked, text: str) -> None:
-        machine = factory(self.phase)
-        for tick, vector in self.steps[:-1]:
-            _given(self.table, vector).taken_by(machine, tick)
-        try:
-            given.taken_by(machine, self.steps[-1].tick)
-        except MeasurementError:
-            assert machine.phase == self.phase, f"{text}: refused, but the phase is now {machine.phase}"
-            return
-        raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
+
+def _refuse(
+    table: StateTable, phase: str, factory: MachineFactory, steps: Steps, spoilt: Advance, text: str
+) -> None:
+    """A machine that is about to take an exit is given one bad measurement instead."""
+    machine = factory(phase)
+    for tick, vector in steps[:-1]:
+        _on(table, vector)(machine, tick)
+    try:
+        spoilt(machine, steps[-1].tick)
+    except MeasurementError:
+        assert machine.phase == phase, f"{text}: refused, but the phase is now {machine.phase}"
+        return
+    raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
 
 
 def _without_joint(leg: LegSignals) -> list[tuple[str, LegSignals]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, Way, bo
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition
-from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, is_pure_time_out, outcomes
+from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, outcomes
 
 LONGEST_RUN = 20_000  # ticks; a longer debounce or time-out is not driven through tick by tick
 
@@ -23,7 +23,7 @@ class Scenario(NamedTuple):
 
     what: str  # what it shows, in words
     phase: str  # phase that the leg has entered at tick 0
-    steps: Steps  # the measurements
+    steps: Steps  # the measurements; none if no measurements can show it
     expected: tuple[int | None, ...]  # for every step the index of the transition that is taken, or None
 
 
@@ -97,6 +97,7 @@ class Exit:
 
     table: StateTable
     index: int
+    spared: int = -1  # Index of a rival that is never closed, -1 for none.
 
     @cached_property
     def item(self) -> Transition:
@@ -119,24 +120,36 @@ class Exit:
         return self.table.phases[self.phase].minimum_ticks
 
     @property
+    def opens(self) -> Requirement:
+        """That its guard is open."""
+        return Requirement(self.item.guard)
+
+    @property
+    def closes(self) -> Requirement:
+        """That its guard is closed."""
+        return Requirement(self.item.guard, False)
+
+    @property
     def gate(self) -> int:
         """First tick in the phase in which it may be taken, its debounce apart."""
         return max(1, self.minimum, self.item.time_out_ticks or 0)
 
     @cached_property
+    def siblings(self) -> tuple[Exit, ...]:
+        """Exits of the same phase, itself among them."""
+        return tuple(Exit(self.table, index) for index in exits(self.table, self.phase))
+
+    @cached_property
     def latest(self) -> float:
         """Ticks after which the phase is left whatever is measured; infinite without a time-out."""
-        items = [self.table.transitions[index] for index in exits(self.table, self.phase)]
-        times = [
-            max(item.time_out_ticks or 0, item.debounce_ticks) for item in items if is_pure_time_out(item)
-        ]
-        return min(times, default=math.inf)
+        waits = [item for item in self.siblings if item.item.is_time_out]
+        return min((max(item.item.time_out_ticks or 0, item.debounce) for item in waits), default=math.inf)
 
     @cached_property
     def rivals(self) -> tuple[Exit, ...]:
-        """Exits of the same phase with a guard."""
-        others = [Exit(self.table, index) for index in exits(self.table, self.phase) if index != self.index]
-        return tuple(item for item in others if not is_pure_time_out(item.item))
+        """Other exits of the same phase with a guard, without the one that is spared."""
+        others = (item for item in self.siblings if item.index not in (self.index, self.spared))
+        return tuple(item for item in others if not item.item.is_time_out)
 
     @cached_property
     def own_time_ticks(self) -> tuple[int, ...]:
@@ -162,10 +175,7 @@ class Exit:
         ticks = window.last - window.first + 1
         able = [item for item in self.rivals if item.debounce <= ticks and item.gate <= window.last]
         earlier = [item for item in able if item.index < self.index]
-        choices = [
-            tuple(Requirement(item.item.guard, False) for item in chosen)
-            for chosen in (self.rivals, able, earlier)
-        ]
+        choices = (tuple(item.closes for item in chosen) for chosen in (self.rivals, able, earlier))
         return list(dict.fromkeys(choices))
 
     def look(
@@ -194,6 +204,7 @@ def turning_tick(atom: Comparison) -> int:
 
 
 Accept = Callable[[Exit, Steps], bool]
+Stretch = tuple[Sequence[Requirement], int]  # what has to hold, for how many ticks
 
 
 def fires(leave: Exit, steps: Steps) -> bool:
@@ -211,25 +222,49 @@ def yields(leave: Exit, steps: Steps) -> bool:
     return leave.index not in outcomes(leave.table, leave.phase, steps)
 
 
+def search(
+    leave: Exit, start: int, stretches: Sequence[Stretch], accept: Accept, pinned: Sequence[Bound] = ()
+) -> Steps:
+    """Steps from a tick on, stretch by stretch, that pass a criterion; none if there are none.
+
+    ``pinned``: bounds that hold throughout.
+    """
+
+    def ways(first: int, left: Sequence[Stretch]) -> Iterator[Steps]:
+        if not left:
+            yield ()
+            return
+        (requirements, ticks), later = left[0], left[1:]
+        if ticks == 0:
+            yield from ways(first, later)
+            return
+        window = Window(first, first + ticks - 1)
+        for vector in leave.look(requirements, window, pinned):
+            for rest in ways(window.last + 1, later):
+                yield constant(vector, *window) + rest
+
+    end = start + sum(ticks for _, ticks in stretches) - 1
+    if start < 1 or end > leave.latest:
+        return ()
+    return next((steps for steps in ways(start, stretches) if accept(leave, steps)), ())
+
+
 def comfortable(
     leave: Exit, requirements: Sequence[Requirement], *accepts: Accept, pinned: Sequence[Bound] = ()
-) -> Steps | None:
+) -> Steps:
     """Steps, one debounce long, that fulfil requirements with room and pass one of some criteria."""
-    for accept in accepts:
-        for start in leave.starts(leave.debounce):
-            window = Window(start, start + leave.debounce - 1)
-            for vector in leave.look(requirements, window, pinned):
-                steps = constant(vector, *window)
-                if accept(leave, steps):
-                    return steps
-    return None
+    return first_of(
+        search(leave, start, [(requirements, leave.debounce)], accept, pinned)
+        for accept in accepts
+        for start in leave.starts(leave.debounce)
+    )
+
+
+def first_of(tries: Iterable[Steps]) -> Steps:
+    """Steps of the first search that has found some; none if all were in vain."""
+    return next(filter(None, tries), ())
 
 
 def scenario(leave: Exit, what: str, steps: Steps) -> Scenario:
     """Scenario with what the rules of the table demand."""
     return Scenario(what, leave.phase, steps, tuple(outcomes(leave.table, leave.phase, steps)))
-
-
-def shown(leave: Exit, what: str, steps: Steps | None) -> Scenario | str:
-    """The scenario, or its name alone if no measurements can show it."""
-    return what if steps is None else scenario(leave, what, steps)

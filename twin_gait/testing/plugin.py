@@ -6,7 +6,8 @@ of the options is given, and without them no hook does anything.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -62,52 +63,43 @@ def pytest_configure(config: pytest.Config) -> None:
     approve, in_c = bool(config.getoption("approve")), config.getoption("machine") == "c"
     if not (tables or approved or approve or in_c):
         return
-    _check_options(tables, approved, approve, in_c)
+    paths = [Path(name).resolve() for name in tables]
+    mistakes = {
+        "--machine c: expected --gait-table FILE with it": in_c and not tables,
+        f"--approved: expected one for each --gait-table, got {len(approved)} for {len(tables)}": (
+            approved and len(approved) != len(tables)
+        ),
+        "--approve: expected --gait-table FILE --approved FILE with it": approve and not approved,
+        "--gait-table: a file is named twice; name each once": len(set(paths)) < len(paths),
+    }
+    for problem, made in mistakes.items():
+        if made:
+            raise pytest.UsageError(problem)
     texts: list[Path | None] = [Path(name) for name in approved]
-    texts = texts or [None] * len(tables)
+    loaded = [_load(name, in_c) for name in tables]
     requests = {
-        Path(name).resolve(): Request(*_load(name, in_c), text, approve)
-        for name, text in zip(tables, texts, strict=True)
+        path: Request(*item, text, approve)
+        for path, item, text in zip(paths, loaded, texts or [None] * len(paths), strict=True)
     }
     config.stash[_REQUESTS] = requests
     config.args.extend(str(path) for path in requests if str(path) not in config.args)
 
 
-def _check_options(tables: list[str], approved: list[str], approve: bool, in_c: bool) -> None:
-    if in_c and not tables:
-        raise pytest.UsageError("--machine c: expected --gait-table FILE with it")
-    if approved and len(approved) != len(tables):
-        raise pytest.UsageError(
-            f"--approved: expected one for each --gait-table, got {len(approved)} for {len(tables)}"
-        )
-    if approve and not approved:
-        raise pytest.UsageError("--approve: expected --gait-table FILE --approved FILE with it")
-    twice = len(tables) - len({Path(name).resolve() for name in tables})
-    if twice:
-        raise pytest.UsageError("--gait-table: a file is named twice; name each once")
-
-
 def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
+    """A table, and its machine in C if that is asked for."""
     from twin_gait.configuration.gait_table_file import load_state_table
     from twin_gait.exceptions import TwinGaitError
     from twin_gait.gait.program import compile_guards
+    from twin_gait.testing.compiled import compiled_machines
 
+    place = "--gait-table: "
     try:
         table = load_state_table(name)
         compile_guards(table)
+        place = f"--machine c: {name}: "
+        return table, compiled_machines([table])[0] if in_c else None
     except TwinGaitError as error:
-        raise pytest.UsageError(f"--gait-table: {error}") from error
-    try:
-        return table, _in_c(table) if in_c else None
-    except TwinGaitError as error:
-        raise pytest.UsageError(f"--machine c: {name}: {error}") from error
-
-
-def _in_c(table: StateTable) -> MachineFactory:
-    from twin_gait.testing.compiled import compiled_machines
-
-    (machine,) = compiled_machines([table])
-    return machine
+        raise pytest.UsageError(f"{place}{error}") from error
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GaitTableTests | None:
@@ -132,55 +124,17 @@ class GaitTableTests(pytest.File):
         from twin_gait.testing.cases import transition_tests
 
         for test in transition_tests(self.request.table, machine=self.request.machine):
-            yield TransitionItem.from_parent(self, name=test.name, test=test)
+            yield KitItem.from_parent(self, name=test.name, check=partial(_drive, test))
         if self.request.approved is not None:
-            yield ApprovalItem.from_parent(self, name="approved text", request=self.request)
+            yield KitItem.from_parent(self, name="approved text", check=self._approve)
 
-
-class OneLineItem(pytest.Item):
-    """An item whose failure is told by its message, without a traceback through the kit."""
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Write the failure."""
-        if isinstance(excinfo.value, AssertionError):
-            return str(excinfo.value)
-        return super().repr_failure(excinfo, style)
-
-    def reportinfo(self) -> tuple[Path, int | None, str]:
-        """Say where the test comes from."""
-        return self.path, None, self.name.replace("::", ": ")
-
-
-class TransitionItem(OneLineItem):
-    """One test of the kit."""
-
-    def __init__(self, *, test: TransitionTest, **rest: Any) -> None:
-        """Keep the test."""
-        super().__init__(**rest)
-        self.test = test
-
-    def runtest(self) -> None:
-        """Drive the machine."""
-        if self.test.undecided is not None:
-            pytest.skip(self.test.undecided)
-        self.test.run()
-
-
-class ApprovalItem(OneLineItem):
-    """The text of the table is the one that was approved."""
-
-    def __init__(self, *, request: Request, **rest: Any) -> None:
-        """Keep the table and the file."""
-        super().__init__(**rest)
-        self.request = request
-
-    def runtest(self) -> None:
-        """Compare, or write."""
+    def _approve(self) -> None:
+        """Compare the text of the table with the one that was approved, or write it."""
         from twin_gait.exceptions import TwinGaitError
         from twin_gait.testing.cases import approval_text, check_approved, write_approved
 
         path = self.request.approved
-        assert path is not None  # only made with one
+        assert path is not None  # else there is no such test
         text = approval_text(self.request.table)
         try:
             if self.request.approve:
@@ -192,3 +146,32 @@ class ApprovalItem(OneLineItem):
         if problem is not None:
             how = f"approve it with: pytest --gait-table {self.path} --approved {path} --approve"
             raise AssertionError(f"{problem}\n{how}")
+
+
+def _drive(test: TransitionTest) -> None:
+    if test.undecided is not None:
+        pytest.skip(test.undecided)
+    test.run()
+
+
+class KitItem(pytest.Item):
+    """A test whose failure is told by its message, without a traceback through the kit."""
+
+    def __init__(self, *, check: Callable[[], None], **rest: Any) -> None:
+        """Keep what it does."""
+        super().__init__(**rest)
+        self.check = check
+
+    def runtest(self) -> None:
+        """Do it."""
+        self.check()
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Write the failure."""
+        if isinstance(excinfo.value, AssertionError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Say where the test comes from."""
+        return self.path, None, self.name.replace("::", ": ")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, TIME, signal_scale
-from twin_gait.gait.table import TICK, StateTable, Transition
+from twin_gait.gait.table import TICK, StateTable
 
 
 class Vector(NamedTuple):
@@ -55,11 +55,6 @@ def _compares(atom: Comparison, vector: Vector, ticks: int) -> bool:
         left += sign * (value * signal_scale(name))
     threshold = atom.threshold * signal_scale(atom.signal)
     return left > threshold if atom.operator == ">" else left < threshold
-
-
-def is_pure_time_out(item: Transition) -> bool:
-    """Whether nothing but the time in the phase opens an exit."""
-    return item.time_out_ticks is not None and item.guard == AllOf(guards=())
 
 
 def exits(table: StateTable, phase: str) -> list[int]:

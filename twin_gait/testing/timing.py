@@ -1,6 +1,7 @@
 """Scenarios in time and across phases: debounce, minimum duration, time-outs, the clock of the next phase."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.guards import AllOf, Comparison
@@ -15,56 +16,42 @@ from twin_gait.testing.exits import (
     decisive,
     find,
     fires,
+    first_of,
     reads_only_own_time,
     scenario,
-    shown,
+    search,
 )
-from twin_gait.testing.reference import Step, Steps, exits, is_pure_time_out, outcomes
+from twin_gait.testing.reference import Steps, exits, outcomes
 
 
-def debounce(leave: Exit) -> Iterator[Scenario | str]:
+def debounce(leave: Exit) -> Iterator[Scenario]:
     """The guard has to be open on consecutive ticks; one closed tick starts the count anew."""
     ticks = leave.debounce
     if ticks == 1 or 2 * ticks > LONGEST_RUN:
         return
-    steps = comfortable(leave, [Requirement(leave.item.guard)], fires)
-    yield shown(leave, f"debounce: holds for {ticks - 1} ticks, fires on tick {ticks}", steps)
-    yield shown(leave, f"debounce: one closed tick starts the count of {ticks} anew", _interrupted(leave))
+    steps = comfortable(leave, [leave.opens], fires)
+    yield scenario(leave, f"debounce: holds for {ticks - 1} ticks, fires on tick {ticks}", steps)
+    stretches = [([leave.opens], ticks - 1), ([leave.closes], 1), ([leave.opens], ticks)]
+    steps = first_of(search(leave, start, stretches, fires) for start in leave.starts(2 * ticks))
+    yield scenario(leave, f"debounce: one closed tick starts the count of {ticks} anew", steps)
 
 
-def _interrupted(leave: Exit) -> Steps | None:
-    ticks = leave.debounce
-    for start in leave.starts(2 * ticks):
-        window = Window(start, start + 2 * ticks - 1)
-        for inside in leave.look([Requirement(leave.item.guard)], window):
-            for outside in leave.look([Requirement(leave.item.guard, False)], window):
-                vectors = [inside] * (ticks - 1) + [outside] + [inside] * ticks
-                steps = tuple(Step(start + place, vector) for place, vector in enumerate(vectors))
-                if fires(leave, steps):
-                    return steps
-    return None
-
-
-def waiting(leave: Exit) -> Iterator[Scenario | str]:
+def waiting(leave: Exit) -> Iterator[Scenario]:
     """A guard that is open long before waits for the minimum duration or the time, and fires in its tick."""
     if leave.minimum > 1 and leave.gate == leave.minimum:
         what = f"minimum duration: open before, fires after {leave.minimum} ticks"
-        yield shown(leave, what, _waits(leave, leave.minimum))
+        yield scenario(leave, what, _waits(leave, leave.minimum))
     time = leave.item.time_out_ticks
     if time is not None:
-        yield shown(leave, f"time: open before, fires after {time * TICK:g} s", _waits(leave, time))
+        yield scenario(leave, f"time: open before, fires after {time * TICK:g} s", _waits(leave, time))
 
 
-def _waits(leave: Exit, until: int) -> Steps | None:
+def _waits(leave: Exit, until: int) -> Steps:
     """Steps with an open guard whose debounce is over before a tick, up to that tick."""
     start = max(1, until - leave.debounce - 1)
     if start + leave.debounce - 1 >= until or until >= leave.latest or leave.debounce > LONGEST_RUN:
-        return None
-    for vector in leave.look([Requirement(leave.item.guard)], Window(start, until)):
-        steps = constant(vector, start, until)
-        if fires(leave, steps):
-            return steps
-    return None
+        return ()
+    return search(leave, start, [([leave.opens], until - start + 1)], fires)
 
 
 def from_entry(leave: Exit) -> Iterator[Scenario]:
@@ -76,54 +63,47 @@ def from_entry(leave: Exit) -> Iterator[Scenario]:
         for entry in decisive(leave.item.guard)
         if isinstance(entry.atom, Comparison) and reads_only_own_time(entry.atom)
     ]
-    for requirements in ([Requirement(leave.item.guard)], *times):
-        inside = comfortable(leave, requirements, fires)
-        steps = None if inside is None else _since_entry(leave, inside)
-        if steps is not None:
+    for requirements in ([leave.opens], *times):
+        steps = _since_entry(leave, comfortable(leave, requirements, fires))
+        if steps:
             yield scenario(leave, f"waiting: open from the entry on, fires in tick {steps[-1].tick}", steps)
 
 
-def _since_entry(leave: Exit, inside: Steps) -> Steps | None:
+def _since_entry(leave: Exit, inside: Steps) -> Steps:
     """The same measurements from the first tick on, until the exit is taken."""
-    if not 1 < inside[-1].tick <= LONGEST_RUN:
-        return None
+    if not inside or not 1 < inside[-1].tick <= LONGEST_RUN:
+        return ()
     steps = constant(inside[0].vector, 1, inside[-1].tick)
     taken = outcomes(leave.table, leave.phase, steps)
     due = next((place for place, index in enumerate(taken) if index is not None), 0)
-    return steps[: due + 1] if due and taken[due] == leave.index else None
+    return steps[: due + 1] if due and taken[due] == leave.index else ()
 
 
-def time_out(leave: Exit) -> Iterator[Scenario | str]:
+def time_out(leave: Exit) -> Iterator[Scenario]:
     """With all guards closed a pure time-out fires at its tick and not before."""
     time = leave.item.time_out_ticks or 0
-    what = f"time-out: fires after {time * TICK:g} s, not a tick before"
-    yield shown(leave, what, _quiet(leave))
+    yield scenario(leave, f"time-out: fires after {time * TICK:g} s, not a tick before", _quiet(leave))
 
 
-def _quiet(leave: Exit) -> Steps | None:
+def _quiet(leave: Exit) -> Steps:
     """Steps with all guards closed until a pure time-out fires; the last ``LONGEST_RUN`` ticks of them."""
     due = max(leave.item.time_out_ticks or 0, leave.debounce)
-    for first in (max(1, due - LONGEST_RUN), max(1, due - leave.debounce)):
-        for vector in leave.look([], Window(first, due)):
-            steps = constant(vector, first, due)
-            if fires(leave, steps):
-                return steps
-    return None
+    starts = (max(1, due - LONGEST_RUN), max(1, due - leave.debounce))
+    return first_of(search(leave, first, [([], due - first + 1)], fires) for first in starts)
 
 
-def _last_wait(leave: Exit) -> Steps | None:
+def _last_wait(leave: Exit) -> Steps:
     """Steps about as long as its debounce before a pure time-out fires."""
-    steps = _quiet(leave)
-    return None if steps is None else steps[-leave.debounce - 1 :]
+    return _quiet(leave)[-leave.debounce - 1 :]
 
 
 def clock(leave: Exit, steps: Steps) -> Iterator[Scenario]:
     """Times and debounces in the phase that follows count from its entry, which some steps lead to."""
     table, target = leave.table, leave.item.target
     for follower in (Exit(table, index) for index in exits(table, target)):
-        pure = is_pure_time_out(follower.item)
+        pure = follower.item.is_time_out
         waits = [_last_wait(follower)] if pure else [item.steps for item in from_entry(follower)]
-        for later in (item for item in waits if item is not None):
+        for later in filter(None, waits):
             both = _chain([steps, later])
             taken = [index for index in outcomes(table, leave.phase, both) if index is not None]
             if taken == [leave.index, follower.index]:
@@ -137,12 +117,12 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
     if leave.debounce > LONGEST_RUN:
         return
     table = leave.table
-    here = tuple(Requirement(table.transitions[index].guard, False) for index in exits(table, phase))
-    guarded = tuple(requirement for requirement in here if requirement.guard != AllOf(guards=()))
+    here = (Exit(table, index) for index in exits(table, phase))
+    closed = [item.closes for item in here if item.item.guard != AllOf(guards=())]
     gate = max(leave.gate, table.phases[phase].minimum_ticks)
     for first in leave.starts(leave.debounce, gate=gate) or [gate]:
         window = Window(first, first + leave.debounce - 1)
-        found = find(table.others, [Requirement(leave.item.guard), *guarded], window)
+        found = find(table.others, [leave.opens, *closed], window)
         steps = () if found is None else constant(found, *window)
         if steps and not any(index is not None for index in outcomes(table, phase, steps)):
             yield Scenario(f"holds in {phase}, which it does not leave", phase, steps, (None,) * len(steps))
@@ -151,16 +131,12 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
 
 def again(leave: Exit) -> Iterator[Scenario]:
     """A debounce that was cut short by another exit is counted anew when the phase is entered again."""
-    last = (
-        comfortable(leave, [Requirement(leave.item.guard)], fires)
-        if 1 < leave.debounce <= LONGEST_RUN
-        else None
-    )
-    if last is None:
+    if not 1 < leave.debounce <= LONGEST_RUN:
         return
-    for cutter in (Exit(leave.table, index) for index in exits(leave.table, leave.phase)):
+    last = comfortable(leave, [leave.opens], fires)
+    for cutter in leave.siblings:
         home = _way(leave.table, cutter.item.target, leave.phase)
-        if cutter.index == leave.index or home is None:
+        if not last or cutter.index == leave.index or home is None:
             continue
         for cut in _cuts(leave, cutter):
             steps = _chain([cut, *home, last])
@@ -174,18 +150,11 @@ def again(leave: Exit) -> Iterator[Scenario]:
 def _cuts(leave: Exit, cutter: Exit) -> Iterator[Steps]:
     """Steps with an open guard that another exit ends before the debounce is over."""
     starts, ticks = cutter.starts(cutter.debounce), cutter.debounce
-    if is_pure_time_out(cutter.item):
+    if cutter.item.is_time_out:
         starts, ticks = [int(cutter.latest) - leave.debounce + 2], leave.debounce - 1
-    if ticks >= leave.debounce:
-        return
-    requirements = [Requirement(leave.item.guard), Requirement(cutter.item.guard)]
-    requirements += [
-        Requirement(item.item.guard, False) for item in leave.rivals if item.index != cutter.index
-    ]
-    for start in (tick for tick in starts if tick >= 1):
-        vector = find(leave.table.others, requirements, Window(start, start + ticks - 1))
-        if vector is not None:
-            yield constant(vector, start, start + ticks - 1)
+    if ticks < leave.debounce:
+        sparing, stretch = replace(cutter, spared=leave.index), ([leave.opens, cutter.opens], ticks)
+        yield from filter(None, (search(sparing, start, [stretch], fires) for start in starts))
 
 
 def _way(table: StateTable, start: str, end: str) -> list[Steps] | None:
@@ -196,17 +165,15 @@ def _way(table: StateTable, start: str, end: str) -> list[Steps] | None:
         phase = waits.pop(0)
         for leave in (Exit(table, index) for index in exits(table, phase)):
             target = leave.item.target
-            steps = None if target in found else _taking(leave)
-            if steps is not None:
+            steps = () if target in found else _taking(leave)
+            if steps:
                 found[target] = [*found[phase], steps]
                 waits.append(target)
     return found.get(end)
 
 
-def _taking(leave: Exit) -> Steps | None:
-    if is_pure_time_out(leave.item):
-        return _last_wait(leave)
-    return comfortable(leave, [Requirement(leave.item.guard)], fires)
+def _taking(leave: Exit) -> Steps:
+    return _last_wait(leave) if leave.item.is_time_out else comfortable(leave, [leave.opens], fires)
 
 
 def _chain(parts: Sequence[Steps]) -> Steps:
