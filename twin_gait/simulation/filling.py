@@ -32,11 +32,12 @@ from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation import episode
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.problem import Problem, has_inertial_unit
-from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
+from twin_gait.simulation.record import ABSENT, Record, copied, is_record
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName

@@ -100,12 +100,6 @@ def _collect(value: Any, found: list[float]) -> None:
             _collect(entry, found)
 
 
-def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
-    """A record whose fields are the attributes of the same name of something else, or among ``more``."""
-    values = {item.name: getattr(source, item.name) for item in fields(kind) if item.name not in more}  # type: ignore[arg-type]
-    return kind(**values, **more)
-
-
 def copied(sample: Record | None) -> Record:
     """A copy that shares nothing with a record or a list of them; what is absent stays so."""
     copy: Any = sample

@@ -6,8 +6,8 @@ from twin_gait.control import Trip, TripCause
 from twin_gait.core.faults import Fault
 from twin_gait.core.safety import Bounds
 from twin_gait.gait.table import TICK
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.problem import ActuatedJoint, Problem
-from twin_gait.simulation.record import taken_from
 from twin_gait.worlds.faults import Fault as InjectedFault
 from twin_gait.worlds.faults import FaultKind
 
