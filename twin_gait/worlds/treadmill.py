@@ -10,7 +10,7 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time
+from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import BELT_SPEED, Adjustment, Posture, Walking, support_adjustment
 from twin_gait.worlds.standing import FALL_SHARE, SplitStance, soles_of, stand_on_both_feet
@@ -70,11 +70,7 @@ class Treadmill(SplitStance):
     trailing_phase: str = "late_stance"
 
     def _belt(self) -> Belt:
-        belt = Belt(self.belt_speed, stop_ramp=self.stop_ramp)
-        if self.belt is not None:
-            belt.start, belt.stop = self.belt.start, self.belt.stop
-            belt.ramp, belt.delay = self.belt.ramp, self.belt.delay
-        return belt
+        return taken_from(Belt, self.belt, cruise=self.belt_speed, stop_ramp=self.stop_ramp)
 
     @property
     def steady(self) -> tuple[float, float]:
