@@ -22,39 +22,21 @@ from twin_gait.parameters import (
     ChairParameters,
     ContactParameters,
     CrutchParameters,
-    require,
+    quantities,
 )
 from twin_gait.parameters.crutches import LEANS
-from twin_gait.parameters.quantities import (
-    DEGREE,
-    NOT_NEGATIVE,
-    SHARE,
-    Angle,
-    Key,
-    Length,
-    LinearDamping,
-    LinearDissipation,
-    LinearStiffness,
-    Parameters,
-    Range,
-    Ratio,
-    Speed,
-    UnitInside,
-    Word,
-    taken_from,
-)
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import Adjustment, Posture, Walking, support_adjustment
 from twin_gait.worlds.sitting import Sitting, seat_of
 from twin_gait.worlds.standing import FALL_SHARE, SplitStance, soles_of, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
-SHANKS = Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
-SPEEDS = Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
+SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
+SPEEDS = quantities.Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class HarnessParameters(Parameters):
+class HarnessParameters(quantities.Parameters):
     """A harness at the trunk that hangs from a trolley on a rail overhead; the trolley follows freely.
 
     Attributes:
@@ -65,11 +47,11 @@ class HarnessParameters(Parameters):
         catch_dissipation: Of that rope in [s] / [m] (an assumption).
     """
 
-    share: Annotated[Ratio, SHARE] = 0.0
-    height: Annotated[Ratio, Range(0.0, 0.4)] = 0.25
-    damping: Annotated[LinearDamping, NOT_NEGATIVE] = 0.0
-    catch_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 0.0
-    catch_dissipation: Annotated[LinearDissipation, NOT_NEGATIVE] = 2.0
+    share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
+    height: Annotated[quantities.Ratio, quantities.Range(0.0, 0.4)] = 0.25
+    damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 0.0
+    catch_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 0.0
+    catch_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,8 +81,8 @@ class Overground(SplitStance):
     step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
     surroundings: ClassVar[Surroundings] = Surroundings.WALKWAY
 
-    speed: Annotated[Speed, SPEEDS] = 0.3
-    crutches: Annotated[CrutchParameters | None, Word("none", "forearm", implied=True)] = field(
+    speed: Annotated[quantities.Speed, SPEEDS] = 0.3
+    crutches: Annotated[CrutchParameters | None, quantities.Word("none", "forearm", implied=True)] = field(
         default_factory=CrutchParameters
     )
     arms: ArmParameters = field(default_factory=ArmParameters)
@@ -108,18 +90,18 @@ class Overground(SplitStance):
     chair: ChairParameters | None = None
     contact: ContactParameters = field(default_factory=ContactParameters)
     start: Literal["standing", "sitting"] = "standing"
-    lean: Annotated[Angle, LEANS] = 8.0 * DEGREE
-    shank: Annotated[Angle, SHANKS] = 0.0
-    crutch_ahead: Annotated[Mapping[Side, Length], UnitInside()] = field(
+    lean: Annotated[quantities.Angle, LEANS] = math.radians(8.0)
+    shank: Annotated[quantities.Angle, SHANKS] = 0.0
+    crutch_ahead: Annotated[Mapping[Side, quantities.Length], quantities.UnitInside()] = field(
         default_factory=lambda: {Side.LEFT: 0.35, Side.RIGHT: 0.3}
     )
-    fall_lean: Annotated[Angle, Range(0.0, math.pi, above=True)] = 60.0 * DEGREE
+    fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, above=True)] = math.radians(60.0)
     leading: Side = Side.LEFT
-    leading_angles: Annotated[Posture, Key("leading_start")] = field(
-        default_factory=lambda: {JointName.HIP: 26.0 * DEGREE, JointName.KNEE: 8.0 * DEGREE}
+    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = field(
+        default_factory=lambda: {JointName.HIP: math.radians(26.0), JointName.KNEE: math.radians(8.0)}
     )
-    trailing_angles: Annotated[Posture, Key("trailing_start")] = field(
-        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 10.0 * DEGREE}
+    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = field(
+        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: math.radians(10.0)}
     )
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
@@ -151,7 +133,7 @@ class Overground(SplitStance):
         tall = 0.0 if model.patient is None else model.patient.height
         seat = None if self.chair is None else seat_of(model, self.chair)
         if self.start == "sitting":
-            require(seat is not None, "start", "standing, or a chair to sit on", self.start)
+            quantities.require(seat is not None, "start", "standing, or a chair to sit on", self.start)
             assert seat is not None
             still = replace(seat)  # its sums change
             q = Sitting(model, still, self.contact, plant, lean=self.lean, shank=self.shank).posture()
@@ -185,7 +167,7 @@ class Overground(SplitStance):
     def _with_crutches(self, world: World, crutches: CrutchParameters) -> World:
         """The wearer of a world with both crutches planted."""
         patient, pelvis = world.model.patient, world.model.pelvis_index
-        require(patient is not None, "crutches", "a patient who holds them", "none")
+        quantities.require(patient is not None, "crutches", "a patient who holds them", "none")
         assert patient is not None and world.trunk is not None and pelvis is not None
         longest, delay = crutches.length * patient.height, round(self.arms.delay / TICK)
         habit = self._habit(longest, world.body_weight)
@@ -194,7 +176,7 @@ class Overground(SplitStance):
         arms: list[Arm] = []
         tips: list[float] = []
         for ahead in self.crutch_ahead.values():
-            arm = taken_from(
+            arm = quantities.taken_from(
                 Arm,
                 crutches,
                 place=world.model.nv + len(tips),
@@ -223,7 +205,7 @@ class Overground(SplitStance):
 
     def _habit(self, longest: float, weight: float) -> Habit:
         arms = self.arms
-        return taken_from(
+        return quantities.taken_from(
             Habit,
             arms,
             push=arms.push * weight,
