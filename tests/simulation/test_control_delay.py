@@ -15,7 +15,7 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import target_current
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Experiment
-from twin_gait.simulation.record import taken_from
+from twin_gait.parameters.quantities import taken_from
 
 JOINTS = ("hip", "knee")
 

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait import load_experiment
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.record import ABSENT, copied, dtype_of, numbers_in, stored, taken_from
+from twin_gait.simulation.record import ABSENT, copied, dtype_of, numbers_in, stored
 
 
 @dataclass(slots=True)
@@ -192,12 +193,16 @@ def test_a_record_is_taken_from_attributes_of_the_same_names() -> None:
     assert taken_from(Inner, Parameters(), gain=1.0, count=4) == Inner(1.0, 4)
 
 
+def test_a_field_with_a_default_keeps_it_where_nothing_says_more() -> None:
+    assert taken_from(Inner, Parameters()) == Inner(0.75, 0)
+
+
 # ------------------------------------------------------------------ what must fail
 
 
 def test_a_record_that_lacks_an_attribute_is_not_made_up() -> None:
-    with pytest.raises(AttributeError, match="count"):
-        taken_from(Inner, Parameters())
+    with pytest.raises(AttributeError, match="gain"):
+        taken_from(Inner, object(), count=1)
 
 
 def test_a_field_that_the_record_does_not_have_is_refused() -> None:

@@ -103,18 +103,18 @@ KINDS = st.lists(st.tuples(st.sampled_from(["a", "b", None]), st.integers(1, 2 *
 def test_blocks_hold_every_episode_once_and_only_what_is_alike_and_fits(episodes):
     kinds, ticks = [kind for kind, _ in episodes], [length for _, length in episodes]
     blocks = blocks_of(kinds, ticks)
-    assert sorted(place for block in blocks for place in block.members) == list(range(len(episodes)))
+    assert sorted(place for block in blocks for place in block) == list(range(len(episodes)))
     for block in blocks:
-        if block.alike:
-            assert FEWEST <= len(block.members) <= WIDTH
-            assert {kinds[place] for place in block.members} in ({"a"}, {"b"})
-            assert len(block.members) * max(ticks[place] for place in block.members) <= MOST_TICKS
+        if len(block) > 1:
+            assert FEWEST <= len(block) <= WIDTH
+            assert {kinds[place] for place in block} in ({"a"}, {"b"})
+            assert len(block) * max(ticks[place] for place in block) <= MOST_TICKS
 
 
 @pytest.mark.parametrize(("count", "sizes"), [(1, []), (7, []), (33, [32]), (1000, [*[32] * 31])])
 def test_what_is_alike_is_cut_into_full_blocks_of_similar_duration(count, sizes):
     ticks = np.random.default_rng(count).integers(1, 5000, count).tolist()
-    alike = [block.members for block in blocks_of(["x"] * count, ticks) if block.alike]
+    alike = [block for block in blocks_of(["x"] * count, ticks) if len(block) > 1]
     assert sorted(map(len, alike), reverse=True) == sizes
     spans = sorted(
         (min(ticks[place] for place in part), max(ticks[place] for place in part)) for part in alike
@@ -125,9 +125,9 @@ def test_what_is_alike_is_cut_into_full_blocks_of_similar_duration(count, sizes)
 def test_the_order_of_the_episodes_does_not_decide_who_is_together():
     ticks = list(range(1, 101))
     order = np.random.default_rng(1).permutation(100)
-    first = {frozenset(block.members) for block in blocks_of(["x"] * 100, ticks)}
+    first = {frozenset(block) for block in blocks_of(["x"] * 100, ticks)}
     shuffled = blocks_of(["x"] * 100, [ticks[place] for place in order])
-    assert {frozenset(int(order[place]) for place in block.members) for block in shuffled} == first
+    assert {frozenset(int(order[place]) for place in block) for block in shuffled} == first
 
 
 def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):

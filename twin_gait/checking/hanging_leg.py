@@ -16,7 +16,6 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters, FrictionLaw
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
-from twin_gait.worlds.world import build_leg_model
 
 # Steps of central differences; the errors of both are far below what any rule prints.
 _VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0.02 rad/s wide
@@ -173,13 +172,7 @@ def hanging_legs(case: CheckCase) -> list[HangingLeg]:
 
 def _hanging_legs(experiment: Experiment) -> list[HangingLeg]:
     problem = build_problem(experiment)
-    plant = build_leg_model(
-        experiment.leg,
-        patient=experiment.patient,
-        actuators=experiment.plant.actuators,
-        pelvis=PelvisGuide.FIXED,
-        gravity=experiment.plant.gravity,
-    )
+    plant = experiment.leg_model(experiment.patient, PelvisGuide.FIXED)
     if not problem.table.side_phases:
         return [HangingLeg(problem, plant, problem.sides[0], None)]
     return [HangingLeg(problem, plant, side, side) for side in problem.sides]

@@ -16,7 +16,7 @@ from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
 from twin_gait.worlds.scenario import Scenario
-from twin_gait.worlds.world import LegSource, World, build_leg_model, build_plant
+from twin_gait.worlds.world import LegSource, World
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
@@ -154,18 +154,15 @@ class Experiment(Parameters):
 
     def build_world(self) -> World:
         """Build the world and its rigid bodies; ModelError or ParameterError if something does not fit."""
-        model, plant = self._plant_model(Bodies.BOTH), self.plant
-        rows = build_plant(
-            model,
-            friction=plant.true_friction(),
-            actuators=plant.actuators,
-            stops=plant.stops,
-            ankle=plant.ankle,
-            gravity=plant.gravity,
+        plant, pelvis = self.plant, self.scenario.pelvis
+        model = self.leg_model(self.patient, pelvis)
+        world = self.scenario.build(
+            model, plant=plant.rows(model), ankle_rest=plant.ankle.rest, gravity=plant.gravity
         )
-        world = self.scenario.build(model, plant=rows, ankle_rest=plant.ankle.rest, gravity=plant.gravity)
         if self.interface is not None:
-            device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
+            device, wearer = (
+                self.leg_model(self.patient, pelvis, bodies) for bodies in (Bodies.DEVICE, Bodies.WEARER)
+            )
             world = brace_world(world, device, wearer, self.interface)
         stiff = {} if self.interface is None else {"interface": "braces"}
         if any(plant.friction.bristle_stiffness > 0.0 for plant in world.plant):
@@ -174,13 +171,19 @@ class Experiment(Parameters):
             self._require_step_for(world, " or ".join(stiff), " or ".join(stiff.values()))
         return world
 
-    def _plant_model(self, bodies: Bodies) -> LegModel:
-        return build_leg_model(
-            self.leg,
-            patient=self.patient,
-            actuators=self.plant.actuators,
-            pelvis=self.scenario.pelvis,
+    def leg_model(
+        self, patient: Patient | None, pelvis: PelvisGuide, bodies: Bodies = Bodies.BOTH
+    ) -> LegModel:
+        """Rigid bodies of the legs with a wearer, or None, and a pelvis that is held in some way."""
+        return LegModel(
+            self.leg.urdf,
+            self.leg.legs,
+            patient=patient,
+            fit_device=self.leg.fit_device,
+            pelvis=pelvis,
+            armature={joint: item.armature for joint, item in self.plant.actuators.items()},
             gravity=self.plant.gravity,
+            up_axis=self.leg.up_axis,
             bodies=bodies,
         )
 
@@ -200,10 +203,4 @@ class Experiment(Parameters):
 
     def build_control_model(self) -> LegModel:
         """Model of the controller: pelvis fixed, the wearer as it assumes them."""
-        return build_leg_model(
-            self.leg,
-            patient=self.patient if self.control.patient is None else self.control.patient,
-            actuators=self.plant.actuators,
-            pelvis=PelvisGuide.FIXED,
-            gravity=self.plant.gravity,
-        )
+        return self.leg_model(self.control.patient or self.patient, PelvisGuide.FIXED)

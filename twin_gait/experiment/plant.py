@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from twin_gait import parameters
+from twin_gait.core.plant import Plant, Spring, Stop, free_coordinate
 from twin_gait.exceptions import ParameterError
+from twin_gait.leg_model import LegModel
 from twin_gait.parameters.quantities import NOT_NEGATIVE, Acceleration, Parameters, Ratio
 from twin_gait.vocabulary import JointName
 
@@ -52,6 +54,24 @@ class PlantParameters(Parameters):
         for joint in self.actuators:
             if joint not in self.friction:
                 raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
+
+    def rows(self, model: LegModel) -> tuple[Plant, ...]:
+        """Friction, stops and ankle springs of every coordinate of a model."""
+        found, friction = tuple(free_coordinate() for _ in range(model.nv)), self.true_friction()
+        tall, ankle = 0.0 if model.patient is None else model.patient.height, self.ankle
+        stiffness = ankle.stiffness + ankle.relative_stiffness * model.total_mass * self.gravity * tall
+        for side, leg in model.legs.items():
+            for joint, _ in leg.items():
+                row, actuator = found[model.index(side, joint)], self.actuators.get(joint)
+                row.stop = Stop(
+                    *model.position_limits(side, joint), self.stops.stiffness, self.stops.dissipation
+                )
+                if joint is JointName.ANKLE:
+                    row.spring = Spring(stiffness, ankle.damping, stiffness * ankle.rest)
+                if actuator is not None:
+                    row.friction = friction[joint].in_plant(actuator.gear_efficiency)
+                    row.armature = actuator.armature
+        return found
 
     def true_friction(self) -> dict[JointName, parameters.FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""

@@ -10,12 +10,10 @@ refused.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
-from itertools import chain
+from itertools import accumulate, chain, islice
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from twin_gait.core.contact import Point, ground_contact_force, sloped_contact_force
 from twin_gait.core.elementary import sine_cosine
@@ -52,214 +50,177 @@ SIDE_BY_SIDE = Called(sine_cosine, 0, 1, 2), Called(ground_contact_force, 1, 3, 
 WRENCH = (0, 1), (1, 0)
 
 
-def _map_values(
-    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], visit: Callable[[float], Scalar]
-) -> tuple[list[BodyArrays], list[ContactPoint]]:
-    """Rebuild bodies and contact points with every run-time value passed through a function."""
-    mapped = []
+def _values_of(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> list[float]:
+    """All that a kernel may read at run time, in its order; what is zero is folded into the text."""
+    values: list[float] = []
     for body in bodies:
-        inertia = np.full((3, 3), 0.0, dtype=object)
-        for i in range(3):
-            for j in range(i, 3):
-                inertia[i, j] = inertia[j, i] = visit(body.inertia[i][j])
-        mapped.append(
-            body._replace(
-                axis=vector(body.axis),
-                rotation=vector(body.rotation),
-                position=vector([visit(value) for value in body.position]),
-                mass=visit(body.mass),
-                first_moment=vector([visit(value) for value in body.first_moment]),
-                inertia=inertia,
-                armature=visit(body.armature),
-            )
-        )
-    moved = [vector([visit(value) for value in point.position]) for point in points]
-    return mapped, [point._replace(position=position) for point, position in zip(points, moved, strict=True)]
+        values += [body.inertia[i][j] for i in range(3) for j in range(i, 3)]
+        values += [*body.position, body.mass, *body.first_moment, body.armature]
+    for point in points:
+        values += point.position
+    return values
 
 
 def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
     """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out."""
-    values: list[float] = []
-
-    def visit(value: float) -> float:
-        if value != 0.0:
-            values.append(value)
-        return value
-
-    _map_values(bodies, points, visit)
-    return values
+    return [value for value in _values_of(bodies, points) if value != 0.0]
 
 
-def _as_inputs(
-    trace: Trace, bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]
-) -> tuple[list[BodyArrays], list[ContactPoint]]:
-    count = 0
+class _Function:
+    """A function of a kernel that is being written: its inputs as symbols, and the lines so far."""
 
-    def visit(value: float) -> Scalar:
-        nonlocal count
-        if value == 0.0:
-            return 0.0
-        count += 1
-        return trace.input(f"bodies[{count - 1}]")
+    def __init__(
+        self, bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = (), up_axis: str = "z"
+    ) -> None:
+        self.trace = Trace()
+        values = _values_of(bodies, points)
+        places = accumulate((value != 0.0 for value in values), initial=0)  # of those before each
+        symbols = iter(
+            [
+                self.trace.input(f"bodies[{place}]") if value != 0.0 else 0.0
+                for value, place in zip(values, places, strict=False)
+            ]
+        )
+        self.bodies = [self._body(body, symbols) for body in bodies]
+        self.points = [point._replace(position=vector([*islice(symbols, 3)])) for point in points]
+        self.zeros: list[Scalar] = [0.0] * len(bodies)
+        self._up_axis = up_axis
 
-    return _map_values(bodies, points, visit)
+    @staticmethod
+    def _body(body: BodyArrays, symbols: Iterator[Scalar]) -> BodyArrays:
+        xx, xy, xz, yy, yz, zz = islice(symbols, 6)
+        return BodyArrays(
+            parent=body.parent,
+            prismatic=body.prismatic,
+            axis=vector(body.axis),
+            rotation=vector(body.rotation),
+            inertia=vector([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+            position=vector([*islice(symbols, 3)]),
+            mass=next(symbols),
+            first_moment=vector([*islice(symbols, 3)]),
+            armature=next(symbols),
+        )
 
+    def inputs(self, name: str) -> Vector:
+        """Symbols of an array with an entry for each coordinate."""
+        return vector([self.trace.input(f"{name}[{index}]") for index in range(len(self.bodies))])
 
-def _inputs(trace: Trace, name: str, count: int) -> Vector:
-    return vector([trace.input(f"{name}[{index}]") for index in range(count)])
+    @property
+    def gravity(self) -> Vector:
+        """Its acceleration in the world."""
+        down = -self.trace.input("gravity")
+        return vector([0.0, 0.0, down] if self._up_axis == "z" else [0.0, down, 0.0])
 
+    def ground(self, sloped: bool) -> rigid_body.ContactLaw:
+        """Contact law that calls the one in core; gives forces, height and power."""
+        sine: Any = self.trace.input("ground.slope_sine")
+        cosine: Any = self.trace.input("ground.slope_cosine")
 
-def _gravity_vector(trace: Trace, up_axis: str) -> Vector:
-    down = -trace.input("gravity")
-    return vector([0.0, 0.0, down] if up_axis == "z" else [0.0, down, 0.0])
+        def press(*state: Any) -> Any:
+            return self.trace.call("ground_contact_force", [self.trace.input("ground"), *state], 2)
 
+        def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
+            place, speed = (position[0], position[2]), (velocity[0], velocity[2])
+            height = place[1]
+            if sloped:
+                forward, upward, height = sloped_contact_force(sine, cosine, place, speed, press)
+            else:
+                forward, upward = press(height, *speed)
+            return [forward, upward, height, forward * velocity[0] + upward * velocity[2]]
 
-def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar], sloped: bool) -> rigid_body.ContactLaw:
-    """Contact law that calls the one in core, and keeps heights and powers."""
-    sine: Any = trace.input("ground.slope_sine")
-    cosine: Any = trace.input("ground.slope_cosine")
+        return law
 
-    def press(*state: Any) -> Any:
-        return trace.call("ground_contact_force", [trace.input("ground"), *state], 2)
-
-    def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        place, speed = (position[0], position[2]), (velocity[0], velocity[2])
-        height = place[1]
-        if sloped:
-            forward, upward, height = sloped_contact_force(sine, cosine, place, speed, press)
-        else:
-            forward, upward = press(height, *speed)
-        heights.append(height)
-        powers.append(forward * velocity[0] + upward * velocity[2])
-        return [forward, upward]
-
-    return law
-
-
-def _total(values: Sequence[Scalar]) -> Scalar:
-    total: Scalar = 0.0
-    for value in values:
-        total = value + total
-    return total
-
-
-def _function(
-    signature: str, trace: Trace, stores: Sequence[tuple[str, Scalar]], returned: Sequence[Scalar]
-) -> str:
-    outputs = [value for _, value in stores] + list(returned)
-    body = trace.live_lines(outputs)
-    for item in SIDE_BY_SIDE:
-        body = together(body, item.name, item.shared)
-    body = compact(body, {text(value) for value in outputs})
-    lines = [f"def {signature}:", *(f"    {line}" for line in body)]
-    lines += [f"    {place} = {text(value)}" for place, value in stores]
-    if returned:
-        lines.append(f"    return {', '.join(text(value) for value in returned)}")
-    if len(lines) == 1:
-        lines.append("    pass")
-    return "\n".join(lines) + "\n"
+    def text(
+        self, signature: str, stores: Sequence[tuple[str, Scalar]], returned: Sequence[Scalar] = ()
+    ) -> str:
+        """Source of the function, with what it stores and returns."""
+        outputs = [value for _, value in stores] + list(returned)
+        body = self.trace.live_lines(outputs)
+        for item in SIDE_BY_SIDE:
+            body = together(body, item.name, item.shared)
+        lines = compact(body, {text(value) for value in outputs})
+        lines += [f"{place} = {text(value)}" for place, value in stores]
+        if returned:
+            lines.append(f"return {', '.join(text(value) for value in returned)}")
+        return "\n    ".join([f"def {signature}:", *(lines or ["pass"])]) + "\n"
 
 
 def _stores(name: str, values: Sequence[Scalar]) -> list[tuple[str, Scalar]]:
     return [(f"{name}[{index}]", value) for index, value in enumerate(values)]
 
 
-def _point_stores(
-    contacts: Sequence[Sequence[Scalar]], heights: Sequence[Scalar]
-) -> list[tuple[str, Scalar]]:
-    stores = []
-    for number, (forces, height) in enumerate(zip(contacts, heights, strict=True)):
-        parts = zip(POINT_FIELDS, [*forces, height], strict=True)
-        stores += [(f"points[{number}].{name}", value) for name, value in parts]
-    return stores
+def _point_stores(contacts: Sequence[Sequence[Scalar]]) -> list[tuple[str, Scalar]]:
+    return [
+        (f"points[{number}].{name}", value)
+        for number, results in enumerate(contacts)
+        for name, value in zip(POINT_FIELDS, results[:-1], strict=True)
+    ]
+
+
+def _power(contacts: Sequence[Sequence[Scalar]]) -> Scalar:
+    total: Scalar = 0.0
+    for results in contacts:
+        total = results[-1] + total
+    return total
 
 
 def write_dynamics(
     bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str, sloped: bool = False
 ) -> str:
     """Source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
-    trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
-    inputs, places = _as_inputs(trace, bodies, points)
-    n = len(bodies)
+    made = _Function(bodies, points, up_axis)
+    q, v, torque = (made.inputs(name) for name in ("q", "v", "torque"))
     acceleration, contacts = rigid_body.forward_dynamics(
-        inputs,
-        _inputs(trace, "q", n),
-        _inputs(trace, "v", n),
-        _inputs(trace, "torque", n),
-        _gravity_vector(trace, up_axis),
-        places,
-        _ground(trace, heights, powers, sloped),
+        made.bodies, q, v, torque, made.gravity, made.points, made.ground(sloped)
     )
-    stores = _stores("a", acceleration) + _point_stores(contacts, heights)
+    stores = _stores("a", acceleration) + _point_stores(contacts)
     signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
-    return _function(signature, trace, stores, [_total(powers)])
+    return made.text(signature, stores, [_power(contacts)])
 
 
 def write_contact_forces(
     bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], sloped: bool = False
 ) -> str:
     """Source of ``contact_forces``."""
-    trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
-    inputs, places = _as_inputs(trace, bodies, points)
-    n = len(bodies)
-    result = rigid_body.inverse_dynamics(
-        inputs,
-        _inputs(trace, "q", n),
-        _inputs(trace, "v", n),
-        [0.0] * n,
-        rigid_body.ZERO,
-        places,
-        _ground(trace, heights, powers, sloped),
-    )
-    stores = _point_stores(result.contacts, heights)
-    return _function("contact_forces(q, v, bodies, ground, points)", trace, stores, [_total(powers)])
+    made = _Function(bodies, points)
+    q, v, law = made.inputs("q"), made.inputs("v"), made.ground(sloped)
+    contacts = rigid_body.inverse_dynamics(
+        made.bodies, q, v, made.zeros, rigid_body.ZERO, made.points, law
+    ).contacts
+    signature = "contact_forces(q, v, bodies, ground, points)"
+    return made.text(signature, _point_stores(contacts), [_power(contacts)])
 
 
 def write_observe(
     bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str, guides: Sequence[int] = (0,)
 ) -> str:
     """Source of ``observe``; the wrench is that of all guides, each about its own origin."""
-    trace = Trace()
-    inputs, places = _as_inputs(trace, bodies, points)
-    n = len(bodies)
-    q, v, a = (_inputs(trace, name, n) for name in ("q", "v", "a"))
-    gravity = _gravity_vector(trace, up_axis)
+    made = _Function(bodies, points, up_axis)
+    q, v, a = (made.inputs(name) for name in ("q", "v", "a"))
 
     def known_force(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        return [trace.input(f"points[{number}].{name}") for name in POINT_FIELDS[:2]]
+        return [made.trace.input(f"points[{number}].{name}") for name in POINT_FIELDS[:2]]
 
-    result = rigid_body.inverse_dynamics(inputs, q, v, a, gravity, places, known_force)
-    potential = rigid_body.potential_energy(inputs, q, gravity)
-    moment, force = (
-        _total([result.wrenches[guide][part][axis] for guide in guides]) for part, axis in WRENCH
-    )
+    result = rigid_body.inverse_dynamics(made.bodies, q, v, a, made.gravity, made.points, known_force)
+    potential = rigid_body.potential_energy(made.bodies, q, made.gravity)
+    moment, force = (sum(result.wrenches[guide][part][axis] for guide in guides) for part, axis in WRENCH)
     returned = [result.kinetic_energy, potential, force, moment]
-    return _function("observe(q, v, a, bodies, gravity, points)", trace, [], returned)
+    return made.text("observe(q, v, a, bodies, gravity, points)", [], returned)
 
 
 def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:
     """Source of ``control_gravity``."""
-    trace = Trace()
-    inputs, _ = _as_inputs(trace, bodies, ())
-    n = len(bodies)
-    zeros: list[Scalar] = [0.0] * n
-    result = rigid_body.inverse_dynamics(
-        inputs, _inputs(trace, "q", n), zeros, zeros, _gravity_vector(trace, up_axis)
-    )
-    return _function(
-        "control_gravity(q, bodies, gravity, torque)", trace, _stores("torque", result.torques), []
-    )
+    made = _Function(bodies, (), up_axis)
+    result = rigid_body.inverse_dynamics(made.bodies, made.inputs("q"), made.zeros, made.zeros, made.gravity)
+    return made.text("control_gravity(q, bodies, gravity, torque)", _stores("torque", result.torques))
 
 
 def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     """Source of ``control_inertia``."""
-    trace = Trace()
-    inputs, _ = _as_inputs(trace, bodies, ())
-    n = len(bodies)
-    a = _inputs(trace, "a", n)
-    matrix = rigid_body.joint_space_inertia(inputs, _inputs(trace, "q", n))
-    torques = [vector(row) @ a for row in matrix]
-    return _function("control_inertia(q, a, bodies, torque)", trace, _stores("torque", torques), [])
+    made = _Function(bodies)
+    matrix = rigid_body.joint_space_inertia(made.bodies, made.inputs("q"))
+    torques = [vector(row) @ made.inputs("a") for row in matrix]
+    return made.text("control_inertia(q, a, bodies, torque)", _stores("torque", torques))
 
 
 class KernelBodies(NamedTuple):
@@ -321,12 +282,6 @@ def kernel_structure(kernel: KernelBodies) -> str:
 
 def _structure(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> str:
     """All that the text of a kernel depends on: topology, axes, and which run-time inputs are zero."""
-    zeros: list[bool] = []
-
-    def visit(value: float) -> float:
-        zeros.append(value == 0.0)
-        return value
-
-    _map_values(bodies, points, visit)
     frames = [(body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
+    zeros = [value == 0.0 for value in _values_of(bodies, points)]
     return repr((frames, [point.body for point in points], zeros))

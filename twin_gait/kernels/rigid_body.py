@@ -50,11 +50,8 @@ def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
         i = nonzero[0]
         j, k = (i + 1) % 3, (i + 2) % 3
         matrix = np.full((3, 3), 0.0, dtype=object)
-        matrix[i, i] = 1.0
-        matrix[j, j] = c
-        matrix[k, k] = c
-        matrix[j, k] = -(axis[i] * s)
-        matrix[k, j] = axis[i] * s
+        matrix[i, i], matrix[j, j], matrix[k, k] = 1.0, c, c
+        matrix[j, k], matrix[k, j] = -(axis[i] * s), axis[i] * s
         return matrix
     x, y, z = axis
     one = 1.0 - c
@@ -90,14 +87,16 @@ def _poses(bodies: Sequence[BodyArrays], q: Vector) -> list[_Pose]:
 ContactLaw = Callable[[int, Vector, Vector], list[Scalar]]
 
 
-def _path_to_contacts(bodies: Sequence[BodyArrays], contacts: Sequence[ContactPoint]) -> set[int]:
-    needed = set()
-    for point in contacts:
-        index = point.body
-        while index >= 0:
-            needed.add(index)
-            index = bodies[index].parent
-    return needed
+def _world_poses(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[tuple[Matrix, Vector]]:
+    """Orientation and origin of every body in the world."""
+    found: list[tuple[Matrix, Vector]] = []
+    for body, pose in zip(bodies, poses, strict=True):
+        if body.parent < 0:
+            found.append((pose.rotation, pose.position))
+        else:
+            rotation, origin = found[body.parent]
+            found.append((rotation @ pose.rotation, origin + rotation @ pose.position))
+    return found
 
 
 def inverse_dynamics(
@@ -118,8 +117,7 @@ def inverse_dynamics(
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
     acceleration: list[tuple[Vector, Vector]] = []
-    world: list[tuple[Matrix, Vector] | None] = []
-    needed = _path_to_contacts(bodies, contacts)
+    world = _world_poses(bodies, poses)
     results: list[list[Scalar]] = [[] for _ in contacts]
     twice_kinetic: Scalar = 0.0
     for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
@@ -152,11 +150,10 @@ def inverse_dynamics(
             + cross(linear, momentum_l)
         )
         linear_force = al * body.mass + cross(aw, body.first_moment) + cross(w, momentum_l)
-        world.append(_world_pose(body, pose, world, index in needed))
+        rotation, origin = world[index]
         for number, point in enumerate(contacts):
             if point.body != index or contact_law is None:
                 continue
-            rotation, origin = world[index]  # type: ignore[misc]  # it is in needed
             position = origin + rotation @ point.position
             speed = rotation @ (linear + cross(w, point.position))
             results[number] = contact_law(number, position, speed)
@@ -174,19 +171,6 @@ def inverse_dynamics(
             force[parent][0] = force[parent][0] + pose.rotation @ moment + cross(pose.position, turned)
             force[parent][1] = force[parent][1] + turned
     return InverseDynamics(bias, results, force, 0.5 * twice_kinetic)
-
-
-def _world_pose(
-    body: BodyArrays, pose: _Pose, world: Sequence[tuple[Matrix, Vector] | None], needed: bool
-) -> tuple[Matrix, Vector] | None:
-    if not needed:
-        return None
-    if body.parent < 0:
-        return pose.rotation, pose.position
-    parent = world[body.parent]
-    assert parent is not None  # every ancestor of a needed body is needed
-    rotation, origin = parent
-    return rotation @ pose.rotation, origin + rotation @ pose.position
 
 
 def mass_matrix(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
@@ -240,13 +224,9 @@ def solve_along_tree(
 ) -> list[Scalar]:
     """Solve M a = r with the branch-sparse L'DL factorisation (Featherstone, section 6.5)."""
     n = len(bodies)
-    ancestors: list[list[int]] = []
-    for index in range(n):
-        chain, up = [], bodies[index].parent
-        while up >= 0:
-            chain.append(up)
-            up = bodies[up].parent
-        ancestors.append(chain)
+    ancestors: list[list[int]] = []  # the nearest first
+    for body in bodies:
+        ancestors.append([body.parent, *ancestors[body.parent]] if body.parent >= 0 else [])
     matrix = [list(row) for row in matrix]
     x = list(right)
     for k in range(n - 1, -1, -1):
@@ -290,12 +270,7 @@ def joint_space_inertia(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Sc
 
 def potential_energy(bodies: Sequence[BodyArrays], q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
-    poses = _poses(bodies, q)
-    world: list[tuple[Matrix, Vector] | None] = []
     energy: Scalar = 0.0
-    for body, pose in zip(bodies, poses, strict=True):
-        world.append(_world_pose(body, pose, world, True))
-        rotation, origin = world[-1]  # type: ignore[misc]  # just put there
-        moment = rotation @ body.first_moment + origin * body.mass
-        energy = energy - gravity @ moment
+    for body, (rotation, origin) in zip(bodies, _world_poses(bodies, _poses(bodies, q)), strict=True):
+        energy = energy - gravity @ (rotation @ body.first_moment + origin * body.mass)
     return energy

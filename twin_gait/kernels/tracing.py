@@ -36,7 +36,13 @@ class Trace:
         """Make a symbol for something that exists already, such as ``q[0]``."""
         return Symbol(self, expression)
 
-    def emit(self, key: tuple[str, ...], expression: str) -> Symbol:
+    def combined(self, first: Scalar, operator: str, second: Scalar) -> Symbol:
+        """Append what an operator makes of two numbers, of which at least one is a symbol."""
+        left, right = text(first), text(second)
+        operands = sorted((left, right)) if operator in "+*" else (left, right)
+        return self._emit((operator, *operands), f"{left} {operator} {right}")
+
+    def _emit(self, key: tuple[str, ...], expression: str) -> Symbol:
         """Append an assignment unless the same expression is known, and return its symbol."""
         if key not in self._known:
             symbol = Symbol(self, f"t{self._count}")
@@ -58,7 +64,7 @@ class Trace:
 
     def negated(self, symbol: Symbol) -> Symbol:
         """Append the negative of a symbol, and remember of what it is the negative."""
-        result = self.emit(("neg", symbol.name), f"-{symbol.name}")
+        result = self._emit(("neg", symbol.name), f"-{symbol.name}")
         self._negated[result.name] = symbol
         return result
 
@@ -95,8 +101,7 @@ class Symbol:
             positive = self.trace.positive_of(negative)
             if positive is not None:
                 return one - positive
-        first, second = sorted((text(self), text(other)))
-        return self.trace.emit(("+", first, second), f"{text(self)} + {text(other)}")
+        return self.trace.combined(self, "+", other)
 
     __radd__ = __add__
 
@@ -108,12 +113,12 @@ class Symbol:
         positive = self.trace.positive_of(other)
         if positive is not None:
             return self + positive
-        return self.trace.emit(("-", text(self), text(other)), f"{text(self)} - {text(other)}")
+        return self.trace.combined(self, "-", other)
 
     def __rsub__(self, other: Number) -> Scalar:
         if other == 0.0:
             return -self
-        return self.trace.emit(("-", text(other), text(self)), f"{text(other)} - {text(self)}")
+        return self.trace.combined(other, "-", self)
 
     def __neg__(self) -> Symbol:
         return self.trace.negated(self)
@@ -126,16 +131,15 @@ class Symbol:
                 return self
             if other == -1.0:
                 return -self
-        first, second = sorted((text(self), text(other)))
-        return self.trace.emit(("*", first, second), f"{text(self)} * {text(other)}")
+        return self.trace.combined(self, "*", other)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Scalar) -> Symbol:
-        return self.trace.emit(("/", text(self), text(other)), f"{text(self)} / {text(other)}")
+        return self.trace.combined(self, "/", other)
 
     def __rtruediv__(self, other: Number) -> Symbol:
-        return self.trace.emit(("/", text(other), text(self)), f"{text(other)} / {text(self)}")
+        return self.trace.combined(other, "/", self)
 
 
 Scalar = Symbol | Number

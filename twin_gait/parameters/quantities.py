@@ -16,9 +16,11 @@ import re
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from twin_gait.exceptions import ParameterError
+
+Record = TypeVar("Record")
 
 DEGREE, KM_PER_H = math.pi / 180.0, 1.0 / 3.6  # in SI
 
@@ -282,3 +284,18 @@ def _meanings(parameters: Any) -> dict[str, str]:
             else:
                 name = ""
     return {name: _ROLE.sub(r"`\1`", text) for name, text in found.items()}
+
+
+def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
+    """A record whose fields are the attributes of the same name of something else, or among ``more``.
+
+    A field that has a default keeps it where neither says more.
+    """
+    missing = dataclasses.MISSING
+    values = {
+        item.name: getattr(source, item.name)
+        for item in dataclasses.fields(kind)  # type: ignore[arg-type]
+        if item.name not in more
+        and (hasattr(source, item.name) or item.default is item.default_factory is missing)
+    }
+    return kind(**values, **more)

@@ -22,6 +22,14 @@ class _Said(NamedTuple):
     message: str
     signal: str
 
+    def refusal(self, low: float, high: float) -> str:
+        """Why it cannot be said in the range of its signal, and the way out."""
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{self.key}: {self.value:.6g}{unit} is outside {low:.6g} to {high:.6g}{unit}, the range of "
+            f"{self.message}.{self.signal}; take a value within it, or a DBC file with a wider one"
+        )
+
 
 def values_out_of_range(problem: Problem, messages: Mapping[str, Message]) -> list[str]:
     """Values of an experiment that lie outside the ranges of the signals that carry them.
@@ -34,21 +42,10 @@ def values_out_of_range(problem: Problem, messages: Mapping[str, Message]) -> li
     """
     found: dict[str, str] = {}  # by key: two legs have one
     for item in _said(problem):
-        refusal = _refusal(item, messages)
-        if refusal:
-            found.setdefault(item.key, refusal)
+        low, high = messages[item.message].bounds(item.signal)
+        if not low <= item.value <= high:
+            found.setdefault(item.key, item.refusal(low, high))
     return list(found.values())
-
-
-def _refusal(item: _Said, messages: Mapping[str, Message]) -> str:
-    low, high = messages[item.message].bounds(item.signal)
-    if low <= item.value <= high:
-        return ""
-    unit = f" {item.unit}" if item.unit else ""
-    return (
-        f"{item.key}: {item.value:.6g}{unit} is outside {low:.6g} to {high:.6g}{unit}, the range of "
-        f"{item.message}.{item.signal}; take a value within it, or a DBC file with a wider one"
-    )
 
 
 def _said(problem: Problem) -> Iterator[_Said]:

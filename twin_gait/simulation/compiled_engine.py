@@ -21,7 +21,14 @@ from twin_gait.kernels.generated import (
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
-from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
+from twin_gait.simulation.engine import (
+    EngineResult,
+    ending_of,
+    log_layout,
+    result_of,
+    run_in_chunks,
+    switches_of,
+)
 from twin_gait.simulation.episode import Episode, Switch, noise_width
 from twin_gait.simulation.filling import Structure, new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
@@ -31,7 +38,6 @@ from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.traffic import BusTraffic, bus_traffic
 from twin_gait.simulation.watching import trip_of
 
 if TYPE_CHECKING:
@@ -83,20 +89,16 @@ class CompiledEngine:
         bodies, episode, structure = laid_out(problem, record=record)
         self._store = stored(episode)
         self.episode = self._store[0]
-        self._give_rows(episode)
+        # Rows behind addresses; they live as long as the engine.
+        self._efforts = np.zeros((episode.efforts.n_ring, len(episode.limbs)))
+        self._noise = np.ascontiguousarray(problem.noise), np.ascontiguousarray(problem.wearer.noise)
+        self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
+        self.point_at_rows()
         acting = problem.controller
         self.pattern = Pattern(
             self._store.dtype, dtype_of(self.layout.row()), bodies, structure, acting.name, acting.functions()
         )
         self.loop = loop_of(self.pattern, on_compile)
-
-    def _give_rows(self, episode: Episode) -> None:
-        """Rows behind addresses; they live as long as the engine."""
-        wearer = self.problem.wearer
-        self._efforts = np.zeros((episode.efforts.n_ring, len(episode.limbs)))
-        self._noise = np.ascontiguousarray(self.problem.noise), np.ascontiguousarray(wearer.noise)
-        self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
-        self.point_at_rows()
 
     def point_at_rows(self) -> None:
         """Write the addresses of all rows but the log's into the record."""
@@ -145,24 +147,22 @@ class CompiledEngine:
                     table[place, first:done] = rows[: done - first, column]
             return done, int(self.episode["status"])
 
-        done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        traffic = self.traffic(done)
-        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip(), traffic)
+        done, ended = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
+        return self.result(done, table[:, :done].T, ended)
 
-    def result(self, done: int, rows: np.ndarray) -> EngineResult:
-        """The result of a run that has ended by itself after some ticks, with its log."""
-        return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip(), self.traffic(done))
+    def result(self, done: int, rows: np.ndarray, ended: tuple[RunStatus, str] | None = None) -> EngineResult:
+        """The result of a run of some ticks; ``ended``: how, where it has not ended by itself."""
+        ended = ended or self.ending(done)
+        return result_of(self.problem, self._fields, rows, self.phase_switches(), done, ended)
+
+    @property
+    def _fields(self) -> Any:
+        """The record with its fields as attributes, to be read."""
+        return self._store.view(np.recarray)[0]
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
-        trip = self.episode["controller"]["trip"]
-        return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["part"]))
-
-    def traffic(self, done: int) -> BusTraffic | None:
-        """What the bus has carried in some ticks; None without one."""
-        if not self.pattern.structure["NETWORKED"]:
-            return None
-        return bus_traffic(self.problem, self._store.view(np.recarray)[0].network, done)
+        return trip_of(self.problem, self._fields)
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""

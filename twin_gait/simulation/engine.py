@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.traffic import BusTraffic
+from twin_gait.simulation.traffic import BusTraffic, bus_traffic
+from twin_gait.simulation.watching import trip_of
 
 # A joint that turns faster than this is no longer physical: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
@@ -65,6 +66,19 @@ def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str
     return RunStatus.COMPLETED, ""
 
 
+def result_of(
+    problem: Problem,
+    episode: Any,
+    rows: np.ndarray,
+    switches: tuple[PhaseSwitch, ...],
+    done: int,
+    ended: tuple[RunStatus, str],
+) -> EngineResult:
+    """The result of a run of some ticks from its record, plain or NumPy's; ``ended``: how, and why."""
+    trip, traffic = trip_of(problem, episode), bus_traffic(problem, episode, done)
+    return EngineResult(rows, switches, *ended, trip, traffic)
+
+
 def switches_of(
     problem: Problem, switches: Iterable[tuple[int, int, int, int, int]]
 ) -> tuple[PhaseSwitch, ...]:
@@ -85,11 +99,11 @@ def run_in_chunks(
     run_ticks: Callable[[int, int], tuple[int, int]],
     progress: Callable[[int, int], None] | None,
     should_stop: Callable[[], bool] | None,
-) -> tuple[int, RunStatus, str]:
+) -> tuple[int, tuple[RunStatus, str]]:
     """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
     ``run_ticks``: from first tick and one past the last of a chunk to the ticks run since the start and the
-    status of the episode. Returns the ticks run, how it ended, and why.
+    status of the episode. Returns the ticks run, and how it ended, and why.
     """
     total, done = problem.experiment.n_ticks, 0
     status, reason = RunStatus.COMPLETED, ""
@@ -103,7 +117,7 @@ def run_in_chunks(
         status, reason = ending_of(code, done, problem)
     if progress is not None:
         progress(done, total)
-    return done, status, reason
+    return done, (status, reason)
 
 
 def stopped_reason(ticks: int) -> str:

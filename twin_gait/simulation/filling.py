@@ -26,17 +26,19 @@ from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
+from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import first_signals, signal_of
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation import episode
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.problem import Problem, has_inertial_unit
-from twin_gait.simulation.record import ABSENT, Record, copied, is_record, taken_from
+from twin_gait.simulation.record import ABSENT, Record, copied, is_record
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
 from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
@@ -91,7 +93,7 @@ def new_episode(
 ) -> episode.Episode:
     """The episode of a problem at tick 0, with run-time values of the kernels of plant and controller."""
     experiment, world = problem.experiment, problem.world
-    n, stepping = len(world.start_q), experiment.stepping
+    n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
     faults = fault_records(problem)
     pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
     legs = world.model.legs.items()
@@ -131,7 +133,7 @@ def new_episode(
         controller=_controller(problem, control_bodies),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[episode.Sole() for _ in problem.sides],
-        network=_network(problem),
+        network=ABSENT if experiment.network is None else _network(problem, experiment.network),
         limbs=_limbs(problem),
         ankles=ankles,
         passive=passive,
@@ -152,12 +154,8 @@ def new_episode(
         arms=copied(list(world.arms)),
         habit=copied(world.habit),
         sense=copied(world.sense),
-        swing_phases=[float(problem.table.is_swing(name)) for name in problem.table.phases]
-        if world.arms
-        else [],
-        chair_phases=[FELT.get(name, 0.0) for name in problem.table.phases]
-        if world.arms or world.seat is not None
-        else [],
+        swing_phases=[float(problem.table.is_swing(name)) for name in phases if world.arms],
+        chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
         seat=copied(world.seat),
         recording=episode.Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
@@ -218,12 +216,7 @@ def _limbs(problem: Problem) -> list[episode.Limb]:
     ]
 
 
-def _network(problem: Problem) -> episode.Network:
-    """The bus; where there is none, nothing is left of it in the record."""
-    parameters = problem.experiment.network
-    if parameters is None:
-        absent: episode.Network = ABSENT
-        return absent
+def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network:
     boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     messages = load_messages(parameters.dbc)
     frames, delay = cyclic_messages(messages, boards), _delay_ticks(parameters)
@@ -251,7 +244,7 @@ def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
 
 def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
     supply = problem.experiment.plant.battery.voltage
-    settings = problem.experiment.control.safety
+    settings, modes = problem.experiment.control.safety, problem.experiment.modes
     legs = [_leg(problem, number) for number in range(len(problem.sides))]
     return ControllerState(
         joints=[
@@ -266,16 +259,12 @@ def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
         ),
         model=_control_model(problem, bodies),
         memory=memory_of(problem.controller, problem.plan),
-        supervisor=_supervisor(problem),
+        supervisor=ABSENT if modes is None else _supervisor(problem, modes),
     )
 
 
-def _supervisor(problem: Problem) -> Supervisor:
-    """The supervisor; where there is none, nothing is left of it in the record."""
-    modes, table, initial = problem.experiment.modes, problem.table, problem.experiment.initial_mode
-    if modes is None:
-        absent: Supervisor = ABSENT
-        return absent
+def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
+    table, initial = problem.table, problem.experiment.initial_mode
     modes = replace(modes, joints=table.joints)  # in whose places the signals stand
     program = compile_guards(modes)
     return Supervisor(

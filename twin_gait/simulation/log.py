@@ -266,19 +266,14 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
     """
     own = "wearer_" * wearer
     names = {
-        model.index(side, joint): (
-            f"{side}_{joint}_{own}angle_rad",
-            f"{side}_{joint}_{own}velocity_rad_per_s",
-        )
-        for side, leg in model.legs.items()
-        for joint, _ in leg.items()
+        model.pelvis_index: (f"{own}pelvis_height_m", f"{own}pelvis_velocity_m_per_s"),
+        model.forward_index: (f"{own}pelvis_forward_m", f"{own}pelvis_forward_velocity_m_per_s"),
+        model.pitch_index: ("trunk_pitch_rad", "trunk_pitch_velocity_rad_per_s"),
     }
-    if model.pelvis_index is not None:
-        names[model.pelvis_index] = (f"{own}pelvis_height_m", f"{own}pelvis_velocity_m_per_s")
-    if model.forward_index is not None:
-        names[model.forward_index] = (f"{own}pelvis_forward_m", f"{own}pelvis_forward_velocity_m_per_s")
-    if model.pitch_index is not None:
-        names[model.pitch_index] = ("trunk_pitch_rad", "trunk_pitch_velocity_rad_per_s")
+    for side, leg in model.legs.items():
+        for joint, _ in leg.items():
+            name = f"{side}_{joint}_{own}"
+            names[model.index(side, joint)] = (f"{name}angle_rad", f"{name}velocity_rad_per_s")
     return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
 
 
@@ -324,7 +319,7 @@ class LogLayout:
             phases=[0.0] * len(self.legs),
             joints=[JointRow() for _ in self._joints],
             passive=[PassiveRow() for _ in self.passive],
-            orthoses=[OrthosisRow() for _ in self._orthoses],
+            orthoses=[OrthosisRow() for name in self._joints if name.endswith(JointName.ANKLE)],
             feet=[FootRow() for _ in self.feet],
             pelvis=PelvisRow() if self.pelvis else ABSENT,
             forward=ForwardRow() if self.forward else ABSENT,
@@ -346,17 +341,13 @@ class LogLayout:
     def _passive(self) -> list[str]:
         return [f"{side}_{joint}" for side, joint in self.passive]
 
-    @property
-    def _orthoses(self) -> list[str]:
-        return [name for name in self._joints if name.endswith(JointName.ANKLE)]
-
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the columns, in the order of the numbers of a row."""
         prefixes = {
             "joints": self._joints,
             "passive": self._passive,
-            "orthoses": self._orthoses,
+            "orthoses": [name for name in self._joints if name.endswith(JointName.ANKLE)],
             "feet": [f"{side}_foot" for side in self.feet],
             "crutches": [str(side) for side in self.crutches],
             "braces": [*self._joints, *self._passive],

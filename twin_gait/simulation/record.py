@@ -8,6 +8,7 @@ code that a constant rules out may name it. Records are never assigned as a whol
 code and aliases in plain Python.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -80,30 +81,15 @@ def is_record(sample: Any) -> bool:
 
 def numbers_in(sample: Any) -> list[float]:
     """All numbers of an instance in the order of its dtype."""
-    found: list[float] = []
-    _collect(sample, found)
-    return found
+    return [*_flat(entries(sample))]
 
 
-def _collect(value: Any, found: list[float]) -> None:
-    for name in value.__slots__:
-        entry = getattr(value, name)
-        if type(entry) is list:
-            for item in entry:
-                if hasattr(item, "__slots__"):
-                    _collect(item, found)
-                else:
-                    found.append(item)
-        elif isinstance(entry, (float, int)):
-            found.append(entry)
-        elif entry is not ABSENT:
-            _collect(entry, found)
-
-
-def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
-    """A record whose fields are the attributes of the same name of something else, or among ``more``."""
-    values = {item.name: getattr(source, item.name) for item in fields(kind) if item.name not in more}  # type: ignore[arg-type]
-    return kind(**values, **more)
+def _flat(values: Iterable[Any]) -> Iterator[float]:
+    for value in values:
+        if isinstance(value, (list, tuple)):
+            yield from _flat(value)
+        else:
+            yield value
 
 
 def copied(sample: Record | None) -> Record:

@@ -5,6 +5,7 @@ are carried by machines of `transitions`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,12 @@ from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
+from twin_gait.simulation.engine import EngineResult, log_layout, result_of, run_in_chunks, switches_of
 from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
-from twin_gait.simulation.traffic import bus_traffic
-from twin_gait.simulation.watching import trip_of
 
 CHUNK_TICKS = 100  # between two looks at progress and interruption
 
@@ -75,19 +74,10 @@ class ReferenceEngine:
         def run_ticks(first: int, end: int) -> tuple[int, int]:
             return self.run_ticks(first, end, rows), self.episode.status
 
-        done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        trip = self.episode.controller.trip
-        switches = [
-            (item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches
-        ]
-        return EngineResult(
-            rows[:done] if columns is None else rows[:done, list(columns)],
-            switches_of(self.problem, switches),
-            status,
-            reason,
-            trip_of(self.problem, trip.tick, trip.cause, trip.part),
-            bus_traffic(self.problem, self.episode.network, done),
-        )
+        done, ended = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
+        log = rows[:done] if columns is None else rows[:done, list(columns)]
+        switches = switches_of(self.problem, map(astuple, self.switches))
+        return result_of(self.problem, self.episode, log, switches, done, ended)
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
         """As :meth:`twin_gait.simulation.compiled_engine.CompiledEngine.run_ticks`."""

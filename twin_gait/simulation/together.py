@@ -22,7 +22,6 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
-from typing import NamedTuple
 
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment
@@ -57,31 +56,23 @@ class EpisodeFailed(TwinGaitError):
         super().__init__(f"episode {index}: {problem}")
 
 
-class Block(NamedTuple):
-    """Episodes that run together."""
-
-    members: tuple[int, ...]  # Their positions.
-    alike: bool  # Whether they are alike and enough for the lanes of one loop.
-
-
-def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[Block]:
+def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tuple[int, ...]]:
     """Cut episodes into blocks of the same kind (None for one that runs alone) and of similar duration.
 
-    Returns every position once, those that run one by one together in front.
+    Returns every position once: those that run one by one in front, then blocks for the lanes of one loop.
     """
     groups: dict[Hashable, list[int]] = {}
     for place, kind in enumerate(kinds):
         if kind is not None:
             groups.setdefault(kind, []).append(place)
-    alike = [
+    blocks = [
         part
         for group in groups.values()
         for part in _cut(sorted(group, key=ticks.__getitem__), ticks)
         if len(part) >= FEWEST
     ]
-    taken = {place for part in alike for place in part}
-    others = tuple(place for place in range(len(kinds)) if place not in taken)
-    return [*([Block(others, alike=False)] if others else []), *(Block(part, alike=True) for part in alike)]
+    taken = {place for part in blocks for place in part}
+    return [*((place,) for place in range(len(kinds)) if place not in taken), *blocks]
 
 
 def _cut(places: Sequence[int], ticks: Sequence[int]) -> Iterator[tuple[int, ...]]:
@@ -135,12 +126,11 @@ def simulate_together(
         if not engines and failure is None:
             return
         for block in blocks_of(_kinds(engines), [engine.problem.experiment.n_ticks for engine in engines]):
-            for part in [block.members] if block.alike else [(place,) for place in block.members]:
-                if should_stop is not None and should_stop():
-                    return
-                runs = _run([engines[place] for place in part], first + part[0], columns, on_compile)
-                for place in reversed(part):  # each is gone when it has been looked at
-                    yield first + place, runs.pop()
+            if should_stop is not None and should_stop():
+                return
+            runs = _run([engines[place] for place in block], first + block[0], columns, on_compile)
+            for place in reversed(block):  # each is gone when it has been looked at
+                yield first + place, runs.pop()
         first += len(engines)
     raise failure
 

@@ -32,10 +32,11 @@ class BusTraffic(NamedTuple):
     frames: tuple[FrameTraffic, ...]  # Set points, then measurements.
 
 
-def bus_traffic(problem: Problem, network: Any, ticks: int) -> BusTraffic | None:
+def bus_traffic(problem: Problem, episode: Any, ticks: int) -> BusTraffic | None:
     """Read the counts of a run of at least 1 tick from its record, plain or NumPy's; None without a bus."""
     if problem.experiment.network is None:
         return None
+    network = episode.network
     bus, boards = network.bus, [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     frames = tuple(
         _frame(f"{board}_{kind}", wire, bus.frames[int(wire.frame)], ticks)

@@ -1,13 +1,15 @@
 """What the safety monitor is set to, faults, and trips, as an episode has them."""
 
+from typing import Any
+
 import numpy as np
 
 from twin_gait.control import Trip, TripCause
 from twin_gait.core.faults import Fault
 from twin_gait.core.safety import Bounds
 from twin_gait.gait.table import TICK
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.problem import ActuatedJoint, Problem
-from twin_gait.simulation.record import taken_from
 from twin_gait.worlds.faults import Fault as InjectedFault
 from twin_gait.worlds.faults import FaultKind
 
@@ -73,16 +75,15 @@ def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
     )
 
 
-def trip_of(problem: Problem, tick: int, cause: int, place: int) -> Trip | None:
-    """What the engine's numbers say of a trip; None if its tick is negative.
-
-    ``place``: a joint, or the number of joints plus a leg, or a negative number for the supply.
-    """
+def trip_of(problem: Problem, episode: Any) -> Trip | None:
+    """What the record of an episode, plain or NumPy's, says of a trip; None if there was none."""
+    trip, joints = episode.controller.trip, problem.joints
+    tick, place = int(trip.tick), int(trip.part)
     if tick < 0:
         return None
-    name, joints = list(TripCause)[cause], problem.joints
-    if place < 0:
-        return Trip(tick, name, None, None)
-    if place >= len(joints):
-        return Trip(tick, name, problem.sides[place - len(joints)], None)
-    return Trip(tick, name, joints[place].side, joints[place].joint)
+    cause = list(TripCause)[int(trip.cause)]
+    if place < 0:  # the supply
+        return Trip(tick, cause, None, None)
+    if place >= len(joints):  # behind the joints are the legs
+        return Trip(tick, cause, problem.sides[place - len(joints)], None)
+    return Trip(tick, cause, joints[place].side, joints[place].joint)

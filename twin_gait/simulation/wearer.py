@@ -12,6 +12,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters import JointCondition, Patient
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
 
@@ -56,14 +57,8 @@ def wearer_of(experiment: Experiment, table: GaitTable, sides: Sequence[Side]) -
     return Wearer(True, conditions, moments, noise, round(patient.effort_delay / TICK))
 
 
-def _condition(condition: JointCondition) -> Condition:
-    return Condition(
-        passive_share=condition.passive,
-        contracture=condition.contracture,
-        stretch_reflex_threshold=condition.stretch_reflex_threshold,
-        stretch_reflex_gain=condition.stretch_reflex_gain,
-        effort=condition.effort * condition.strength,
-    )
+def _condition(joint: JointCondition) -> Condition:
+    return taken_from(Condition, joint, passive_share=joint.passive, effort=joint.effort * joint.strength)
 
 
 def phase_spans(table: GaitTable) -> dict[str, tuple[float, float]]:

@@ -250,9 +250,7 @@ class DutyControl(quantities.Parameters):
     static_voltage: Annotated[quantities.Voltage, quantities.NOT_NEGATIVE] = 0.05
     back_emf_share: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.9
     braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), quantities.NOT_NEGATIVE] = 18.0
-    duty_limit: Annotated[
-        quantities.Ratio, quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
-    ] = 0.9
+    duty_limit: Annotated[quantities.Ratio, DUTIES] = 0.9
 
     def voltages(self, actuator: parameters.ActuatorParameters) -> tuple[float, float, float]:
         """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] of equation (2.1b) for a motor."""

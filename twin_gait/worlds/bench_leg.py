@@ -76,15 +76,9 @@ class BenchLeg(Scenario):
         q = start_posture(model, {side: self.start_angles}, ankle_rest)
         imposed_motion = None
         if self.imposed_motion is not None:
-            index = model.index(side, self.imposed_motion.joint)
-            imposed_motion = ImposedMotion(
-                place=index,
-                start_angle=float(q[index]),
-                amplitude=self.imposed_motion.amplitude,
-                frequency=self.imposed_motion.frequency,
-                stiffness=self.imposed_motion.stiffness,
-                damping=self.imposed_motion.damping,
-                release_time=self.imposed_motion.release_time,
+            place = model.index(side, self.imposed_motion.joint)
+            imposed_motion = quantities.taken_from(
+                ImposedMotion, self.imposed_motion, place=place, start_angle=float(q[place])
             )
         return World(
             model=model,

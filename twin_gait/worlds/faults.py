@@ -35,14 +35,14 @@ class FaultKind(StrEnum):
         return list(FaultKind).index(self)
 
     @property
-    def standard_magnitude(self) -> float | None:
-        """Magnitude in SI units where none is given, or None for a kind without one."""
-        return _MAGNITUDES.get(self, (None, {}))[0]
+    def standard_magnitude(self) -> float:
+        """Magnitude in SI units where none is given; 0 for a kind without one."""
+        return _MAGNITUDES.get(self, (0.0, {}))[0]
 
     @property
     def units(self) -> dict[str, float]:
         """Units in which a magnitude may be given, with their factors to SI; SI first."""
-        return _MAGNITUDES.get(self, (None, {}))[1]
+        return _MAGNITUDES.get(self, (0.0, {}))[1]
 
 
 _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
@@ -53,6 +53,7 @@ _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
     FaultKind.CONTROLLER_RUNAWAY: (200.0, {"Nm/s": 1.0}),
     FaultKind.SUPPLY_DIP: (15.0, {"V": 1.0}),
 }
+_WITHOUT_JOINT = (FaultKind.FOOT_LOAD_STUCK, FaultKind.SUPPLY_DIP)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,22 +71,17 @@ class Fault:
     def __post_init__(self) -> None:
         """Check that kind, place and magnitude fit together."""
         NOT_NEGATIVE.require("time", self.time)
-        wanted = {FaultKind.SUPPLY_DIP: (False, False), FaultKind.FOOT_LOAD_STUCK: (True, False)}
+        kind, units = self.kind, self.kind.units
         has = (self.side is not None, self.joint is not None)
-        require(
-            has == wanted.get(self.kind, (True, True)),
-            f"place of {self.kind}",
-            _expected_place(self.kind),
-            self.place,
+        wanted = (
+            kind is not FaultKind.SUPPLY_DIP,
+            kind not in (FaultKind.SUPPLY_DIP, FaultKind.FOOT_LOAD_STUCK),
         )
+        require(has == wanted, f"place of {kind}", _expected_place(kind), self.place)
         if self.magnitude is not None:
-            units = " or ".join(self.kind.units) or "no magnitude"
-            require(
-                bool(self.kind.units) and math.isfinite(self.magnitude),
-                f"magnitude of {self.kind}",
-                f"a number in {units}" if self.kind.units else units,
-                self.magnitude,
-            )
+            fits = bool(units) and math.isfinite(self.magnitude)
+            expected = f"a number in {' or '.join(units)}" if units else "no magnitude"
+            require(fits, f"magnitude of {kind}", expected, self.magnitude)
 
     @property
     def place(self) -> str:
@@ -97,8 +93,7 @@ class Fault:
     @property
     def strength(self) -> float:
         """Magnitude in SI units; 0 for a kind without one."""
-        given = self.kind.standard_magnitude if self.magnitude is None else self.magnitude
-        return 0.0 if given is None else given
+        return self.kind.standard_magnitude if self.magnitude is None else self.magnitude
 
     def __str__(self) -> str:
         """The fault in its notation; reading it gives an equal fault."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -14,7 +14,6 @@ from twin_gait.core.arms import Arm, Grip, turn_grip
 from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.plant import Plant, Stop, free_coordinate
-from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Harness, Trunk
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
@@ -23,38 +22,21 @@ from twin_gait.parameters import (
     ChairParameters,
     ContactParameters,
     CrutchParameters,
-    require,
+    quantities,
 )
 from twin_gait.parameters.crutches import LEANS
-from twin_gait.parameters.quantities import (
-    DEGREE,
-    NOT_NEGATIVE,
-    SHARE,
-    Angle,
-    Key,
-    Length,
-    LinearDamping,
-    LinearDissipation,
-    LinearStiffness,
-    Parameters,
-    Range,
-    Ratio,
-    Speed,
-    UnitInside,
-    Word,
-)
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import SUPPORT_SHARE, Adjustment, Posture, Scenario, Walking
+from twin_gait.worlds.scenario import Adjustment, Posture, Walking, support_adjustment
 from twin_gait.worlds.sitting import Sitting, seat_of
-from twin_gait.worlds.standing import FALL_SHARE, stand_on_both_feet
+from twin_gait.worlds.standing import FALL_SHARE, SplitStance, soles_of, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
-SHANKS = Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
-SPEEDS = Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
+SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
+SPEEDS = quantities.Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class HarnessParameters(Parameters):
+class HarnessParameters(quantities.Parameters):
     """A harness at the trunk that hangs from a trolley on a rail overhead; the trolley follows freely.
 
     Attributes:
@@ -65,15 +47,15 @@ class HarnessParameters(Parameters):
         catch_dissipation: Of that rope in [s] / [m] (an assumption).
     """
 
-    share: Annotated[Ratio, SHARE] = 0.0
-    height: Annotated[Ratio, Range(0.0, 0.4)] = 0.25
-    damping: Annotated[LinearDamping, NOT_NEGATIVE] = 0.0
-    catch_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 0.0
-    catch_dissipation: Annotated[LinearDissipation, NOT_NEGATIVE] = 2.0
+    share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
+    height: Annotated[quantities.Ratio, quantities.Range(0.0, 0.4)] = 0.25
+    damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 0.0
+    catch_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 0.0
+    catch_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Overground(Scenario):
+class Overground(SplitStance):
     """A level floor, a trunk that may lean, and two crutches.
 
     Attributes:
@@ -99,8 +81,8 @@ class Overground(Scenario):
     step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
     surroundings: ClassVar[Surroundings] = Surroundings.WALKWAY
 
-    speed: Annotated[Speed, SPEEDS] = 0.3
-    crutches: Annotated[CrutchParameters | None, Word("none", "forearm", implied=True)] = field(
+    speed: Annotated[quantities.Speed, SPEEDS] = 0.3
+    crutches: Annotated[CrutchParameters | None, quantities.Word("none", "forearm", implied=True)] = field(
         default_factory=CrutchParameters
     )
     arms: ArmParameters = field(default_factory=ArmParameters)
@@ -108,18 +90,18 @@ class Overground(Scenario):
     chair: ChairParameters | None = None
     contact: ContactParameters = field(default_factory=ContactParameters)
     start: Literal["standing", "sitting"] = "standing"
-    lean: Annotated[Angle, LEANS] = 8.0 * DEGREE
-    shank: Annotated[Angle, SHANKS] = 0.0
-    crutch_ahead: Annotated[Mapping[Side, Length], UnitInside()] = field(
+    lean: Annotated[quantities.Angle, LEANS] = math.radians(8.0)
+    shank: Annotated[quantities.Angle, SHANKS] = 0.0
+    crutch_ahead: Annotated[Mapping[Side, quantities.Length], quantities.UnitInside()] = field(
         default_factory=lambda: {Side.LEFT: 0.35, Side.RIGHT: 0.3}
     )
-    fall_lean: Annotated[Angle, Range(0.0, math.pi, above=True)] = 60.0 * DEGREE
+    fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, above=True)] = math.radians(60.0)
     leading: Side = Side.LEFT
-    leading_angles: Annotated[Posture, Key("leading_start")] = field(
-        default_factory=lambda: {JointName.HIP: 26.0 * DEGREE, JointName.KNEE: 8.0 * DEGREE}
+    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = field(
+        default_factory=lambda: {JointName.HIP: math.radians(26.0), JointName.KNEE: math.radians(8.0)}
     )
-    trailing_angles: Annotated[Posture, Key("trailing_start")] = field(
-        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 10.0 * DEGREE}
+    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = field(
+        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: math.radians(10.0)}
     )
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
@@ -141,162 +123,104 @@ class Overground(Scenario):
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
         """Support."""
-        return (
-            Adjustment(
-                name=SUPPORT_SHARE,
-                value=self.harness.share,
-                place="harness.share",
-                key="harness.share",
-                label="body-weight support",
-                least=0.0,
-                largest=1.0,
-                step=0.01,
-                help="Share of the weight of wearer and device that the harness carries.",
-            ),
-        )
-
-    def leading_of(self, sides: Sequence[Side]) -> Side:
-        """Leg that starts in front."""
-        return self.leading
-
-    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
-        """The same floor under legs that start in other postures."""
-        trailing = next(angles for side, angles in postures.items() if side is not self.leading)
-        return replace(self, leading_angles=postures[self.leading], trailing_angles=trailing)
+        return (support_adjustment(self.harness.share, "harness.share", "harness carries"),)
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the floor; both legs, and a wearer if there are crutches."""
-        require(len(model.legs) == 2, "legs", "two legs on the floor", len(model.legs))
-        require(model.up_axis == "z", "up_axis", "z on the floor", model.up_axis)
-        frames = {side: leg.contact_frames for side, leg in model.legs.items()}
-        require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
-        forward, height, pitch = model.forward_index, model.pelvis_index, model.pitch_index
-        assert forward is not None and height is not None and pitch is not None  # it is free
+        frames, weight = soles_of(model, "the floor"), model.total_mass * gravity
+        height, pitch = model.pelvis_index, model.pitch_index
+        assert height is not None and pitch is not None  # it is free
         tall = 0.0 if model.patient is None else model.patient.height
-        postures, phases = {}, {}
-        for side in model.sides:
-            leads = side is self.leading
-            postures[side] = self.leading_angles if leads else self.trailing_angles
-            phases[side] = self.leading_phase if leads else self.trailing_phase
         seat = None if self.chair is None else seat_of(model, self.chair)
-        sits = self.start == "sitting"
-        require(seat is not None or not sits, "start", "standing, or a chair to sit on", self.start)
-        if seat is not None and sits:
-            q = self._sitting(model, seat, plant)
+        if self.start == "sitting":
+            quantities.require(seat is not None, "start", "standing, or a chair to sit on", self.start)
+            assert seat is not None
+            still = replace(seat)  # its sums change
+            q = Sitting(model, still, self.contact, plant, lean=self.lean, shank=self.shank).posture()
         else:
-            q = start_posture(model, postures, ankle_rest)
+            q = start_posture(model, self.postures(), ankle_rest)
             q[pitch] = self.lean
             q[height] = stand_on_both_feet(model, q, 0.0)
-        weight = model.total_mass * gravity
-        shoulder = SHOULDER_HEIGHT * tall
-        arms: tuple[Arm, ...] = ()
-        if self.crutches is not None:
-            require(model.patient is not None, "crutches", "a patient who holds them", "none")
-            where = q[height] + shoulder * math.cos(self.lean), shoulder * math.sin(self.lean)
-            arms = self._arms(model.nv, self.crutches, self._habit(tall, weight), where)
-            tips = [value for ahead in self.crutch_ahead.values() for value in (where[1] + ahead, 0.0)]
-            q = np.array([*q, *tips])
-        return World(
+        rope = self.harness
+        support_force, slack = rope.share * weight, Stop(0.0, 0.0, 0.0, 0.0)
+        world = World(
             model=model,
-            plant=(*plant, *(free_coordinate() for _ in range(2 * len(arms)))),
+            plant=plant,
             start_q=q,
             start_v=np.zeros(len(q)),
-            initial_phases=phases,
+            initial_phases=self.phases,
             contact=self.contact,
-            support_force=self.harness.share * weight,
-            catch_stiffness=self.harness.catch_stiffness,
-            catch_dissipation=self.harness.catch_dissipation,
+            support_force=support_force,
+            catch_stiffness=rope.catch_stiffness,
+            catch_dissipation=rope.catch_dissipation,
             body_weight=weight,
             fall_height=FALL_SHARE * (q[height] if seat is None else seat.height),
             contact_frames=frames,
-            trunk=Trunk(shoulder, self._harness(tall, weight)),
-            arms=arms,
-            habit=self._habit(tall, weight) if arms else None,
-            sense=new_sense(self._delay_ticks, self.lean, self._felt_chair) if arms else None,
+            trunk=Trunk(
+                SHOULDER_HEIGHT * tall, Harness(rope.height * tall, support_force, rope.damping, slack)
+            ),
             seat=seat,
             fall_pitch=self.fall_lean,
-            longest_reach=math.inf if self.crutches is None else self._longest(tall) + self.crutches.slack,
+        )
+        return world if self.crutches is None else self._with_crutches(world, self.crutches)
+
+    def _with_crutches(self, world: World, crutches: CrutchParameters) -> World:
+        """The wearer of a world with both crutches planted."""
+        patient, pelvis = world.model.patient, world.model.pelvis_index
+        quantities.require(patient is not None, "crutches", "a patient who holds them", "none")
+        assert patient is not None and world.trunk is not None and pelvis is not None
+        longest, delay = crutches.length * patient.height, round(self.arms.delay / TICK)
+        habit = self._habit(longest, world.body_weight)
+        up = world.start_q[pelvis] + world.trunk.shoulder * math.cos(self.lean)
+        forward = world.trunk.shoulder * math.sin(self.lean)
+        arms: list[Arm] = []
+        tips: list[float] = []
+        for ahead in self.crutch_ahead.values():
+            arm = quantities.taken_from(
+                Arm,
+                crutches,
+                place=world.model.nv + len(tips),
+                longest=longest,
+                anchor=forward + ahead,
+                grip=Grip(habit.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+                felt_ahead=new_delay_line(delay, ahead),
+                felt_load=new_delay_line(delay),
+                length=math.hypot(ahead, up),
+            )
+            turn_grip(arm.grip, math.atan2(ahead, up) + self.lean)
+            plant_crutch(habit, arm)
+            arms.append(arm)
+            tips += [forward + ahead, 0.0]
+        q = np.array([*world.start_q, *tips])
+        return replace(
+            world,
+            plant=(*world.plant, *(free_coordinate() for _ in tips)),
+            start_q=q,
+            start_v=np.zeros(len(q)),
+            arms=tuple(arms),
+            habit=habit,
+            sense=new_sense(delay, self.lean, SITS if self.start == "sitting" else 0.0),
+            longest_reach=longest + crutches.slack,
         )
 
-    def _sitting(self, model: LegModel, seat: Seat, plant: tuple[Plant, ...]) -> np.ndarray:
-        seat = replace(seat)  # its sums change
-        return Sitting(model, seat, self.contact, plant, lean=self.lean, shank=self.shank).posture()
-
-    def _harness(self, tall: float, weight: float) -> Harness:
-        rope = self.harness
-        return Harness(rope.height * tall, rope.share * weight, rope.damping, Stop(0.0, 0.0, 0.0, 0.0))
-
-    @property
-    def _felt_chair(self) -> float:
-        return SITS if self.start == "sitting" else 0.0
-
-    @property
-    def _delay_ticks(self) -> int:
-        return round(self.arms.delay / TICK)
-
-    def _longest(self, tall: float) -> float:
-        assert self.crutches is not None
-        return self.crutches.length * tall
-
-    def _arms(
-        self, first: int, crutches: CrutchParameters, habit: Habit, shoulder: tuple[float, float]
-    ) -> tuple[Arm, ...]:
-        """Both arms, with planted crutches."""
-        found = []
-        for number, ahead in enumerate(self.crutch_ahead.values()):
-            arm = Arm(
-                place=first + 2 * number,
-                mass=crutches.mass,
-                push_limit=crutches.push_limit,
-                pull_limit=crutches.pull_limit,
-                moment_limit=crutches.moment_limit,
-                longest=habit.longest,
-                straight_stiffness=crutches.straight_stiffness,
-                tip_stiffness=crutches.tip_stiffness,
-                tip_damping=crutches.tip_damping,
-                anchor=shoulder[1] + ahead,
-                grip=Grip(habit.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-                felt_ahead=new_delay_line(self._delay_ticks, ahead),
-                felt_load=new_delay_line(self._delay_ticks),
-                length=math.hypot(ahead, shoulder[0]),
-            )
-            turn_grip(arm.grip, math.atan2(ahead, shoulder[0]) + self.lean)
-            plant_crutch(habit, arm)
-            found.append(arm)
-        return tuple(found)
-
-    def _habit(self, tall: float, weight: float) -> Habit:
+    def _habit(self, longest: float, weight: float) -> Habit:
         arms = self.arms
-        return Habit(
-            lean=arms.lean,
+        return quantities.taken_from(
+            Habit,
+            arms,
             push=arms.push * weight,
             push_per_lean=arms.push_per_lean * weight,
             push_per_rate=arms.push_per_rate * weight,
-            turn=arms.turn,
-            stiffness=arms.stiffness,
-            damping=arms.damping,
-            turning_stiffness=arms.turning_stiffness,
-            turning_damping=arms.turning_damping,
-            swing_stiffness=arms.swing_stiffness,
-            swing_damping=arms.swing_damping,
             yielding=first_order_gain(TICK, arms.yielding),
-            lift_ahead=arms.lift_ahead,
-            reach=arms.reach,
-            clearance=arms.clearance,
             swing_ticks=max(1, round(arms.swing / TICK)),
             planted_ticks=round(arms.planted / TICK),
             lowering=arms.lowering * TICK,
-            touch=arms.touch,
-            longest=self._longest(tall),
-            chair_tilt=arms.chair_tilt,
-            stand_reach=arms.stand_reach,
-            stand_ahead=self._longest(tall) * math.sin(arms.stand_reach),
-            stand_slack=arms.stand_slack,
+            longest=longest,
+            stand_ahead=longest * math.sin(arms.stand_reach),
             still_ticks=round(arms.still / TICK),
             chair_push=arms.chair_push * weight,
-            chair_turn=arms.chair_turn,
-            risen=arms.risen_length * self._longest(tall),
-            seated=arms.seated_length * self._longest(tall),
+            risen=arms.risen_length * longest,
+            seated=arms.seated_length * longest,
             chair_ticks=max(1, round(arms.chair_time / TICK)),
             straightening=arms.straightening * TICK,
         )

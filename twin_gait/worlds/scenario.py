@@ -76,6 +76,21 @@ class Adjustment(NamedTuple):
         return self.value / self.scale
 
 
+def support_adjustment(share: float, place: str, ropes: str) -> Adjustment:
+    """Of the share of the weight that something carries, at a place in a world and in its file."""
+    return Adjustment(
+        name=SUPPORT_SHARE,
+        value=share,
+        place=place,
+        key=place,
+        label="body-weight support",
+        least=0.0,
+        largest=1.0,
+        step=0.01,
+        help=f"Share of the weight of wearer and device that the {ropes}.",
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scenario(Parameters, ABC):
     """A world with its parameters: the abstract base of all worlds.

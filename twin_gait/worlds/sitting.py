@@ -11,6 +11,7 @@ from twin_gait.core.seat import Pad, Seat, seat_the_hips, seat_the_thigh
 from twin_gait.core.trunk import pitching_moment
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, require
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import JointName
 
 MOST_ROUNDS, LARGEST_STEP = 60, 0.02  # [m] and [rad]
@@ -20,14 +21,10 @@ DIFFERENCE, BALANCED = 1e-7, 1e-6  # in [m] and [rad]; in [N] and [N m]
 def seat_of(model: LegModel, chair: ChairParameters) -> Seat:
     """The seat of a chair and the pads of a wearer on it."""
     share, thigh = chair.thigh_share, _height(model, JointName.HIP) - _height(model, JointName.KNEE)
-    return Seat(
-        height=chair.height,
+    return taken_from(
+        Seat,
+        chair,
         forward=chair.front,
-        depth=chair.depth,
-        behind=chair.behind,
-        rounding=chair.rounding,
-        friction_coefficient=chair.friction_coefficient,
-        transition_velocity=chair.transition_velocity,
         buttocks=Pad((1.0 - share) * chair.stiffness, chair.dissipation, chair.hip_height),
         thigh=Pad(
             0.5 * share * chair.stiffness, chair.dissipation, chair.thigh_thickness, chair.thigh_place * thigh

@@ -1,20 +1,19 @@
 """Both legs on a treadmill, pelvis guided vertically or in a soft harness, under body-weight support."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar, Self
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters, require
-from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time
+from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
+from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE, Adjustment, Posture, Scenario, Walking
-from twin_gait.worlds.standing import FALL_SHARE, stand_on_both_feet
+from twin_gait.worlds.scenario import BELT_SPEED, Adjustment, Posture, Walking, support_adjustment
+from twin_gait.worlds.standing import FALL_SHARE, SplitStance, soles_of, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
@@ -25,7 +24,7 @@ BELT_RANGE = (0.5, 1.5)  # of the present speed, in which it may be set; tables 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Treadmill(Scenario):
+class Treadmill(SplitStance):
     """Treadmill with body-weight support.
 
     The pelvis moves vertically, and in a harness fore-aft against a spring and a damper; guide or harness
@@ -71,11 +70,7 @@ class Treadmill(Scenario):
     trailing_phase: str = "late_stance"
 
     def _belt(self) -> Belt:
-        belt = Belt(self.belt_speed, stop_ramp=self.stop_ramp)
-        if self.belt is not None:
-            belt.start, belt.stop = self.belt.start, self.belt.stop
-            belt.ramp, belt.delay = self.belt.ramp, self.belt.delay
-        return belt
+        return taken_from(Belt, self.belt, cruise=self.belt_speed, stop_ramp=self.stop_ramp)
 
     @property
     def steady(self) -> tuple[float, float]:
@@ -117,34 +112,12 @@ class Treadmill(Scenario):
                 step=0.05,
                 help="The table's hip angles follow it by the table's own law.",
             ),
-            Adjustment(
-                name=SUPPORT_SHARE,
-                value=self.support.share,
-                place="support.share",
-                key="support.share",
-                label="body-weight support",
-                least=0.0,
-                largest=1.0,
-                step=0.01,
-                help="Share of the weight of wearer and device that the ropes carry.",
-            ),
+            support_adjustment(self.support.share, "support.share", "ropes carry"),
         )
-
-    def leading_of(self, sides: Sequence[Side]) -> Side:
-        """Leg that starts in front."""
-        return self.leading
-
-    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
-        """The same belt under legs that start in other postures."""
-        trailing = next(angles for side, angles in postures.items() if side is not self.leading)
-        return replace(self, leading_angles=postures[self.leading], trailing_angles=trailing)
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the treadmill; both legs, with a pelvis that moves."""
-        require(len(model.legs) == 2, "legs", "two legs on a treadmill", len(model.legs))
-        require(model.up_axis == "z", "up_axis", "z on a treadmill", model.up_axis)
-        frames = {side: leg.contact_frames for side, leg in model.legs.items()}
-        require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
+        frames = soles_of(model, "a treadmill")
         weight = model.total_mass * gravity
         support_force = self.support.share * weight
         pelvis = model.pelvis_index
@@ -153,21 +126,14 @@ class Treadmill(Scenario):
         if model.forward_index is not None:
             harness = plant[model.forward_index].spring
             harness.stiffness, harness.damping = self.support.forward_stiffness, self.support.forward_damping
-        postures, phases = {}, {}
-        for side in model.sides:
-            leads = side is self.leading
-            angles = self.leading_angles if leads else self.trailing_angles
-            hip = angles.get(JointName.HIP, 0.0) + self.slope
-            postures[side] = {**angles, JointName.HIP: hip}
-            phases[side] = self.leading_phase if leads else self.trailing_phase
-        q = start_posture(model, postures, ankle_rest)
+        q = start_posture(model, self.postures(self.slope), ankle_rest)
         q[pelvis] = stand_on_both_feet(model, q, math.tan(self.slope))
         return World(
             model=model,
             plant=plant,
             start_q=q,
             start_v=np.zeros(model.nv),
-            initial_phases=phases,
+            initial_phases=self.phases,
             belt=self._belt(),
             contact=self.contact,
             slope=self.slope,

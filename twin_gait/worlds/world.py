@@ -14,21 +14,13 @@ from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
-from twin_gait.core.plant import Brace, ImposedMotion, Plant, Spring, free_coordinate
+from twin_gait.core.plant import Brace, ImposedMotion, Plant
 from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Trunk
-from twin_gait.leg_model import Bodies, LegJoints, LegModel
-from twin_gait.parameters import (
-    ActuatorParameters,
-    AnkleParameters,
-    ContactParameters,
-    FrictionLaw,
-    Patient,
-    StopParameters,
-    require,
-)
-from twin_gait.parameters.quantities import Inline, Parameters
-from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.leg_model import LegJoints, LegModel
+from twin_gait.parameters import ContactParameters, require
+from twin_gait.parameters.quantities import Inline, Parameters, taken_from
+from twin_gait.vocabulary import JointName, Side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,75 +125,14 @@ class World:
         if self.contact is None:
             return Ground()
         sine, cosine = sine_cosine(self.slope)
-        return Ground(
-            belt_speed=self.belt.cruise,
-            stiffness=self.contact.stiffness,
-            dissipation=self.contact.dissipation,
-            friction_coefficient=self.contact.friction_coefficient,
-            transition_velocity=self.contact.transition_velocity,
-            slope_sine=sine,
-            slope_cosine=cosine,
+        return taken_from(
+            Ground, self.contact, belt_speed=self.belt.cruise, slope_sine=sine, slope_cosine=cosine
         )
 
     @property
     def wearer_shift(self) -> int:
         """How far behind a coordinate of the device that of the wearer stands; 0 if they are one."""
         return 0 if self.braces is None else self.model.nv
-
-
-def build_leg_model(
-    source: LegSource,
-    *,
-    patient: Patient | None,
-    actuators: Mapping[JointName, ActuatorParameters],
-    pelvis: PelvisGuide,
-    gravity: float,
-    bodies: Bodies = Bodies.BOTH,
-) -> LegModel:
-    """Build the rigid-body model of a world.
-
-    Args:
-        patient: The wearer, or None.
-        actuators: For the armature of the joints.
-        gravity: In [m] / [s²].
-    """
-    return LegModel(
-        source.urdf,
-        source.legs,
-        patient=patient,
-        fit_device=source.fit_device,
-        pelvis=pelvis,
-        armature={joint: item.armature for joint, item in actuators.items()},
-        gravity=gravity,
-        up_axis=source.up_axis,
-        bodies=bodies,
-    )
-
-
-def build_plant(
-    model: LegModel,
-    *,
-    friction: Mapping[JointName, FrictionLaw],
-    actuators: Mapping[JointName, ActuatorParameters],
-    stops: StopParameters,
-    ankle: AnkleParameters,
-    gravity: float,
-) -> tuple[Plant, ...]:
-    """Friction, stops and ankle springs of every coordinate."""
-    result = tuple(free_coordinate() for _ in range(model.nv))
-    tall = 0.0 if model.patient is None else model.patient.height
-    stiffness = ankle.stiffness + ankle.relative_stiffness * model.total_mass * gravity * tall
-    for side, leg in model.legs.items():
-        for joint, _ in leg.items():
-            plant = result[model.index(side, joint)]
-            plant.stop.lower, plant.stop.upper = model.position_limits(side, joint)
-            plant.stop.stiffness, plant.stop.dissipation = stops.stiffness, stops.dissipation
-            if joint is JointName.ANKLE:
-                plant.spring = Spring(stiffness, ankle.damping, stiffness * ankle.rest)
-            if joint in actuators:
-                plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
-                plant.armature = actuators[joint].armature
-    return result
 
 
 def start_posture(

@@ -16,10 +16,10 @@ from twin_gait.core.transparency import Transparency
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import SLOWEST
 from twin_gait.parameters import KNEE_FRICTION, Patient, require
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
 from twin_gait.simulation.filling import memory_of
-from twin_gait.simulation.record import taken_from
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_joint import (
     HORIZONTAL,
@@ -127,7 +127,7 @@ def _imposed_motion(test: BenchJoint) -> ImposedMotion:
     motion = test.imposed_motion
     if motion is None or (motion.stiffness == 0.0 and motion.damping == 0.0):
         return ImposedMotion()
-    return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle, torque=0.0)
+    return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle)
 
 
 def _torque_control(test: BenchJoint) -> TorqueControl:
