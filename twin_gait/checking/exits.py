@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
 from twin_gait.gait.feasibility import Bound, Requirement, translated
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms, compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import ANGLE, LOAD, OTHER_TIME, TIME, VELOCITY, signal_of
 from twin_gait.gait.table import TICK, Transition
@@ -268,12 +268,10 @@ def _noisy(name: str) -> str:
 
 def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
     first, second = space.transition(there), space.transition(back)
-    compared = [atom for atom in atoms(second.guard) if isinstance(atom, Comparison)]
-    read = dict.fromkeys(name for atom in compared for name in (atom.signal, atom.minus or atom.signal))
     # A noisy signal is as far as the noise from the signal at the switch.
     noise = [
         Bound(*pair, signal_of(name).noise)
-        for name in read
+        for name in compared(second.guard)
         if not name.endswith(TIME)
         for pair in ((_NOISY + name, name), (name, _NOISY + name))
     ]

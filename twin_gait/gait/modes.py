@@ -11,15 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from twin_gait.core.guards import GuardProgram
 from twin_gait.exceptions import GaitTableError, ParameterError
 from twin_gait.gait import guards
-from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import guard_is_open
 from twin_gait.gait.signals import TIME, signal_scale
 from twin_gait.gait.table import LONGEST, MOST_PHASES, TICK, StateTable, Transition
 from twin_gait.parameters.quantities import Key, Parameters, Range
-from twin_gait.vocabulary import Side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,22 +127,6 @@ def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) 
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
 
 
-class ModeMachine(GaitStateMachine):
-    """The state machine of a table of modes in plain Python; a side has no meaning for it."""
-
-    def __init__(
-        self,
-        table: StateTable,
-        side: Side = Side.LEFT,
-        *,
-        initial_phase: str | None = None,
-        program: GuardProgram | None = None,
-    ) -> None:
-        """Begin in a mode; as :class:`~twin_gait.gait.machine.GaitStateMachine`."""
-        super().__init__(table, side, initial_phase=initial_phase, program=program)
-        self.owner = "supervisor"
-
-
 def why_refused(
     table: ModeTable, mode: str, request: str, signals: Mapping[str, float], ticks: int
 ) -> str | None:
@@ -183,6 +164,5 @@ def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request:
 def _measured(table: ModeTable, atom: guards.Comparison | guards.PhaseMembership, values: list[float]) -> str:
     if isinstance(atom, guards.PhaseMembership):
         return ""
-    names = [name for name in (atom.signal, atom.minus) if name is not None]
-    shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in names]
+    shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in atom.names]
     return f": {' and '.join(shown)}"

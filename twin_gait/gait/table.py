@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Protocol
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import LEG_WORDS, AllOf, Comparison, Guard, GuardWords, PhaseMembership, atoms
+from twin_gait.gait.guards import LEG_WORDS, AllOf, Guard, GuardWords, atoms
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_scale
 from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import PRE_SWING, Side
@@ -287,14 +287,9 @@ class StateTable:
         self._check_known(place, item.source)
         self._check_known(place, item.target)
         _refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
-        known = self.signals
         for atom in atoms(item.guard):
-            for member in atom.phases if isinstance(atom, PhaseMembership) else ():
-                absent = f"no {self.words.member} {member!r}; there are {', '.join(self.members)}"
-                _refuse(member not in self.members, f"{place}: {absent}")
-            for name in (atom.signal, atom.minus) if isinstance(atom, Comparison) else ():
-                odd = name is not None and name not in known
-                _refuse(odd, f"{place}: no signal {name!r}; there are {', '.join(known)}")
+            problem = self.words.problem(atom, self.joints, self.members)
+            _refuse(bool(problem), f"{place}: {problem}")
         minimum, after = self.phases[item.source].minimum_ticks, item.time_out_ticks
         _refuse(
             after is not None and after < minimum,
