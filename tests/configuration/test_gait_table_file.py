@@ -312,7 +312,7 @@ MISTAKES = {
     "no cause": ("cause: loaded, ", "", "transitions[0].cause", "missing"),
     "empty cause": ("cause: loaded", "cause: ''", "transitions[0].cause", ""),
     "no condition": (", all: [\"hip.angle_deg < 10\"]", "", "transitions[0]", "no condition"),
-    "no guards": ("all: [\"hip.angle_deg < 10\"]", "all: []", "transitions[0]", "empty"),
+    "no guards": ("all: [\"hip.angle_deg < 10\"]", "all: []", "transitions[0]", "has no condition"),
     "all and any": (
         "cause: loaded", "cause: loaded, any: [\"hip.angle_deg < 10\"]",
         "transitions[0]", "either",

@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from twin_gait.exceptions import GaitTableError, ParameterError
+from twin_gait.exceptions import ParameterError
 from twin_gait.gait import guards
 from twin_gait.gait.program import guard_is_open
 from twin_gait.gait.signals import TIME, signal_scale
-from twin_gait.gait.table import LONGEST, MOST_PHASES, TICK, StateTable, Transition
+from twin_gait.gait.table import LONGEST, MOST_PHASES, TICK, StateTable, Transition, refuse
 from twin_gait.parameters.quantities import Key, Parameters, Range
 
 
@@ -48,19 +48,18 @@ class ModeTable(StateTable):
     words: ClassVar[guards.GuardWords] = guards.MODE_WORDS
 
     def _check_phases(self) -> None:
-        _require(len(self.requests) <= MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
+        refuse(len(self.requests) > MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
         for name in self.requests:
-            _require(bool(re.fullmatch(r"[A-Za-z_]\w*", name)), f"requests: expected a word, got {name!r}")
-            _require(self.requests.count(name) == 1, f"requests: {name} is named twice")
+            refuse(not re.fullmatch(r"[A-Za-z_]\w*", name), f"requests: expected a word, got {name!r}")
+            refuse(self.requests.count(name) > 1, f"requests: {name} is named twice")
         self._check_known("hold", self.hold)
-        _require(self.hold != self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
+        refuse(self.hold == self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
 
     def _check_transition(self, place: str, item: Transition) -> None:
         super()._check_transition(place, item)
-        _require(item.source != self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
+        refuse(item.source == self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
         late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
-        asks = any(isinstance(atom, guards.PhaseMembership) for atom in guards.atoms(item.guard))
-        _require(item.debounce_ticks == 1 or not asks, f"{late}; leave debounce_ms out")
+        refuse(item.debounce_ticks > 1 and _asked(item), f"{late}; leave debounce_ms out")
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -74,20 +73,13 @@ class ModeTable(StateTable):
 
     def answers(self, mode: str, request: str) -> list[Transition]:
         """Transitions out of a mode that a request can open, in order of priority."""
-        return [
-            item
-            for item in self.transitions
-            if item.source == mode
-            and any(
-                isinstance(atom, guards.PhaseMembership) and request in atom.phases
-                for atom in guards.atoms(item.guard)
-            )
-        ]
+        return [item for item in self.transitions if item.source == mode and request in _asked(item)]
 
 
-def _require(right: bool, text: str) -> None:
-    if not right:
-        raise GaitTableError(text)
+def _asked(item: Transition) -> set[str]:
+    """Requests that a transition reads."""
+    atoms = guards.atoms(item.guard)
+    return {name for atom in atoms if isinstance(atom, guards.PhaseMembership) for name in atom.phases}
 
 
 _TIMED = re.compile(r"\s*(\w+)\s*@\s*([\d.]+)\s*s\s*")
