@@ -174,13 +174,6 @@ PLANTED: dict[str, tuple[str, str | None, str, Callable[[Mapping], None]]] = {
         "debounce_beyond_time_out", FLEXION, "error",
         lambda d: entry(d, "clearance").update(debounce_ms=300, all=["time_in_phase_s > 0.8"]),
     ),
-    "exit behind a wider one": (
-        "shadowed_exit", FLEXION, "warning",
-        lambda d: add(d, FLEXION, EXTENSION, "hip.angle_deg > 30", "knee.angle_deg > 40"),
-    ),
-    "second time-out": (
-        "shadowed_exit", FLEXION, "warning", lambda d: add(d, FLEXION, EXTENSION, after_s=1.5),
-    ),
     "threshold beyond the stop": (
         "threshold_beyond_limits", FLEXION, "warning", condition("clearance", "knee", "knee.angle_deg > -10"),
     ),
@@ -191,24 +184,6 @@ PLANTED: dict[str, tuple[str, str | None, str, Callable[[Mapping], None]]] = {
     "load that no foot bears": (
         "threshold_beyond_limits", "late_stance", "warning",
         lambda d: add(d, "late_stance", FLEXION, any=["foot.load_bw > 30", "hip.angle_deg < -15"]),
-    ),
-    "condition said already": (
-        "redundant_condition", FLEXION, "warning",
-        lambda d: entry(d, "clearance")["all"].append("hip.angle_deg > 10"),
-    ),
-    "condition that follows from two others": (
-        "redundant_condition", "late_stance", "warning",
-        lambda d: entry(d, LATE)["all"].append("other.hip.angle_deg > -14.5"),
-    ),
-    "condition given twice": (
-        "redundant_condition", FLEXION, "warning",
-        lambda d: entry(d, "clearance")["all"].append("knee.angle_deg > 25.7"),
-    ),
-    "alternative inside another": (
-        "redundant_condition", "middle_stance", "warning",
-        lambda d: entry(d, "hip_extension").update(
-            all=[{"any": ["hip.angle_deg < 0", "hip.angle_deg < -5"]}]
-        ),
     ),
     "late stance that does not look at the other leg": ("both_in_swing", "late_stance", "error", blind),
     "late stance that lets go while the other leg swings": (

@@ -14,7 +14,7 @@ from guard_solver import holds
 from table_builder import JOINTS, guard, phase
 
 from twin_gait.checking.check import build_case
-from twin_gait.checking.exits import ambiguity, cascade, hysteresis, shadowed_exit
+from twin_gait.checking.exits import ambiguity, cascade, hysteresis
 from twin_gait.checking.finding import CheckCase, Finding, label
 from twin_gait.checking.graph import TwoLegs, deadlock, starting_pairs
 from twin_gait.checking.signals import Point, SignalSpace
@@ -490,13 +490,3 @@ def test_exit_that_needs_time_is_not_open_at_entry() -> None:
         out = AllOf(guards=(guard("hip.angle_deg > 8", PHASES), guard(text, PHASES)))
         table = space_of(into, Transition(source="a", target="b", cause="out", guard=out)).table
         assert len([item for item in cascade(build_case(table)) if item.phase == "a"]) == found
-
-
-def test_two_earlier_exits_can_shadow_a_third_together() -> None:
-    first, second, third = (
-        leaving("hip.angle_deg > 5"),
-        leaving("hip.angle_deg < 6"),
-        leaving("knee.angle_deg > 9"),
-    )
-    assert [item.rule for item in shadowed_exit(space_of(first, second, third).case)] == ["shadowed_exit"]
-    assert shadowed_exit(space_of(first, third).case) == []

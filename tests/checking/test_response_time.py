@@ -212,7 +212,7 @@ def test_half_the_bit_rate_is_refused_with_ways_out_that_work() -> None:
     (error,) = rule("network.bit_rate_kbit_per_s=500")
     assert error.severity is Severity.ERROR
     assert "network.bit_rate_kbit_per_s 500" in error.reason and "108%" in error.reason
-    assert error.suggestion == "set network.bit_rate_kbit_per_s to 800, or set network.cycle_ms to 3"
+    assert "raise network.bit_rate_kbit_per_s or network.cycle_ms" in error.suggestion
     assert rule("network.bit_rate_kbit_per_s=800")[0].severity is Severity.NOTE
     ways = ("network.bit_rate_kbit_per_s=500", "network.cycle_ms=3")
     assert rule(*ways)[0].severity is Severity.NOTE
@@ -221,7 +221,7 @@ def test_half_the_bit_rate_is_refused_with_ways_out_that_work() -> None:
 def test_a_frame_that_may_come_too_late_is_refused() -> None:
     (error,) = rule("network={jitter_us: 1500}")
     assert error.severity is Severity.ERROR
-    assert "right_hip_setpoint may arrive only 2.040 ms after it is due" in error.reason
+    assert "right_knee_measurement, arrives up to 3.525 ms" in error.reason
 
 
 def test_a_bench_with_one_leg_has_half_the_frames() -> None:

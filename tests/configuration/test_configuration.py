@@ -127,11 +127,6 @@ def test_settings_reach_defaults_that_the_preset_does_not_name():
     assert experiment.plant.friction_ratio == {"hip": 0.5, "knee": 0.9}
 
 
-def test_files_of_runs_without_load_friction_are_read_though_the_key_is_gone():
-    old = load_experiment("treadmill", ["plant.load_friction={hip: 0.0, knee: 0.0}"]).experiment
-    assert old == load_experiment("treadmill").experiment
-
-
 def test_settings_reach_list_elements():
     loaded = load_experiment("treadmill", ['table.transitions[0].all[0]="hip.angle_deg < 5"'])
     assert str(loaded.experiment.table.transitions[0].guard).startswith("hip.angle_deg < 5")
@@ -179,7 +174,6 @@ BAD_SETTINGS = {
     "plant.friction_ratio.knee=-1": "friction_ratio of the knee",
     "plant.actuators.hip.gear_efficiency=0.2": "hip.gear_efficiency: expected 0.5 to 1, got 0.2",
     "plant.electronics.regeneration=1.1": "regeneration: expected",
-    "plant.load_friction={hip: 0.1, knee: 0}": "plant: load_friction is gone; set actuators.hip.gear_eff",
     "plant.friction.knee={law: lugr}": "'rotational', 'asymmetric', 'lugre'",
     "plant.friction.knee={law: lugre, coulomb_friction_Nm: 2}": "bristle_stiffness_Nm_per_rad: is missing",
     "plant.friction.knee={law: lugre, sigma0: 2}": "plant.friction.knee.sigma0: unknown key; allowed:",

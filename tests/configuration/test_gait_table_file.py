@@ -258,7 +258,10 @@ MISTAKES = {
     "infinite": ("equilibrium_deg: 12", "equilibrium_deg: .inf", "equilibrium_deg", "inf"),
     "text": ("equilibrium_deg: 12", "equilibrium_deg: twelve", "equilibrium_deg", "twelve"),
     "truth value": ("equilibrium_deg: 12", "equilibrium_deg: yes", "equilibrium_deg", "true"),
-    "empty value": ("stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg:", HIP_KEY, "stiffness"),
+    "empty value": (
+        "stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg:",
+        "phases.early_stance: hip.stiffness_Nm_per_rad", "is missing",
+    ),
     "list": ("equilibrium_deg: 12", "equilibrium_deg: [12]", "equilibrium_deg", "[12]"),
     "two stiffnesses": (
         "stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg: 2.5, stiffness_Nm_per_rad: 3",
@@ -268,7 +271,10 @@ MISTAKES = {
         "damping_ratio: 0.7", "damping_ratio: 0.7, damping_Nms_per_rad: 3",
         HIP_KEY, "exactly one",
     ),
-    "no damping": ("damping_ratio: 0.7, ", "", HIP_KEY, "exactly one damping"),
+    "no damping": (
+        "damping_ratio: 0.7, ", "",
+        "phases.early_stance: hip.damping", "either a damping or a damping_ratio",
+    ),
     "no gain": (", friction_compensation_gain: 0.35}", "}", "friction_compensation_gain", "missing"),
     "joint missing": (
         "    knee: {stiffness_Nm_per_deg: 6.0", "    #knee: {",
@@ -306,7 +312,7 @@ MISTAKES = {
     "no cause": ("cause: loaded, ", "", "transitions[0].cause", "missing"),
     "empty cause": ("cause: loaded", "cause: ''", "transitions[0].cause", ""),
     "no condition": (", all: [\"hip.angle_deg < 10\"]", "", "transitions[0]", "no condition"),
-    "no guards": ("all: [\"hip.angle_deg < 10\"]", "all: []", "transitions[0]", "empty"),
+    "no guards": ("all: [\"hip.angle_deg < 10\"]", "all: []", "transitions[0]", "has no condition"),
     "all and any": (
         "cause: loaded", "cause: loaded, any: [\"hip.angle_deg < 10\"]",
         "transitions[0]", "either",

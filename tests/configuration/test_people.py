@@ -113,7 +113,7 @@ MISTAKES = {
     "patient.effort_delay_ms=2000": "patient: effort_delay: expected 0 to 1 s, got 2",
     "patient.effort_noise=.nan": "patient.effort_noise: .*finite",
     "patient=nobody": "patient: no person 'nobody': neither a file nor one of complete_sci, healthy,",
-    "patient={preset: 7}": "patient: no person 7",
+    "patient={preset: 7}": "patient: no person '7'",
 }
 
 

@@ -19,7 +19,7 @@ from twin_gait.control.supervisor import (
     hear_request,
 )
 from twin_gait.exceptions import GaitTableError, MeasurementError, ParameterError
-from twin_gait.gait import Mode, ModeMachine, Transition, compile_guards, why_refused
+from twin_gait.gait import GaitStateMachine, Mode, Transition, compile_guards, why_refused
 from twin_gait.gait.guards import MODE_WORDS, AllOf, parse_guard
 from twin_gait.gait.modes import TimedRequest, check_requests, parse_request
 from twin_gait.gait.signals import TIME, mode_signal_names, signal_of
@@ -54,7 +54,7 @@ PAIRS = [(mode, request) for mode in TWIN.phases for request in TWIN.requests]
 
 def after(mode: str, request: str | None, ticks: int, **signals: float) -> str:
     """Mode after a request so long after the entry of a mode."""
-    machine = ModeMachine(TWIN, initial_phase=mode)
+    machine = GaitStateMachine(TWIN, initial_phase=mode)
     machine.take(ticks, {name.replace("__", "."): value for name, value in signals.items()}, request)
     return machine.phase
 
@@ -164,7 +164,7 @@ def test_what_is_not_measured_opens_nothing():
     choose_mode(supervisor, 1, False)
     assert name_of(supervisor) == "walk_manual" and supervisor.refused == code("step")
     with pytest.raises(MeasurementError, match=r"supervisor: the trunk\.pitch_deg is nan"):
-        ModeMachine(TWIN, initial_phase="walk_automatic").take(1, {"trunk.pitch_deg": math.nan})
+        GaitStateMachine(TWIN, initial_phase="walk_automatic").take(1, {"trunk.pitch_deg": math.nan})
 
 
 @pytest.mark.parametrize("mode", TWIN.phase_names)
@@ -182,7 +182,7 @@ def test_a_trip_leads_to_the_hold_for_good(mode):
 def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect():
     """Over random requests and measurements; the machine is the package's other user of the evaluator."""
     rng, time = np.random.default_rng(5), TWIN.signals.index(TIME)
-    supervisor, machine = new_supervisor(), ModeMachine(TWIN)
+    supervisor, machine = new_supervisor(), GaitStateMachine(TWIN)
     visited, refused, anew = set(), 0, 1
     for tick in range(1, 200_000):
         # Rising takes six seconds without another word, a request for the chair is heard after three.
@@ -297,7 +297,7 @@ def test_the_kit_finds_a_machine_that_is_a_tick_early_or_late(cause, change):
     failed, title = [], f"{wrong.source}→{wrong.target} ({cause})::"
     for test in (test for test in kit("twin") if test.name.startswith(title)):
         try:
-            replace(test, machine=lambda phase: ModeMachine(other, initial_phase=phase)).run()
+            replace(test, machine=lambda phase: GaitStateMachine(other, initial_phase=phase)).run()
         except AssertionError:
             failed.append(test.name)
     assert failed

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.dead_zone import dead_zone
+from twin_gait.core.actuator import dead_zone
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import KNEE_FRICTION, SensorParameters

@@ -1,8 +1,8 @@
 """Check a gait table by all rules: what it is checked against, the rules, and the report."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -144,11 +144,5 @@ def report(case: CheckCase, findings: Sequence[Finding]) -> dict[str, Any]:
         "table": case.table.name,
         "experiment": None if case.experiment is None else case.experiment.name,
         "counts": counts(findings),
-        "findings": [_document(finding) for finding in findings],
+        "findings": [asdict(finding) | {"waived": finding.waived or None} for finding in findings],
     }
-
-
-def _document(finding: Finding) -> Mapping[str, Any]:
-    keys = ("rule", "severity", "phase", "transition", "side", "reason", "suggestion")
-    told = {key: getattr(finding, key) for key in keys}
-    return {**told, "counterexample": dict(finding.counterexample), "waived": finding.waived or None}

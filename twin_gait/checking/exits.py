@@ -1,12 +1,12 @@
-"""Exits of a phase: open at once, never open, behind another, following a switch at once; idle conditions."""
+"""Exits of a phase: open at once, never open, following a switch at once; idle conditions."""
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
 from twin_gait.gait.feasibility import Bound, Requirement, translated
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
+from twin_gait.gait.guards import Comparison, PhaseMembership, atoms, compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import ANGLE, LOAD, OTHER_TIME, TIME, VELOCITY, signal_of
 from twin_gait.gait.table import TICK, Transition
@@ -73,43 +73,6 @@ def debounce_beyond_time_out(case: CheckCase) -> Iterator[Finding]:
 
 
 @rule
-def shadowed_exit(case: CheckCase) -> Iterator[Finding]:
-    """An exit never wins, because exits listed earlier are due whenever it is."""
-    space = signal_space(case)
-    for index, item in enumerate(space.table.transitions):
-        before = [other for other in space.exits(item.source) if _is_due_before(space, other, index)]
-        possible = item.is_time_out or space.opening(index) is not None
-        if before and possible and not _wins_somewhere(space, index, before):
-            names = ", ".join(label(space.transition(other)) for other in before)
-            reason = f"{label(item)} never wins: {names} is due whenever it is, and comes first"
-            yield about(item, Severity.WARNING, reason, "list it earlier, or take it out")
-
-
-def _is_due_before(space: SignalSpace, other: int, index: int) -> bool:
-    """Whether another exit, while open, is due no later than this one and wins against it."""
-    first, item = space.transition(other), space.transition(index)
-    if first.is_time_out and item.is_time_out:
-        return (first.time_out_ticks or 0, other) < (item.time_out_ticks or 0, index)
-    no_later = (first.time_out_ticks or 0) <= (item.time_out_ticks or 0)
-    return other < index and first.debounce_ticks <= item.debounce_ticks and no_later
-
-
-def _wins_somewhere(space: SignalSpace, index: int, before: list[int]) -> bool:
-    """Whether the exit can be open while those before it are closed."""
-    if any(space.transition(other).is_time_out for other in before):
-        return False
-    # Exits that debounce may take turns in being open, so that none of them is ever due.
-    quick = [other for other in before if space.transition(other).debounce_ticks == 1]
-    slow = [[other] for other in before if space.transition(other).debounce_ticks > 1]
-
-    def open_behind(group: list[int]) -> bool:
-        requirements = [space.requirement(index), *(space.requirement(other, False) for other in group)]
-        return space.possible(requirements, {TIME: space.window(index)})
-
-    return all(open_behind(group) for group in [quick, *slow])
-
-
-@rule
 def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
     """A threshold lies outside what its signal can measure: the condition is always or never true."""
     space = signal_space(case)
@@ -140,55 +103,6 @@ def _range_of(space: SignalSpace, item: Transition, atom: Comparison) -> tuple[f
 
     (low, high), (least, most) = one(atom.signal), (0.0, 0.0) if atom.minus is None else one(atom.minus)
     return (0.0, 0.0) if atom.minus == atom.signal else (low - most, high - least)
-
-
-@rule
-def redundant_condition(case: CheckCase) -> Iterator[Finding]:
-    """A condition follows from those beside it, or opens nothing that they do not open."""
-    space = signal_space(case)
-    for index, item in enumerate(space.table.transitions):
-        for group in _groups(item.guard):
-            says = "is true whenever" if isinstance(group, AllOf) else "is true only when"
-            for member, rest in _superfluous(space, index, group):
-                reason = f"{member} {says} {type(group)(guards=rest)} is, so it decides nothing"
-                yield about(item, Severity.WARNING, reason, "take it out, or correct its threshold")
-
-
-def _groups(guard: Guard) -> Iterator[AllOf | AnyOf]:
-    """Every ``all`` and ``any`` inside a guard."""
-    if isinstance(guard, (AllOf, AnyOf)):
-        yield guard
-        for inner in guard.guards:
-            yield from _groups(inner)
-
-
-def _superfluous(
-    space: SignalSpace, index: int, group: AllOf | AnyOf
-) -> Iterator[tuple[Guard, tuple[Guard, ...]]]:
-    """Members of a group that could be taken out one after the other, with those that remain."""
-
-    def possible(true: Sequence[Guard], false: Sequence[Guard] = ()) -> bool:
-        requirements = [
-            *(Requirement(guard) for guard in true),
-            *(Requirement(guard, False) for guard in false),
-        ]
-        return space.possible(requirements, {TIME: (TICK, space.window(index)[1])})
-
-    kept = list(group.guards)
-    for member in reversed(group.guards):
-        rest = [guard for guard in kept if guard is not member]
-        if not rest or not possible([member]):
-            continue
-        if isinstance(group, AllOf):
-            # Alone it must decide something, and the rest must be possible: other rules report the rest.
-            if not possible([], [member]) or not possible(rest):
-                continue
-            decides = possible(rest, [member])
-        else:
-            decides = possible([member], rest)
-        if not decides:
-            kept = rest
-            yield member, tuple(rest)
 
 
 @rule
@@ -268,12 +182,10 @@ def _noisy(name: str) -> str:
 
 def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
     first, second = space.transition(there), space.transition(back)
-    compared = [atom for atom in atoms(second.guard) if isinstance(atom, Comparison)]
-    read = dict.fromkeys(name for atom in compared for name in (atom.signal, atom.minus or atom.signal))
     # A noisy signal is as far as the noise from the signal at the switch.
     noise = [
         Bound(*pair, signal_of(name).noise)
-        for name in read
+        for name in compared(second.guard)
         if not name.endswith(TIME)
         for pair in ((_NOISY + name, name), (name, _NOISY + name))
     ]
@@ -301,9 +213,7 @@ RULES = (
     ambiguity,
     never_opens,
     debounce_beyond_time_out,
-    shadowed_exit,
     cascade,
     hysteresis,
     threshold_beyond_limits,
-    redundant_condition,
 )

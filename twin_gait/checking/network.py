@@ -1,7 +1,7 @@
 """Whether the CAN bus carries what the central unit and the boards tell each other."""
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
-from twin_gait.parameters import BIT_RATES, BOARDS, NetworkParameters
+from twin_gait.parameters import BOARDS, NetworkParameters
 from twin_gait.simulation.bus_ranges import values_out_of_range
 from twin_gait.simulation.problem import build_problem
 
@@ -105,12 +105,9 @@ def traffic_of(experiment: Experiment) -> Traffic:
     """Worst traffic of an experiment's bus, see :func:`worst_traffic`; a ParameterError if it has none."""
     if experiment.network is None:
         raise ParameterError("network: ideal has no bus; set network to can")
-    return worst_traffic(experiment.network, _messages(experiment, experiment.network))
-
-
-def _messages(experiment: Experiment, network: NetworkParameters) -> list[Message]:
     boards = [board for board in BOARDS if board.partition("_")[0] in experiment.leg.legs]
-    return cyclic_messages(load_messages(network.dbc), boards)
+    messages = cyclic_messages(load_messages(experiment.network.dbc), boards)
+    return worst_traffic(experiment.network, messages)
 
 
 @rule
@@ -123,42 +120,20 @@ def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     network = None if case.experiment is None else case.experiment.network
     if network is None or case.experiment is None:
         return
-    traffic, messages = traffic_of(case.experiment), _messages(case.experiment, network)
-    severity, reason = _judged(network, traffic, len(messages))
-    yield Finding(severity, reason, "" if severity is Severity.NOTE else _way_out(network, messages))
-
-
-def _judged(network: NetworkParameters, traffic: Traffic, frames: int) -> tuple[Severity, str]:
-    cycle = 1e3 * network.cycle
-    load = (
-        f"network.bit_rate_kbit_per_s {1e-3 * network.bit_rate:g}: {frames} frames every {cycle:g} ms are "
-        f"{traffic.load:.0%} of what the bus carries"
+    traffic = traffic_of(case.experiment)
+    reason = (
+        f"network.bit_rate_kbit_per_s {1e-3 * network.bit_rate:g}: {len(traffic.responses)} frames every "
+        f"{1e3 * network.cycle:g} ms are {traffic.load:.0%} of what the bus carries"
     )
-    late = [name for name, time in traffic.responses.items() if time is None or time > network.cycle]
-    if traffic.load > 1.0:
-        return Severity.ERROR, load
-    if late:
-        time = traffic.responses[late[0]]
-        when = "never" if time is None else f"only {1e3 * time:.3f} ms after it is due"
-        return Severity.ERROR, f"{load}, and {late[0]} may arrive {when}"
-    name, longest = max(((name, time or 0.0) for name, time in traffic.responses.items()), key=lambda x: x[1])
-    return Severity.NOTE, f"{load}; the last one, {name}, arrives {1e3 * longest:.3f} ms after it is due"
-
-
-def _way_out(network: NetworkParameters, messages: Sequence[Message]) -> str:
-    """The next bit rate, and the next cycle in whole milliseconds, that carry all frames in time."""
-
-    def carries(changed: NetworkParameters) -> bool:
-        traffic = worst_traffic(changed, messages)
-        return all(time is not None and time <= changed.cycle for time in traffic.responses.values())
-
-    rates = (rate for rate in BIT_RATES if rate > network.bit_rate)
-    rate = next((rate for rate in rates if carries(replace(network, bit_rate=rate))), None)
-    cycles = (number for number in range(2, 101) if 1e-3 * number > network.cycle)
-    cycle = next((number for number in cycles if carries(replace(network, cycle=1e-3 * number))), None)
-    ways = [] if rate is None else [f"set network.bit_rate_kbit_per_s to {1e-3 * rate:g}"]
-    ways += [] if cycle is None else [f"set network.cycle_ms to {cycle}"]
-    return ", or ".join(ways) or "lower network.jitter_us"
+    times = {name: math.inf if time is None else time for name, time in traffic.responses.items()}
+    last = max(times, key=lambda name: times[name])
+    if times[last] < math.inf:
+        reason += f"; the last one, {last}, arrives up to {1e3 * times[last]:.3f} ms after it is due"
+    if times[last] <= network.cycle:
+        yield Finding(Severity.NOTE, reason, "")
+    else:
+        suggestion = "raise network.bit_rate_kbit_per_s or network.cycle_ms, or lower network.jitter_us"
+        yield Finding(Severity.ERROR, reason, suggestion)
 
 
 @rule

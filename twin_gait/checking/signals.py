@@ -8,7 +8,7 @@ from twin_gait.checking.finding import CheckCase, once
 from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
-from twin_gait.gait.guards import Comparison, Guard, atoms
+from twin_gait.gait.guards import Comparison, compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
@@ -134,9 +134,7 @@ class SignalSpace:
         if any(low > high + 0.5 * TICK for name, (low, high) in ranges.items() if name.endswith(TIME)):
             return
         others = self.others if other is None else (other,)
-        read = {
-            name for requirement in requirements for atom in atoms(requirement.guard) for name in _names(atom)
-        }
+        read = {name for requirement in requirements for name in compared(requirement.guard)}
         timed = OTHER_TIME in read and OTHER_TIME not in ranges
         for phases in [(phase,) for phase in others] if timed else [others]:
             own = {OTHER_TIME: (0.0, self.time_out(phases[0])), **ranges}
@@ -249,10 +247,6 @@ def _others(case: CheckCase) -> tuple[str | None, ...]:
 def signal_space(case: CheckCase) -> SignalSpace:
     """The signals of a case, laid out once for all rules."""
     return SignalSpace(case)
-
-
-def _names(atom: Guard) -> tuple[str, ...]:
-    return (atom.signal, atom.minus or atom.signal) if isinstance(atom, Comparison) else ()
 
 
 def _in_ticks(bound: Bound) -> Bound:

@@ -1,9 +1,8 @@
 """Stability of the sampled loop of the joints in every phase."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,31 +25,14 @@ LARGEST_GAIN = 1.0  # no table can ask for more
 _BISECTIONS = 12
 
 
-@dataclass(frozen=True)
-class _Phase:
-    """One phase of one leg: its loop at each of ``VELOCITIES``."""
+class _Phase(NamedTuple):
+    """One phase of one leg; lists hold a value for each of ``VELOCITIES``."""
 
     leg: HangingLeg
     name: str
     loops: list[LinearLoop]
-
-    @cached_property
-    def _maps(self) -> list[np.ndarray]:
-        return [transition_matrix(loop) for loop in self.loops]
-
-    @cached_property
-    def radii(self) -> list[float]:
-        """Spectral radius of each loop."""
-        return [spectral_radius(matrix) for matrix in self._maps]
-
-    @cached_property
-    def ratios(self) -> list[float]:
-        """Effective damping ratio of each loop."""
-        return [
-            # A joint that sticks rings within its bristles, whatever the table asks for.
-            1.0 if self.leg.sticks and not velocity else effective_damping_ratio(matrix, self.loops[0].frame)
-            for velocity, matrix in zip(VELOCITIES, self._maps, strict=True)
-        ]
+    radii: list[float]  # spectral radii
+    ratios: list[float]  # effective damping ratios
 
     @property
     def is_unstable(self) -> bool:
@@ -64,11 +46,18 @@ class _Phase:
 
 @once
 def _phases(case: CheckCase) -> list[_Phase]:
-    return [
-        _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
-        for leg in hanging_legs(case)
-        for index, name in enumerate(leg.phases)
-    ]
+    found = []
+    for leg in hanging_legs(case):
+        for index, name in enumerate(leg.phases):
+            loops = [leg.linear_loop(index, velocity) for velocity in VELOCITIES]
+            maps = [transition_matrix(loop) for loop in loops]
+            ratios = [
+                # A joint that sticks rings within its bristles, whatever the table asks for.
+                1.0 if leg.sticks and not velocity else effective_damping_ratio(matrix, loops[0].frame)
+                for velocity, matrix in zip(VELOCITIES, maps, strict=True)
+            ]
+            found.append(_Phase(leg, name, loops, list(map(spectral_radius, maps)), ratios))
+    return found
 
 
 def _about(velocity: float) -> str:
@@ -157,22 +146,17 @@ def largest_value(loops: list[LinearLoop], name: str, joint: int, most: float) -
 
 def _margins(phase: _Phase) -> str:
     """Largest b and G in words, with what the table has."""
-    parts = []
-    for name, most, form in (("damping", LARGEST_DAMPING, ".0f"), ("gain", LARGEST_GAIN, ".2f")):
-        values = [
-            f"{joint} {_number(largest_value(phase.loops, name, index, most), most, form)} "
-            f"({getattr(phase.loops[0], name)[index]:{form}})"
-            for index, joint in enumerate(phase.leg.joints)
-        ]
-        parts.append(", ".join(values))
-    return f"b {parts[0]} Nms/rad and G {parts[1]}, the table's in brackets"
 
+    def margin(name: str, most: float, form: str, joint: int) -> str:
+        value, own = largest_value(phase.loops, name, joint, most), getattr(phase.loops[0], name)[joint]
+        over = "over " if value is not None and value >= most else ""
+        found = "none" if value is None else f"{over}{value:{form}}"
+        return f"{phase.leg.joints[joint]} {found} ({own:{form}})"
 
-def _number(value: float | None, most: float, form: str) -> str:
-    """A margin in words; "over" stands for one that the search has not found."""
-    if value is None:
-        return "none"
-    return f"over {format(most, form)}" if value >= most else format(value, form)
+    joints = range(len(phase.leg.joints))
+    damping = ", ".join(margin("damping", LARGEST_DAMPING, ".0f", joint) for joint in joints)
+    gain = ", ".join(margin("gain", LARGEST_GAIN, ".2f", joint) for joint in joints)
+    return f"b {damping} Nms/rad and G {gain}, the table's in brackets"
 
 
 RULES = (unstable, effective_damping, stability_margin)

@@ -75,19 +75,10 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
     """
     name = value if isinstance(value, str) else value["preset"]
     changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
-    path = _find_person(name, folder)
+    path = table_inheritance.gait_table_path(str(name), folder, "people", "person")
     data = read_yaml(path)
     converting(str(path), "", validate(_PersonFile, data, str(path)).convert)
     return merge({key: item for key, item in data.items() if key not in _HEADER}, changes)
-
-
-def _find_person(name: Any, folder: Path) -> Path:
-    if isinstance(name, str) and name:
-        beside = (path for path in (folder / name, Path(name).expanduser()) if path.is_file())
-        found = packaged("people").get(name) or next(beside, None)
-        if found is not None:
-            return found
-    raise ParameterError(f"no person {name!r}: neither a file nor one of {', '.join(people())}")
 
 
 @dataclass(frozen=True)

@@ -67,10 +67,6 @@ class TransitionEntry(Strict):
             raise ValueError("remove: there is nothing inherited to remove; it goes with extends")
         if self.all is not None and self.any is not None:
             raise ValueError("give either all or any at this level; nest the other inside it")
-        if self.all is None and self.any is None and self.after_s is None:
-            raise ValueError("has no condition: give all, any or after_s")
-        if self.all == [] or self.any == []:
-            raise ValueError("the list of guards is empty")
         return self
 
 

@@ -2,39 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field, create_model, model_validator
 
-from twin_gait.configuration.sections import Section, reads
+from twin_gait.configuration.sections import Section, reads, within
 from twin_gait.configuration.sections import section_of as section_of
-from twin_gait.configuration.validation import Number, Strict, merge, quantity_of
+from twin_gait.configuration.validation import Number, Strict, merge
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment, PlantParameters
+from twin_gait.experiment import Experiment
 from twin_gait.gait.modes import Mode
 from twin_gait.gait.table import Blending, JointImpedance, PhaseParameters, Scaling
 from twin_gait.parameters import JointCondition, Patient, StribeckFriction
-from twin_gait.parameters.quantities import declarations
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
 
 SIDES = ("both", "left", "right")
-
-
-@reads(PlantParameters)
-class PlantReader(Section):
-    """The plant of today, and of runs from before the efficiency of a gear cost torque."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_load_friction(cls, data: Any) -> Any:
-        """Such runs say that they had no load friction."""
-        if not isinstance(data, Mapping) or "load_friction" not in data:
-            return data
-        if data["load_friction"] not in (None, {"hip": 0.0, "knee": 0.0}):
-            raise ValueError("load_friction is gone; set actuators.hip.gear_efficiency to 1 less it")
-        return {key: value for key, value in data.items() if key != "load_friction"}
 
 
 _DIRECTIONS = ("viscous_friction_forward", "viscous_friction_backward")
@@ -162,22 +145,6 @@ class _Bounded(Section):
     bounded: ClassVar = True
 
 
-@reads(JointImpedance)
-class JointReader(_Bounded):
-    """Impedance of a joint in a phase: every quantity once."""
-
-    @model_validator(mode="after")
-    def _one_unit_each(self) -> JointReader:
-        groups: dict[str, list[str]] = {}
-        for item in declarations(JointImpedance):
-            groups.setdefault(quantity_of(next(iter(item.keys))), []).extend(item.keys)
-        for name, keys in groups.items():
-            given = [key for key in keys if getattr(self, key) is not None]
-            if len(given) != 1 and len(keys) > 1:
-                raise ValueError(f"expected exactly one {name} ({' or '.join(keys)}), got {given or 'none'}")
-        return self
-
-
 @reads(Scaling)
 class ScalingReader(_Bounded):
     """Scaling laws; what is usual is not written."""
@@ -198,7 +165,7 @@ class PhaseReader(_Bounded):
 
     def values(self, default: Any = None) -> dict[str, Any]:
         """Fields that are given, in SI."""
-        joints = {joint: getattr(self, joint).convert() for joint in self.joints}
+        joints = {joint: within(joint, getattr(self, joint).convert) for joint in self.joints}
         return super().values(default) | {"joints": joints}
 
     @classmethod
@@ -208,6 +175,6 @@ class PhaseReader(_Bounded):
         return joints | super().document(parameters)
 
 
-reads(Blending)(_Bounded)
-reads(Mode)(_Bounded)
+for _kind in (Blending, JointImpedance, Mode):
+    reads(_kind)(_Bounded)
 _Joint = section_of(JointImpedance)

@@ -27,6 +27,21 @@ def saturate(value: float, limit: float) -> float:
     return value
 
 
+def dead_zone(value: float, half_width: float) -> float:
+    r"""Part of a value x that lies outside a zone of half width δ about zero, 0 or more.
+
+    :math:`\begin{cases} x - \delta & x > \delta \\ 0 & |x| \le \delta \\ x + \delta & x < -\delta
+    \end{cases}`
+
+    Continuous and odd; a law behind it has no slope at rest.
+    """
+    if value > half_width:
+        return value - half_width
+    if value < -half_width:
+        return value + half_width
+    return 0.0
+
+
 def torque_to_current(joint_torque: float, torque_constant: float, gear_ratio: float) -> float:
     r"""Motor current that yields a joint torque, equation (2.16) of the thesis: :math:`I = T / (K_t\,\tau)`.
 

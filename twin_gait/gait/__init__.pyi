@@ -1,7 +1,6 @@
 from .machine import GaitStateMachine as GaitStateMachine
 from .machine import PhaseSwitch as PhaseSwitch
 from .modes import Mode as Mode
-from .modes import ModeMachine as ModeMachine
 from .modes import ModeTable as ModeTable
 from .modes import TimedRequest as TimedRequest
 from .modes import why_refused as why_refused

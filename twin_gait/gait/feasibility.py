@@ -139,7 +139,7 @@ def ways(
         if isinstance(atom, PhaseMembership):
             kept = tuple(name for name in way.phases if (name in atom.phases) is true)
             return way._replace(phases=kept) if kept else None
-        if way.phases == (None,) and any(name.startswith(OTHER) for name in (atom.signal, atom.minus or "")):
+        if way.phases == (None,) and any(name.startswith(OTHER) for name in atom.names):
             return None if true else way
         bounds = bounds_of(atom, true)
         if not bounds:

@@ -14,14 +14,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.signals import (
-    DEVICE_NAMES,
-    MODE_SIGNALS,
-    all_signal_names,
-    mode_signal_names,
-    signal_names,
-    signal_of,
-)
+from twin_gait.gait.signals import all_signal_names, mode_signal_names, signal_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,16 +29,20 @@ class Comparison:
     def __post_init__(self) -> None:
         """Check operator and threshold."""
         if self.operator not in ("<", ">"):
-            raise GaitTableError(f"guard on {self.signal}: expected '<' or '>', got {self.operator!r}")
+            raise GaitTableError(f"inequalities are strict; expected '<' or '>', got {self.operator!r}")
         if not math.isfinite(self.threshold):
-            raise GaitTableError(f"guard on {self.signal}: expected a finite threshold, got {self.threshold}")
+            raise GaitTableError(f"expected a finite threshold, got {self.threshold}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Signals that it reads."""
+        return (self.signal,) if self.minus is None else (self.signal, self.minus)
 
     def __str__(self) -> str:
         """Write the inequality as in the table."""
-        left = self.signal if self.minus is None else f"{self.signal} - {self.minus}"
         short = f"{self.threshold:g}"
         exact = short if float(short) == self.threshold else repr(self.threshold)
-        return f"{left} {self.operator} {exact}"
+        return f"{' - '.join(self.names)} {self.operator} {exact}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +96,12 @@ def atoms(guard: Guard) -> Iterator[Comparison | PhaseMembership]:
         yield guard
 
 
+def compared(guard: Guard) -> list[str]:
+    """Signals that a guard reads, each once."""
+    read = (name for atom in atoms(guard) if isinstance(atom, Comparison) for name in atom.names)
+    return list(dict.fromkeys(read))
+
+
 def mapped(guard: Guard, change: Callable[[Comparison | PhaseMembership], Guard]) -> Guard:
     """The same tree with each of its comparisons and memberships changed."""
     if isinstance(guard, (AllOf, AnyOf)):
@@ -123,26 +126,26 @@ class GuardWords(NamedTuple):
     member: str  # what its members are
     # from the joints to the names of all signals, in the order of the list of signals
     signals: Callable[[Sequence[str]], list[str]]
-    listed: Callable[[Sequence[str]], str]  # from the joints to these in words
+
+    def problem(
+        self, atom: Comparison | PhaseMembership, joints: Sequence[str], members: Sequence[str]
+    ) -> str:
+        """Say what a table of some joints and members does not know; empty if it can answer."""
+        if isinstance(atom, PhaseMembership):
+            what, known, asked = self.member, members, atom.phases
+        else:
+            what, known, asked = "signal", self.signals(joints), atom.names
+        for name in asked:
+            if name not in known:
+                return f"no {what} {name!r}; there are {', '.join(known)}"
+        units = [signal_of(name).unit for name in asked] if what == "signal" else []
+        if len(set(units)) > 1:
+            return f"{' and '.join(asked)} have different units: {' and '.join(unit.words for unit in units)}"
+        return ""
 
 
-LEG_WORDS = GuardWords(
-    "other.phase",
-    "phase",
-    all_signal_names,
-    lambda joints: (
-        f"{', '.join(signal_names(joints))}, the same with 'other.' in front, and {', '.join(DEVICE_NAMES)}"
-    ),
-)
-MODE_WORDS = GuardWords(
-    "request",
-    "request",
-    mode_signal_names,
-    lambda joints: (
-        f"{', '.join(signal.name for signal in MODE_SIGNALS)}, and with 'left.' or 'right.' in front "
-        f"{', '.join(signal_names(joints))}"
-    ),
-)
+LEG_WORDS = GuardWords("other.phase", "phase", all_signal_names)
+MODE_WORDS = GuardWords("request", "request", mode_signal_names)
 
 
 def parse_guard(
@@ -153,32 +156,27 @@ def parse_guard(
     ``phases``: what a membership may name. ``words``: what guards may read. Raises GaitTableError if the text
     is not a guard, or names an unknown signal or phase.
     """
+    try:
+        atom = _parsed(text, words)
+    except GaitTableError as error:
+        raise GaitTableError(f"guard {text!r}: {error}") from None
+    problem = words.problem(atom, joints, phases)
+    if problem:
+        raise GaitTableError(f"guard {text!r}: {problem}")
+    return atom
+
+
+def _parsed(text: str, words: GuardWords) -> Comparison | PhaseMembership:
     membership = _MEMBERSHIP.fullmatch(text)
     if membership and membership.group(1) == words.of:
         members = tuple(name.strip() for name in membership.group(2).split(",") if name.strip())
         if not members:
-            raise GaitTableError(f"guard {text!r}: expected at least one {words.member} in the brackets")
-        for name in members:
-            if name not in phases:
-                there = ", ".join(phases)
-                raise GaitTableError(f"guard {text!r}: no {words.member} {name!r}; there are {there}")
+            raise GaitTableError(f"expected at least one {words.member} in the brackets")
         return PhaseMembership(phases=members, of=words.of)
     comparison = _COMPARISON.fullmatch(text)
     if not comparison:
         raise GaitTableError(
-            f"guard {text!r}: expected 'signal < number', 'signal - signal > number' "
-            f"or '{words.of} in [{words.member}, …]'"
+            f"expected 'signal < number', 'signal - signal > number' or '{words.of} in [{words.member}, …]'"
         )
     signal, minus, operator, number = comparison.groups()
-    if operator not in ("<", ">"):
-        raise GaitTableError(f"guard {text!r}: inequalities are strict; write '<' or '>'")
-    known = words.signals(joints)
-    for name in (signal, minus):
-        if name is not None and name not in known:
-            raise GaitTableError(f"guard {text!r}: no signal {name!r}; there are {words.listed(joints)}")
-    if minus is not None and signal_of(signal).unit != signal_of(minus).unit:
-        units = " and ".join(signal_of(name).unit.words for name in (signal, minus))
-        raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units: {units}")
-    if not math.isfinite(float(number)):
-        raise GaitTableError(f"guard {text!r}: the threshold is not a finite number")
     return Comparison(signal=signal, minus=minus, operator=operator, threshold=float(number))

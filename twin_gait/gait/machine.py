@@ -1,4 +1,4 @@
-"""The gait state machine of one leg, on the `transitions` library.
+"""The state machine of one leg, or of the supervisor, on the `transitions` library.
 
 `transitions` carries the states, the triggers and their introspection; which transition is due is
 decided by the one evaluator in :mod:`twin_gait.core.guards`. Time is the tick count handed in.
@@ -13,6 +13,7 @@ from transitions import Machine
 
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
+from twin_gait.gait.guards import LEG_WORDS
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import OTHER, TIME, LegSignals, signal_scale, values_of_device, values_of_leg
 from twin_gait.gait.table import TICK, StateTable
@@ -54,15 +55,18 @@ class GaitStateMachine:
     def __init__(
         self,
         table: StateTable,
-        side: Side,
+        side: Side = Side.LEFT,
         *,
         initial_phase: str | None = None,
         program: GuardProgram | None = None,
     ) -> None:
-        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``."""
+        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``.
+
+        The side has no meaning for a table of modes.
+        """
         self.table = table
         self.side = side
-        self.owner = f"{side} leg"
+        self.owner = f"{side} leg" if table.words is LEG_WORDS else "supervisor"
         self.program = compile_guards(table) if program is None else program
         self.entry_tick = 0
         self._debounce = [0] * len(table.transitions)

@@ -11,15 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from twin_gait.core.guards import GuardProgram
-from twin_gait.exceptions import GaitTableError, ParameterError
+from twin_gait.exceptions import ParameterError
 from twin_gait.gait import guards
-from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import guard_is_open
 from twin_gait.gait.signals import TIME, signal_scale
-from twin_gait.gait.table import LONGEST, MOST_PHASES, TICK, StateTable, Transition
+from twin_gait.gait.table import LONGEST, MOST_PHASES, TICK, StateTable, Transition, refuse
 from twin_gait.parameters.quantities import Key, Parameters, Range
-from twin_gait.vocabulary import Side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,19 +48,18 @@ class ModeTable(StateTable):
     words: ClassVar[guards.GuardWords] = guards.MODE_WORDS
 
     def _check_phases(self) -> None:
-        _require(len(self.requests) <= MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
+        refuse(len(self.requests) > MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
         for name in self.requests:
-            _require(bool(re.fullmatch(r"[A-Za-z_]\w*", name)), f"requests: expected a word, got {name!r}")
-            _require(self.requests.count(name) == 1, f"requests: {name} is named twice")
+            refuse(not re.fullmatch(r"[A-Za-z_]\w*", name), f"requests: expected a word, got {name!r}")
+            refuse(self.requests.count(name) > 1, f"requests: {name} is named twice")
         self._check_known("hold", self.hold)
-        _require(self.hold != self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
+        refuse(self.hold == self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
 
     def _check_transition(self, place: str, item: Transition) -> None:
         super()._check_transition(place, item)
-        _require(item.source != self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
+        refuse(item.source == self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
         late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
-        asks = any(isinstance(atom, guards.PhaseMembership) for atom in guards.atoms(item.guard))
-        _require(item.debounce_ticks == 1 or not asks, f"{late}; leave debounce_ms out")
+        refuse(item.debounce_ticks > 1 and _asked(item), f"{late}; leave debounce_ms out")
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -77,20 +73,13 @@ class ModeTable(StateTable):
 
     def answers(self, mode: str, request: str) -> list[Transition]:
         """Transitions out of a mode that a request can open, in order of priority."""
-        return [
-            item
-            for item in self.transitions
-            if item.source == mode
-            and any(
-                isinstance(atom, guards.PhaseMembership) and request in atom.phases
-                for atom in guards.atoms(item.guard)
-            )
-        ]
+        return [item for item in self.transitions if item.source == mode and request in _asked(item)]
 
 
-def _require(right: bool, text: str) -> None:
-    if not right:
-        raise GaitTableError(text)
+def _asked(item: Transition) -> set[str]:
+    """Requests that a transition reads."""
+    atoms = guards.atoms(item.guard)
+    return {name for atom in atoms if isinstance(atom, guards.PhaseMembership) for name in atom.phases}
 
 
 _TIMED = re.compile(r"\s*(\w+)\s*@\s*([\d.]+)\s*s\s*")
@@ -130,22 +119,6 @@ def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) 
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
 
 
-class ModeMachine(GaitStateMachine):
-    """The state machine of a table of modes in plain Python; a side has no meaning for it."""
-
-    def __init__(
-        self,
-        table: StateTable,
-        side: Side = Side.LEFT,
-        *,
-        initial_phase: str | None = None,
-        program: GuardProgram | None = None,
-    ) -> None:
-        """Begin in a mode; as :class:`~twin_gait.gait.machine.GaitStateMachine`."""
-        super().__init__(table, side, initial_phase=initial_phase, program=program)
-        self.owner = "supervisor"
-
-
 def why_refused(
     table: ModeTable, mode: str, request: str, signals: Mapping[str, float], ticks: int
 ) -> str | None:
@@ -183,6 +156,5 @@ def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request:
 def _measured(table: ModeTable, atom: guards.Comparison | guards.PhaseMembership, values: list[float]) -> str:
     if isinstance(atom, guards.PhaseMembership):
         return ""
-    names = [name for name in (atom.signal, atom.minus) if name is not None]
-    shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in names]
+    shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in atom.names]
     return f": {' and '.join(shown)}"

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Protocol
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import LEG_WORDS, AllOf, Comparison, Guard, GuardWords, PhaseMembership, atoms
+from twin_gait.gait.guards import LEG_WORDS, AllOf, Guard, GuardWords, atoms
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_scale
 from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import PRE_SWING, Side
@@ -24,7 +24,8 @@ TICKS = quantities.Range(1, LONGEST, words=f"1 to {LONGEST}")
 MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
 
 
-def _refuse(wrong: bool, text: str) -> None:
+def refuse(wrong: object, text: str) -> None:
+    """Raise a GaitTableError if something is wrong."""
     if wrong:
         raise GaitTableError(text)
 
@@ -147,7 +148,7 @@ class Transition(quantities.Parameters):
         super().__post_init__()
         name = f"{self.source} → {self.target} ({self.cause})"
         empty = self.time_out_ticks is None and self.guard == AllOf(guards=())
-        _refuse(empty, f"transition {name} has no condition: give all, any or after_s")
+        refuse(empty, f"transition {name} has no condition: give all, any or after_s")
 
     @property
     def is_time_out(self) -> bool:
@@ -236,16 +237,16 @@ class StateTable:
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
-        _refuse(not self.joints, "joints: expected at least one joint, got none")
+        refuse(not self.joints, "joints: expected at least one joint, got none")
         for name in self.joints:
             # Signals are joint.quantity, and those of a certain leg begin with "other." or its side.
             odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." in (OTHER, LEFT, RIGHT)
-            _refuse(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
+            refuse(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
         twice = sorted({name for name in self.joints if self.joints.count(name) > 1})
-        _refuse(bool(twice), f"joints: {', '.join(twice)} is named twice")
-        _refuse(not self.phases, "phases: expected at least one phase, got none")
+        refuse(twice, f"joints: {', '.join(twice)} is named twice")
+        refuse(not self.phases, "phases: expected at least one phase, got none")
         count = len(self.phases)
-        _refuse(count > MOST_PHASES, f"phases: at most {MOST_PHASES} fit, got {count}")
+        refuse(count > MOST_PHASES, f"phases: at most {MOST_PHASES} fit, got {count}")
         self._check_phases()
         for index, transition in enumerate(self.transitions):
             self._check_transition(f"transitions[{index}] ({transition.cause})", transition)
@@ -261,42 +262,37 @@ class StateTable:
         for phase in self.phases:
             left = len(self.phases) == 1 or any(item.source == phase for item in self.transitions)
             left = left or phase in self.entered
-            _refuse(not left, f"phases.{phase}: no transition leaves it; add one to transitions")
+            refuse(not left, f"phases.{phase}: no transition leaves it; add one to transitions")
         reached, grown = {next(iter(self.phases)), *self.entered}, True
         while grown:
             targets = {item.target for item in self.transitions if item.source in reached}
             grown = not targets <= reached
             reached |= targets
         for phase in self.phases:
-            _refuse(phase not in reached, f"phases.{phase}: no chain of transitions reaches it")
+            refuse(phase not in reached, f"phases.{phase}: no chain of transitions reaches it")
 
     def _check_waiver(self, place: str, waiver: Waiver) -> None:
         if waiver.phase is not None:
             self._check_known(f"{place}.phase", waiver.phase)
         causes = sorted({item.cause for item in self.transitions})
-        _refuse(
+        refuse(
             waiver.transition is not None and waiver.transition not in causes,
             f"{place}.transition: no transition with the cause {waiver.transition!r}; "
             f"there are {', '.join(causes)}",
         )
 
     def _check_known(self, place: str, phase: str) -> None:
-        _refuse(phase not in self.phases, f"{place}: no phase {phase!r}; there are {', '.join(self.phases)}")
+        refuse(phase not in self.phases, f"{place}: no phase {phase!r}; there are {', '.join(self.phases)}")
 
     def _check_transition(self, place: str, item: Transition) -> None:
         self._check_known(place, item.source)
         self._check_known(place, item.target)
-        _refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
-        known = self.signals
+        refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
         for atom in atoms(item.guard):
-            for member in atom.phases if isinstance(atom, PhaseMembership) else ():
-                absent = f"no {self.words.member} {member!r}; there are {', '.join(self.members)}"
-                _refuse(member not in self.members, f"{place}: {absent}")
-            for name in (atom.signal, atom.minus) if isinstance(atom, Comparison) else ():
-                odd = name is not None and name not in known
-                _refuse(odd, f"{place}: no signal {name!r}; there are {', '.join(known)}")
+            problem = self.words.problem(atom, self.joints, self.members)
+            refuse(problem, f"{place}: {problem}")
         minimum, after = self.phases[item.source].minimum_ticks, item.time_out_ticks
-        _refuse(
+        refuse(
             after is not None and after < minimum,
             f"{place}: after_s {(after or 0) * TICK:g} is below the minimum_duration_ms {minimum} of "
             f"{item.source}",
@@ -369,15 +365,15 @@ class GaitTable(StateTable):
         for phase in cycle:
             self._check_known(place, phase)
         short = len(cycle) < 2 or len(set(cycle)) < len(cycle)
-        _refuse(short, f"{place}: expected two or more different phases, got {', '.join(cycle)}")
+        refuse(short, f"{place}: expected two or more different phases, got {', '.join(cycle)}")
 
     def _check_phase(self, phase: str, parameters: PhaseParameters) -> None:
         self._check_known("sides", phase)
         missing = ", ".join(joint for joint in self.joints if joint not in parameters.joints)
-        _refuse(bool(missing), f"phases.{phase}: no impedance for {missing}")
+        refuse(missing, f"phases.{phase}: no impedance for {missing}")
         unknown = ", ".join(joint for joint in parameters.joints if joint not in self.joints)
         has = ", ".join(self.joints)
-        _refuse(bool(unknown), f"phases.{phase}: unknown joint {unknown}; the table has {has}")
+        refuse(unknown, f"phases.{phase}: unknown joint {unknown}; the table has {has}")
 
     @property
     def entered(self) -> tuple[str, ...]:

@@ -82,16 +82,13 @@ class Assembly:
                 raise ModelError(
                     f"{self._path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
                 )
-            self._append(hip, *wearer.segment_inertia(segments["thigh"], patient.mass, thigh))
             if leg.ankle is None:
-                down = thigh / np.linalg.norm(thigh)
-                shank = SHANK_LENGTH * patient.height * down
-                self._append(knee, *wearer.segment_inertia(segments["shank"], patient.mass, shank))
-                continue
-            ankle = self._id(leg.ankle)
-            shank = self.model.jointPlacements[ankle].translation.copy()
+                shank = SHANK_LENGTH * patient.height * (thigh / np.linalg.norm(thigh))
+            else:
+                shank = self.model.jointPlacements[self._id(leg.ankle)].translation.copy()
+                self._append_foot(self._id(leg.ankle), patient)
+            self._append(hip, *wearer.segment_inertia(segments["thigh"], patient.mass, thigh))
             self._append(knee, *wearer.segment_inertia(segments["shank"], patient.mass, shank))
-            self._append_foot(ankle, patient)
         if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
@@ -118,33 +115,25 @@ class Assembly:
 
     def _check_names(self, model: pin.Model) -> None:
         joints = [name for name in model.names if name != "universe"]
-        frames = {frame.name for frame in model.frames}
+        frames = sorted(frame.name for frame in model.frames)
         for side, leg in self.legs.items():
-            for joint, name in leg.items():
-                if name not in joints:
-                    raise ModelError(
-                        f"{self._path}: no joint {name!r} for the {side} {joint}; "
-                        f"it has {', '.join(joints) or 'no joints'}"
-                    )
-            for name in leg.contact_frames:
-                if name not in frames:
-                    raise ModelError(
-                        f"{self._path}: no frame {name!r} for the {side} foot; "
-                        f"it has {', '.join(sorted(frames))}"
-                    )
+            wanted = [("joint", name, str(joint), joints) for joint, name in leg.items()]
+            wanted += [("frame", name, "foot", frames) for name in leg.contact_frames]
+            for kind, name, part, known in wanted:
+                if name not in known:
+                    has = ", ".join(known) or f"no {kind}s"
+                    raise ModelError(f"{self._path}: no {kind} {name!r} for the {side} {part}; it has {has}")
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
         wanted = {name for leg in self.legs.values() for _, name in leg.items()}
         wanted |= {*ALL_GUIDES, "universe"}
         locked = [model.getJointId(name) for name in model.names if name not in wanted]
-        if not locked:
-            return model
-        return pin.buildReducedModel(model, locked, pin.neutral(model))
+        return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 
     def _check_degrees_of_freedom(self) -> None:
         for leg in self.legs.values():
             for _, name in leg.items():
-                joint = self.model.joints[self.model.getJointId(name)]
+                joint = self.model.joints[self._id(name)]
                 if joint.nv == 1 and not joint.shortname().startswith("JointModelR"):
                     raise ModelError(f"{self._path}: joint {name!r} slides; expected a revolute joint")
                 if joint.nq != 1 or joint.nv != 1:
@@ -157,10 +146,9 @@ class Assembly:
         placement = self.model.jointPlacements[distal]
         old = float(np.linalg.norm(placement.translation))
         if old == 0.0:
+            names = f"{self.model.names[proximal]!r} and {self.model.names[distal]!r}"
             raise ModelError(
-                f"{self._path}: joints {self.model.names[proximal]!r} and "
-                f"{self.model.names[distal]!r} coincide, so the segment cannot be fitted; "
-                "use fit_device: false"
+                f"{self._path}: joints {names} coincide, so nothing can be fitted; use fit_device: false"
             )
         ratio = length / old
         placement.translation = placement.translation * ratio
@@ -181,9 +169,8 @@ class Assembly:
     def _append_foot(self, ankle: int, patient: Patient) -> None:
         forward_and_up = np.array([FORWARD, self._up()])
         start, axis = (vector @ forward_and_up for vector in wearer.foot_line(patient))
-        mass, from_start, inertia = wearer.segment_inertia(
-            wearer.segments_of(patient)["foot"], patient.mass, axis
-        )
+        foot = wearer.segments_of(patient)["foot"]
+        mass, from_start, inertia = wearer.segment_inertia(foot, patient.mass, axis)
         self._append(ankle, mass, start + from_start, inertia)
 
     def _append_trunk(self, patient: Patient) -> None:
@@ -192,12 +179,8 @@ class Assembly:
         radius = wearer.TRUNK_RADIUS_OF_GYRATION * length
         along = np.outer(self._up(), self._up())
         inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
-        self._append(
-            self._id(GUIDES[self._pelvis][-1]),
-            mass,
-            wearer.TRUNK_CENTRE_OF_MASS * length * self._up(),
-            inertia,
-        )
+        centre = wearer.TRUNK_CENTRE_OF_MASS * length * self._up()
+        self._append(self._id(GUIDES[self._pelvis][-1]), mass, centre, inertia)
 
     def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:
         self.model.appendBodyToJoint(joint, pin.Inertia(mass, lever, inertia), pin.SE3.Identity())

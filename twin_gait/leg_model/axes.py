@@ -38,12 +38,7 @@ def plain_names(legs: Mapping[Side, LegJoints], known: Collection[str]) -> dict[
         return name[1:] if name[:1] in ("-", "+") and name not in known else name
 
     return {
-        side: replace(
-            leg,
-            hip=plain(leg.hip),
-            knee=plain(leg.knee),
-            ankle=None if leg.ankle is None else plain(leg.ankle),
-        )
+        side: replace(leg, **{joint: plain(name) for joint, name in leg.items()})
         for side, leg in legs.items()
     }
 
@@ -68,17 +63,17 @@ def reversed_joints(
             index = model.getJointId(name)
             jacobian = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
             flexes = _FLEXION[joint] * float(left @ jacobian[3:, model.joints[index].idx_v])
-            sign = given.removesuffix(name)
-            if sign == "-" or (not sign and flexes < -_SIDEWAYS):
-                found.add(name)
-            problem = ""
+            sign, problem = given.removesuffix(name), ""
             if not sign and flexes < -_SIDEWAYS:
+                sign = "-"
                 problem = (
                     f"positive {name} {_WRONG_WAY[joint]}, so it is taken as -{name} "
                     f"({_range(model, index)}); write {joint}: -{name} to say so, or +{name} to keep it"
                 )
             elif sign == "-" and flexes > _SIDEWAYS:
                 problem = f"positive {given} {_WRONG_WAY[joint]}; write {name} unless that is meant"
+            if sign == "-":
+                found.add(name)
             if problem:
                 warnings.warn(f"{path}: {side} {joint}: {problem}", ReversedJointWarning, stacklevel=1)
     return frozenset(found)

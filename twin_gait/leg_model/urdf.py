@@ -93,16 +93,21 @@ def _not_a_urdf(path: Path, error: Exception) -> ModelError:
     return ModelError(f"{path}: not a URDF ({error}); expected XML with a <robot> element")
 
 
+def _number(text: str) -> float:
+    """A number, NaN if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
 def _check_axis(path: Path, joint: ElementTree.Element) -> None:
     """Refuse an axis that is not three numbers or has no direction, where the joint turns or slides."""
     axis = joint.find("axis")
     if axis is None or joint.get("type") not in ("revolute", "continuous", "prismatic"):
         return
     text = axis.get("xyz", "1 0 0")
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
+    values = [_number(word) for word in text.split()]
     if len(values) != 3 or not any(values) or not all(map(math.isfinite, values)):
         raise ModelError(
             f"{path}: axis of joint {joint.get('name')!r}: expected three numbers, not all zero, got {text!r}"
@@ -116,10 +121,7 @@ def _check_inertial(path: Path, link: ElementTree.Element) -> None:
     """
     for element in (*link.findall("inertial/mass"), *link.findall("inertial/inertia")):
         for key, text in element.items():
-            try:
-                value = float(text)
-            except ValueError:
-                value = math.nan
+            value = _number(text)
             may_be_negative = element.tag == "inertia" and key in ("ixy", "ixz", "iyz")
             if not math.isfinite(value) or (value < -_ROUNDING and not may_be_negative):
                 raise ModelError(

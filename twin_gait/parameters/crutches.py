@@ -4,32 +4,14 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from twin_gait.parameters.quantities import (
-    DEGREE,
-    NOT_NEGATIVE,
-    POSITIVE,
-    Angle,
-    Force,
-    Length,
-    LinearDamping,
-    LinearStiffness,
-    Mass,
-    Parameters,
-    PerAngle,
-    PerAngularVelocity,
-    Range,
-    Ratio,
-    Speed,
-    Time,
-    Torque,
-)
+from twin_gait.parameters import quantities
 
-LEANS = Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
-DELAYS = Range(0.0, 1.0, words="0 to 1 s")
+LEANS = quantities.Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
+DELAYS = quantities.Range(0.0, 1.0, words="0 to 1 s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrutchParameters(Parameters):
+class CrutchParameters(quantities.Parameters):
     """Two forearm crutches and the arms that hold them.
 
     Attributes:
@@ -49,19 +31,19 @@ class CrutchParameters(Parameters):
         moment_limit: Largest moment of a shoulder in [N m] (an assumption; men give 60 to 95 as a rule).
     """
 
-    mass: Annotated[Mass, POSITIVE] = 0.5
-    length: Annotated[Ratio, Range(0.6, 1.1)] = 0.817
-    slack: Annotated[Length, NOT_NEGATIVE] = 0.1
-    straight_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 5.0e3
-    tip_stiffness: Annotated[LinearStiffness, POSITIVE] = 20.0e3
-    tip_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 100.0
-    push_limit: Annotated[Force, NOT_NEGATIVE] = 400.0
-    pull_limit: Annotated[Force, NOT_NEGATIVE] = 100.0
-    moment_limit: Annotated[Torque, NOT_NEGATIVE] = 60.0
+    mass: Annotated[quantities.Mass, quantities.POSITIVE] = 0.5
+    length: Annotated[quantities.Ratio, quantities.Range(0.6, 1.1)] = 0.817
+    slack: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.1
+    straight_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 5.0e3
+    tip_stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 20.0e3
+    tip_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 100.0
+    push_limit: Annotated[quantities.Force, quantities.NOT_NEGATIVE] = 400.0
+    pull_limit: Annotated[quantities.Force, quantities.NOT_NEGATIVE] = 100.0
+    moment_limit: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmParameters(Parameters):
+class ArmParameters(quantities.Parameters):
     """How a person uses two crutches; :mod:`twin_gait.core.arm_policy` has the law.
 
     All are assumptions that were found together with a gait, but for stiffness and damping, which lie within
@@ -102,33 +84,33 @@ class ArmParameters(Parameters):
         straightening: Speed at which they grow afterwards, until the hands feel no load, in [m] / [s].
     """
 
-    delay: Annotated[Time, DELAYS] = 0.15
-    lean: Annotated[Angle, LEANS] = 8.0 * DEGREE
-    push: Annotated[Ratio, NOT_NEGATIVE] = 0.1
-    push_per_lean: Annotated[PerAngle, NOT_NEGATIVE] = 0.7
-    push_per_rate: Annotated[PerAngularVelocity, NOT_NEGATIVE] = 0.2
-    turn: Torque = 5.0
-    stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 4000.0
-    damping: Annotated[LinearDamping, NOT_NEGATIVE] = 400.0
-    turning_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 60.0
-    turning_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 12.0
-    swing_stiffness: Annotated[LinearStiffness, POSITIVE] = 300.0
-    swing_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 20.0
-    yielding: Annotated[Time, POSITIVE] = 0.4
-    lift_ahead: Length = 0.15
-    reach: Annotated[Angle, Range(0.0, math.radians(60.0))] = 20.0 * DEGREE
-    clearance: Annotated[Length, NOT_NEGATIVE] = 0.06
-    swing: Annotated[Time, POSITIVE] = 0.4
-    planted: Annotated[Time, NOT_NEGATIVE] = 0.2
-    lowering: Annotated[Speed, POSITIVE] = 0.25
-    touch: Annotated[Force, POSITIVE] = 15.0
-    chair_tilt: Annotated[Angle, LEANS] = 10.0 * DEGREE
-    stand_reach: Annotated[Angle, LEANS] = 18.0 * DEGREE
-    stand_slack: Annotated[Length, NOT_NEGATIVE] = 0.1
-    still: Annotated[Time, NOT_NEGATIVE] = 1.0
-    chair_push: Annotated[Ratio, NOT_NEGATIVE] = 0.05
-    chair_turn: Torque = 0.0
-    risen_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.98
-    seated_length: Annotated[Ratio, Range(0.4, 1.2)] = 0.65
-    chair_time: Annotated[Time, POSITIVE] = 2.0
-    straightening: Annotated[Speed, NOT_NEGATIVE] = 0.05
+    delay: Annotated[quantities.Time, DELAYS] = 0.15
+    lean: Annotated[quantities.Angle, LEANS] = 8.0 * quantities.DEGREE
+    push: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.1
+    push_per_lean: Annotated[quantities.PerAngle, quantities.NOT_NEGATIVE] = 0.7
+    push_per_rate: Annotated[quantities.PerAngularVelocity, quantities.NOT_NEGATIVE] = 0.2
+    turn: quantities.Torque = 5.0
+    stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 4000.0
+    damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 400.0
+    turning_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 60.0
+    turning_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 12.0
+    swing_stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 300.0
+    swing_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 20.0
+    yielding: Annotated[quantities.Time, quantities.POSITIVE] = 0.4
+    lift_ahead: quantities.Length = 0.15
+    reach: Annotated[quantities.Angle, quantities.Range(0.0, math.radians(60.0))] = 20.0 * quantities.DEGREE
+    clearance: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.06
+    swing: Annotated[quantities.Time, quantities.POSITIVE] = 0.4
+    planted: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.2
+    lowering: Annotated[quantities.Speed, quantities.POSITIVE] = 0.25
+    touch: Annotated[quantities.Force, quantities.POSITIVE] = 15.0
+    chair_tilt: Annotated[quantities.Angle, LEANS] = 10.0 * quantities.DEGREE
+    stand_reach: Annotated[quantities.Angle, LEANS] = 18.0 * quantities.DEGREE
+    stand_slack: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.1
+    still: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 1.0
+    chair_push: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.05
+    chair_turn: quantities.Torque = 0.0
+    risen_length: Annotated[quantities.Ratio, quantities.Range(0.4, 1.2)] = 0.98
+    seated_length: Annotated[quantities.Ratio, quantities.Range(0.4, 1.2)] = 0.65
+    chair_time: Annotated[quantities.Time, quantities.POSITIVE] = 2.0
+    straightening: Annotated[quantities.Speed, quantities.NOT_NEGATIVE] = 0.05

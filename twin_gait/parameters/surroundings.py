@@ -6,31 +6,13 @@ import math
 from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
-from twin_gait.parameters.quantities import (
-    LATER,
-    NOT_NEGATIVE,
-    POSITIVE,
-    SHARE,
-    Angle,
-    HertzStiffness,
-    LinearDamping,
-    LinearDissipation,
-    LinearStiffness,
-    Parameters,
-    Range,
-    Ratio,
-    RotaryDamping,
-    RotaryDissipation,
-    RotaryStiffness,
-    Speed,
-    Time,
-    require,
-)
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, PelvisGuide
 
 
 @dataclass(frozen=True, kw_only=True)
-class BeltProfile(Parameters):
+class BeltProfile(quantities.Parameters):
     """A belt that starts and stops, and when its wearer is told to walk; see :mod:`twin_gait.core.belt`.
 
     Attributes:
@@ -40,10 +22,10 @@ class BeltProfile(Parameters):
         delay: Time from either command until the belt follows it in [s].
     """
 
-    start: Annotated[Time, NOT_NEGATIVE]
-    stop: Annotated[Time, LATER] = math.inf
-    ramp: Annotated[Time, POSITIVE]
-    delay: Annotated[Time, NOT_NEGATIVE] = 0.0
+    start: Annotated[quantities.Time, quantities.NOT_NEGATIVE]
+    stop: Annotated[quantities.Time, quantities.LATER] = math.inf
+    ramp: Annotated[quantities.Time, quantities.POSITIVE]
+    delay: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the belt has come to its speed before it stops."""
@@ -53,7 +35,7 @@ class BeltProfile(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactParameters(Parameters):
+class ContactParameters(quantities.Parameters):
     """Foot contact at heel and toe; see :func:`twin_gait.core.contact.contact_normal_force`.
 
     Attributes:
@@ -68,14 +50,14 @@ class ContactParameters(Parameters):
         transition_velocity: Of the regularised friction in [m] / [s].
     """
 
-    stiffness: Annotated[HertzStiffness, POSITIVE] = 3.0e5
-    dissipation: Annotated[LinearDissipation, NOT_NEGATIVE] = 2.5
-    friction_coefficient: Annotated[Ratio, NOT_NEGATIVE] = 0.8
-    transition_velocity: Annotated[Speed, POSITIVE] = 0.05
+    stiffness: Annotated[quantities.HertzStiffness, quantities.POSITIVE] = 3.0e5
+    dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.5
+    friction_coefficient: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.8
+    transition_velocity: Annotated[quantities.Speed, quantities.POSITIVE] = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class StopParameters(Parameters):
+class StopParameters(quantities.Parameters):
     """Mechanical stops of the joints; where they sit comes from the URDF limits.
 
     Attributes:
@@ -83,15 +65,17 @@ class StopParameters(Parameters):
         dissipation: In [s] / [rad].
     """
 
-    stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 2000.0
-    dissipation: Annotated[RotaryDissipation, NOT_NEGATIVE] = 0.5
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 2000.0
+    dissipation: Annotated[quantities.RotaryDissipation, quantities.NOT_NEGATIVE] = 0.5
 
 
-ANKLE_REST = Range(-math.radians(30.0), math.radians(30.0), words="-0.5236 to 0.5236 rad (30 deg either way)")
+ANKLE_REST = quantities.Range(
+    -math.radians(30.0), math.radians(30.0), words="-0.5236 to 0.5236 rad (30 deg either way)"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnkleParameters(Parameters):
+class AnkleParameters(quantities.Parameters):
     """Ankle-foot orthosis: a passive spring and damper about the angle that it is built with.
 
     Attributes:
@@ -107,14 +91,14 @@ class AnkleParameters(Parameters):
             of foot and shank.
     """
 
-    stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 75.0
-    relative_stiffness: Annotated[Ratio, NOT_NEGATIVE] = 0.0
-    damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 6.0
-    rest: Annotated[Angle, ANKLE_REST] = math.radians(7.0)
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 75.0
+    relative_stiffness: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 6.0
+    rest: Annotated[quantities.Angle, ANKLE_REST] = math.radians(7.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SupportParameters(Parameters):
+class SupportParameters(quantities.Parameters):
     """Body-weight support and guide of the treadmill.
 
     At a trip the rope locks: from then on the harness also carries what sinks below the height of the trip,
@@ -133,13 +117,13 @@ class SupportParameters(Parameters):
         catch_dissipation: Of the locked harness in [s] / [m] (an assumption).
     """
 
-    share: Annotated[Ratio, SHARE] = 0.6
-    damping: Annotated[LinearDamping, NOT_NEGATIVE] = 90.0
+    share: Annotated[quantities.Ratio, quantities.SHARE] = 0.6
+    damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 90.0
     guide: PelvisGuide = PelvisGuide.HARNESS
-    forward_stiffness: Annotated[LinearStiffness, POSITIVE] = 1500.0
-    forward_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 300.0
-    catch_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 20.0e3
-    catch_dissipation: Annotated[LinearDissipation, NOT_NEGATIVE] = 2.0
+    forward_stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 1500.0
+    forward_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 300.0
+    catch_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 20.0e3
+    catch_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the pelvis can move."""
@@ -149,7 +133,7 @@ class SupportParameters(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpringDamper(Parameters):
+class SpringDamper(quantities.Parameters):
     """A linear spring with a damper beside it.
 
     Attributes:
@@ -157,12 +141,12 @@ class SpringDamper(Parameters):
         damping: In [N m s] / [rad].
     """
 
-    stiffness: Annotated[RotaryStiffness, POSITIVE]
-    damping: Annotated[RotaryDamping, NOT_NEGATIVE]
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE]
+    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlidingSpringDamper(Parameters):
+class SlidingSpringDamper(quantities.Parameters):
     """A linear spring with a damper beside it, between what slides.
 
     Attributes:
@@ -170,12 +154,12 @@ class SlidingSpringDamper(Parameters):
         damping: In [N s] / [m].
     """
 
-    stiffness: Annotated[LinearStiffness, POSITIVE]
-    damping: Annotated[LinearDamping, NOT_NEGATIVE]
+    stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE]
+    damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BraceParameters(Parameters):
+class BraceParameters(quantities.Parameters):
     """Braces that bind the wearer to the device: a spring and a damper between their coordinates.
 
     No measurement of this device is known, all sizes are assumptions: a cuff of 10 kN/m at 0.25 m
@@ -198,14 +182,14 @@ class BraceParameters(Parameters):
     def stiffened(self, factor: float) -> BraceParameters:
         """The same braces, stiffer by a factor, with the same share of critical damping."""
         grown = math.sqrt(max(factor, 0.0))
-        changed = {}
-        for item in fields(self):
-            brace = getattr(self, item.name)
-            changed[item.name] = replace(
-                brace, stiffness=factor * brace.stiffness, damping=grown * brace.damping
-            )
+        braces = ((item.name, getattr(self, item.name)) for item in fields(self))
+        changed = {
+            name: replace(brace, stiffness=factor * brace.stiffness, damping=grown * brace.damping)
+            for name, brace in braces
+        }
         return BraceParameters(**changed)
 
     def of(self, joint: JointName) -> SpringDamper:
         """Brace of a joint."""
-        return {JointName.HIP: self.hip, JointName.KNEE: self.knee, JointName.ANKLE: self.ankle}[joint]
+        brace: SpringDamper = getattr(self, joint)
+        return brace

@@ -6,13 +6,12 @@ from typing import NamedTuple, Protocol
 
 from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
-from twin_gait.gait.modes import ModeMachine, ModeTable
+from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME, LegSignals, leg_signals, signal_scale
 from twin_gait.gait.table import StateTable
 from twin_gait.testing.exits import Scenario
 from twin_gait.testing.reference import Steps, Vector
-from twin_gait.vocabulary import Side
 
 _BROKEN = (math.nan, math.inf, -math.inf)
 
@@ -48,8 +47,7 @@ MachineFactory = Callable[[str], Machine]  # from the phase that the leg has ent
 def machine_of(table: StateTable) -> MachineFactory:
     """The package's own machine for a table; the guards are compiled once."""
     program = compile_guards(table)
-    kind = ModeMachine if isinstance(table, ModeTable) else GaitStateMachine
-    return lambda phase: kind(table, Side.LEFT, initial_phase=phase, program=program)
+    return lambda phase: GaitStateMachine(table, initial_phase=phase, program=program)
 
 
 class _Legs(NamedTuple):

@@ -7,9 +7,8 @@ nothing at constant speed.
 """
 
 from twin_gait.control.gait_controller import CONTROLLED, controller_tick
-from twin_gait.core.actuator import sagged_bus_voltage
+from twin_gait.core.actuator import dead_zone, sagged_bus_voltage
 from twin_gait.core.control_tick import controller_torques, measure_joint, target_current
-from twin_gait.core.dead_zone import dead_zone
 from twin_gait.core.estimation import delayed_sample, first_order_step, quantise
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
