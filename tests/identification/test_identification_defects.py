@@ -87,15 +87,8 @@ def test_a_line_of_units_under_the_names_is_obeyed(tmp_path):
     assert_allclose(list(fit.model.parameters(fit.x).values()), [3.0, 2.0], rtol=1e-6)
 
 
-def test_dates_are_read_as_times(tmp_path):
-    rows = [
-        f"2024-01-01 12:00:{t:09.6f},{w:.9g},{f:.9g}" for t, w, f in zip(TIME, VELOCITY, TORQUE, strict=True)
-    ]
-    result = identified(tmp_path / "a.csv", "\n".join(["t,dq2,tau2", *rows]))
-    assert_allclose(result.tests[0].time, TIME, atol=1e-6)
-
-
 REFUSED = {
+    "dates": (text_of().replace("\n0,", "\n2024-01-01,"), "expected a number in row 1, got '2024-01-01'"),
     "mark": (text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)), "a mark for a missing value"),
     "unit": (text_of().replace("dq2", "dq2 [counts/s]"), "no unit 'counts/s' of velocity is known"),
     "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "a mark|moves in 1 samples only"),

@@ -58,30 +58,32 @@ KINDS: Mapping[Quantity, Kind] = {
 LISTED = 12  # columns that a message names
 _SHORT_UNIT, _NO_UNIT = 3, ("-", "1", "SI", "raw")
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+_RATE = re.compile(r"_([A-Za-z]+_per_[A-Za-z]+)$")
 
 
-def _split_unit(column: str, quantity: Quantity) -> tuple[str, str | None]:
-    """Name and unit of a column that states it: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
+class _Heading(NamedTuple):
+    """A column's name, read as that of a quantity: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
+
+    name: str
+    unit: str | None = None  # that it states
+    strange: str | None = None  # that it states and that is none of the quantity
+
+
+def _read_heading(column: str, quantity: Quantity) -> _Heading:
     text = column.strip()
     bracketed = _BRACKETED.match(text)
     if bracketed:
-        return bracketed["name"], known_unit(bracketed["unit"], quantity)
+        name, stated = bracketed["name"], bracketed["unit"].strip()
+        unit = known_unit(stated, quantity)
+        # A remark in brackets is no unit: units are ratios or short words.
+        alike = "/" in stated or (0 < len(stated) <= _SHORT_UNIT and stated not in _NO_UNIT)
+        return _Heading(name, unit, stated if unit is None and alike else None)
     for unit in sorted(KINDS[quantity].units, key=len, reverse=True):
         ending = "_" + unit.replace("/", "_per_")
         if text.endswith(ending):
-            return text[: -len(ending)], unit
-    return text, None
-
-
-def _unknown_unit(column: str, quantity: Quantity) -> str | None:
-    """A unit that a column's name states and that none here is: a ratio, or a short word in brackets."""
-    bracketed = _BRACKETED.match(column.strip())
-    text = bracketed["unit"].strip() if bracketed else ""
-    rate = re.search(r"_([A-Za-z]+_per_[A-Za-z]+)$", column.strip())
-    if rate and known_unit(rate[1], quantity) is None:
-        return rate[1]
-    alike = "/" in text or (0 < len(text) <= _SHORT_UNIT and text not in _NO_UNIT)
-    return text if alike and known_unit(text, quantity) is None else None
+            return _Heading(text.removesuffix(ending), unit)
+    rate = _RATE.search(text)
+    return _Heading(text, strange=rate[1] if rate else None)
 
 
 def known_unit(text: str, quantity: Quantity) -> str | None:
@@ -117,20 +119,19 @@ def places_of(path: Path, names: tuple[str, ...], columns: LogColumns) -> dict[Q
     """Position of the column of each quantity, and the factor to SI with the sign."""
     places: dict[Quantity, tuple[int, float]] = {}
     for quantity in Quantity:
-        asked = columns.names.get(quantity)
-        if asked is not None:
-            sign = -1.0 if asked.startswith("-") and asked not in names else 1.0
-            name = asked if sign > 0.0 else asked[1:].strip()
-            place = _position(path, names, name)
+        asked, sign = columns.names.get(quantity), 1.0
+        if asked is None:
+            place = _known_column(names, quantity)
         else:
-            sign, found = 1.0, _known_column(names, quantity)
-            if found is None:
-                continue
-            place = found
+            if asked.startswith("-") and asked not in names:
+                sign, asked = -1.0, asked[1:].strip()
+            place = _position(path, names, asked)
+        if place is None:
+            continue
         twice = next((other for other, (held, _) in places.items() if held == place), None)
         if twice is not None:
             raise ParameterFileError(path, names[place], f"is given for {twice} and {quantity}")
-        places[quantity] = (place, sign * _factor(path, names[place], quantity, columns))
+        places[quantity] = (place, sign * _factor(path, names[place], quantity, columns.units.get(quantity)))
     return places
 
 
@@ -146,19 +147,20 @@ def _position(path: Path, names: tuple[str, ...], name: str) -> int:
 
 
 def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
-    plain = [_split_unit(name, quantity)[0].strip().lower().replace(" ", "_") for name in names]
+    """Position of the column whose name is the quantity's; an optional one in a strange unit is left."""
+    headings = [_read_heading(name, quantity) for name in names]
+    plain = [heading.name.strip().lower().replace(" ", "_") for heading in headings]
     for known in KINDS[quantity].names:
         if plain.count(known) == 1:
             place = plain.index(known)
             optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-            return None if optional and _unknown_unit(names[place], quantity) else place
+            return None if optional and headings[place].strange else place
     return None
 
 
-def _factor(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> float:
-    """Factor of a column to SI: by the unit in its name, else by what the user says, else 1."""
-    units, given = KINDS[quantity].units, columns.units.get(quantity)
-    stated, strange = _split_unit(column, quantity)[1], _unknown_unit(column, quantity)
+def _factor(path: Path, column: str, quantity: Quantity, given: str | None) -> float:
+    """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
+    units, (_, stated, strange) = KINDS[quantity].units, _read_heading(column, quantity)
     if strange is not None and given is None:
         text = f"no unit {strange!r} of {quantity} is known; give one of {', '.join(units)} with --units"
         raise ParameterFileError(path, column, f"{text} {quantity}=…")

@@ -118,27 +118,20 @@ def identify_tests(
     samples = thinned(joined, MOST_SAMPLES)
     models, skipped = _possible(find_models(options.models), samples)
     _check_number(samples, models)
-    folds = folds_of(tests, samples) if options.cross_validation else []
-    total = len(models) * (1 + sum(len(np.unique(item.labels)) for item in folds))
-    steps = itertools.count(1)
-
-    def advance() -> None:
-        progress(min(next(steps), total), total)
-
+    folds = folds_of(tests, samples) if options.cross_validation else {}
+    total, done = len(models) * (1 + len(folds)), itertools.count(1)
     fits: dict[str, Fit] = {}
     for model in models:
         starts = inherited_starts(model.name, {name: fit.x for name, fit in fits.items()})
         fits[model.name] = fit_model(model, samples, options.fit, seeds=starts)
-        advance()
+        progress(next(done), total)
     found = []
     for fit in fits.values():
-        rows = samples if fit.model.dynamic else samples.used_only()
-        labels = [
-            item if fit.model.dynamic else replace(item, labels=item.labels[samples.used]) for item in folds
-        ]
-        validations = [cross_validate(fit, rows, item, advance) for item in labels]
+        validations = []
+        for by, labels in folds.items():
+            validations.append(cross_validate(fit, samples, by, labels))
+            progress(next(done), total)
         found.append(_assess(fit, samples, validations, options.fit.seed))
-    progress(total, total)
     return Identification(
         tests=tuple(tests),
         samples=samples,

@@ -15,12 +15,12 @@ FEWEST = 20  # samples of a test
 _MOSTLY_EMPTY = 0.1  # share of empty cells beyond which an optional column is left out, not the rows
 _PERIODS = (2e-5, 0.5)  # [s] between the samples of measured friction
 _CURRENTS = frozenset({Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT})
-# Columns that the torque is computed from, and those that are of no use, in a series and in a log of a bench.
+# In a series and in a log of a bench: columns that the torque is computed from, and those that are of use.
 _USED = {
     True: frozenset({Quantity.VELOCITY, Quantity.FRICTION_TORQUE}),
     False: _CURRENTS | {Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY},
 }
-_UNUSED = {True: _CURRENTS, False: frozenset({Quantity.LOAD_TORQUE})}
+_KEPT = {True: frozenset(Quantity) - _CURRENTS, False: frozenset(Quantity) - {Quantity.LOAD_TORQUE}}
 _MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
 _SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
 _USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
@@ -35,39 +35,30 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     empty or cannot be what its name says. Also: how many rows there were of each, and what one should know.
     """
     series = Quantity.FRICTION_TORQUE in log.columns
+    columns = {name: log.columns[name] for name in log.columns if name in log.asked | _KEPT[series]}
+    optional = set(columns) - log.asked - _USED[series]
     notes: list[str] = []
-    optional = (
-        set(log.columns) - log.asked - _USED[series]
-    )  # neither asked for nor what the torque is made of
-    columns: Columns = {}
-    for quantity, values in log.columns.items():
-        empty = 1.0 - float(np.isfinite(values).mean()) if len(log) else 0.0
-        if quantity in optional and quantity not in _UNUSED[series] and empty > _MOSTLY_EMPTY:
+    for quantity in sorted(optional):
+        empty = float(np.isnan(columns[quantity]).mean())
+        if empty > _MOSTLY_EMPTY:
             notes.append(f"{quantity} was left out: {100.0 * empty:.0f} % of its cells are empty")
-        elif quantity in log.asked or quantity not in _UNUSED[series]:
-            columns[quantity] = values
-    kept = np.ones(len(log), dtype=bool)
-    for values in columns.values():
-        kept &= np.isfinite(values)
-    counts = {"read": len(log), "not_a_number": int(len(log) - kept.sum()), "duplicate_time": 0}
+            del columns[quantity]
+    kept = ~np.logical_or.reduce([np.isnan(values) for values in columns.values()])
+    counts = {"read": len(log), "not_a_number": int((~kept).sum()), "duplicate_time": 0}
     columns = {quantity: values[kept] for quantity, values in columns.items()}
     if Quantity.TIME in columns and kept.any():
         timed = _timed_series(columns, notes) if series else _timed_log(log.source, columns)
         columns, counts["duplicate_time"] = timed
     cleaned = replace(log, columns=columns)
     if len(cleaned) < FEWEST:
-        empty_cells = {
-            quantity: int((~np.isfinite(values)).sum()) for quantity, values in log.columns.items()
-        }
-        worst = max(empty_cells, key=lambda quantity: empty_cells[quantity], default=None)
-        worst = worst if worst is not None and empty_cells[worst] else None
-        why = ", the others are empty here" if worst else ""
+        empty_cells = {int(np.isnan(values).sum()): quantity for quantity, values in log.columns.items()}
+        most = max(empty_cells)
+        key, why = (empty_cells[most], ", the others are empty here") if most else ("", "")
         text = f"has {len(cleaned)} usable rows of {len(log)}{why}; expected at least {FEWEST}"
-        raise ParameterFileError(log.source, str(worst or ""), text)
+        raise ParameterFileError(log.source, key, text)
     _check_marks(cleaned)
     if series:
-        optional &= set(columns)
-        cleaned = _plausible_series(cleaned, optional, notes, joint_known=joint_known)
+        cleaned = _plausible_series(cleaned, optional & set(columns), notes, joint_known=joint_known)
     else:
         _check_units(cleaned)
     return cleaned, counts, tuple(notes)

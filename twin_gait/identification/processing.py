@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.identification.bench import BenchSetup, CurrentSource, Processing, ProcessingOptions
+from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.columns import Quantity
 from twin_gait.identification.plausibility import FEWEST, clean
 from twin_gait.identification.reading import Log
@@ -28,7 +28,7 @@ _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
 REVERSAL_REACH = 2.0
 _UNEVEN = 0.02  # of a period, beyond which a log is put on an even grid
 _GAP = 1.5  # periods without a sample
-_WARM = Quantity.TEMPERATURE
+_STANDSTILL = 0.002  # [rad] / [s] that a log of a bench must exceed
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,100 +52,99 @@ def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) 
     Raises ParameterFileError if the log lacks what is needed, or cannot be what it is read as.
     """
     log, counts, notes = clean(log, joint_known=bench is not None)
-    if Quantity.FRICTION_TORQUE in log.columns:
-        return replace(_series(log, counts, options), notes=notes)
-    if bench is None:
+    series = Quantity.FRICTION_TORQUE in log.columns
+    usual, slowest = (Processing.NONE, 0.0) if series else (Processing.ZERO_PHASE, _STANDSTILL)
+    options = replace(options, processing=options.processing or usual)
+    if options.standstill_velocity is not None:
+        slowest = options.standstill_velocity
+    if series:
+        test = _series(log, options, slowest)
+    elif bench is not None:
+        test = _balance(log, bench, options, slowest)
+    else:
         raise ParameterFileError(
             log.source, "friction_torque", "no such column; name one with --columns friction_torque=NAME"
         )
-    return replace(_balance(log, counts, bench, options), notes=notes)
+    used = {"used": int(test.used.sum())}
+    return replace(test, counts={**counts, **test.counts, **used}, notes=notes)
 
 
-def _series(log: Log, counts: dict[str, int], options: ProcessingOptions) -> FrictionTest:
+def _series(log: Log, options: ProcessingOptions, slowest: float) -> FrictionTest:
     """A plain series of velocity and friction torque."""
     velocity = _needed(log, Quantity.VELOCITY, "such as --columns velocity=NAME")
-    torque, time = log.columns[Quantity.FRICTION_TORQUE], log.columns.get(Quantity.TIME)
+    torque = log.columns[Quantity.FRICTION_TORQUE]
     for name, values in ((Quantity.VELOCITY, velocity), (Quantity.FRICTION_TORQUE, torque)):
         if np.ptp(values) == 0.0:
             text = f"is {values[0]:g} in every row; nothing can be fitted"
-            raise ParameterFileError(log.source, str(name), text)
-    if options.processing in (Processing.ZERO_PHASE, Processing.THESIS):
-        if time is None:
-            raise ParameterFileError(log.source, "time", "no such column; a filter needs it")
-        if options.processing is Processing.THESIS:
-            velocity = moving_average(velocity, options.window)
-        else:
-            rate, cutoff = _rate(log, options)
-            velocity, torque = zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
-    used = np.abs(velocity) >= (options.standstill_velocity or 0.0)
-    mass = log.columns.get(Quantity.MASS)
+            raise ParameterFileError(log.source, name, text)
+    if options.processing is not Processing.NONE and Quantity.TIME not in log.columns:
+        raise ParameterFileError(log.source, "time", "no such column; a filter needs it")
+    if options.processing is Processing.THESIS:
+        velocity = moving_average(velocity, options.window)
+    elif options.processing is Processing.ZERO_PHASE:
+        rate, cutoff = _rate(log, options)
+        velocity, torque = zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
+    used = np.abs(velocity) >= slowest
     return FrictionTest(
         name=Path(log.source).name,
         velocity=velocity,
         torque=torque,
         used=used,
-        time=time,
+        time=log.columns.get(Quantity.TIME),
         angle=log.columns.get(Quantity.ANGLE),
         load=log.columns.get(Quantity.LOAD_TORQUE),
         temperature=log.columns.get(Quantity.TEMPERATURE),
-        mass=log.mass if mass is None else float(np.median(mass)),
-        counts={**counts, "standstill": int((~used).sum()), "used": int(used.sum())},
+        mass=_stated_mass(log),
+        counts={"standstill": int((~used).sum())},
     )
 
 
-def _balance(log: Log, counts: dict[str, int], bench: BenchSetup, options: ProcessingOptions) -> FrictionTest:
+def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: float) -> FrictionTest:
     """Friction torque by the balance of torques, equation (2.12)."""
-    mass = _mass(log, bench)
+    stated = _stated_mass(log)
+    mass = bench.mass if stated is None else stated
+    if mass is None:
+        text = (
+            "does not say which weight hung on the link: add --mass, a line '# mass_kg: 2.5', or name the "
+            "file so (knee_2.5kg_1.log)"
+        )
+        raise ParameterFileError(log.source, "mass", text)
     _needed(log, Quantity.TIME, "such as --columns time=NAME")
     options = replace(options, cutoff=_rate(log, options)[1])  # a slow log allows less
     motion = _motion(log, bench, mass, options)
     inertial = bench.inertia(mass) * motion.acceleration
     torque = motion.motor_torque + motion.load - inertial
-    slowest = 0.002 if options.standstill_velocity is None else options.standstill_velocity
     stopped = _stopped(motion, torque, inertial, options)
     standing = ~stopped & (np.abs(motion.velocity) < slowest)
     turning = ~stopped & ~standing & _turning(motion, options)
-    used = motion.settled & ~stopped & ~standing & ~turning
-    counts = {
-        **counts,
-        "after_decimation": len(used),
-        "stop": int((stopped & motion.settled).sum()),
-        "standstill": int((standing & motion.settled).sum()),
-        "reversal": int((turning & motion.settled).sum()),
-        "edge": int((~motion.settled).sum()),
-        "used": int(used.sum()),
-    }
+    rejected = {"stop": stopped, "standstill": standing, "reversal": turning}
     return FrictionTest(
         name=Path(log.source).name,
         velocity=motion.velocity,
         torque=torque,
-        used=used,
+        used=motion.settled & ~stopped & ~standing & ~turning,
         time=motion.time,
         angle=motion.angle,
         load=motion.load,
         temperature=motion.temperature,
         mass=mass,
-        counts=counts,
+        counts={
+            "after_decimation": len(torque),
+            **{cause: int((samples & motion.settled).sum()) for cause, samples in rejected.items()},
+            "edge": int((~motion.settled).sum()),
+        },
     )
 
 
-def _mass(log: Log, bench: BenchSetup) -> float:
-    if Quantity.MASS in log.columns:
-        return float(np.median(log.columns[Quantity.MASS]))
-    mass = log.mass if log.mass is not None else bench.mass
-    if mass is None:
-        raise ParameterFileError(
-            log.source,
-            "mass",
-            "does not say which weight hung on the link: add --mass, a line '# mass_kg: 2.5', or name the "
-            "file so (knee_2.5kg_1.log)",
-        )
-    return mass
+def _stated_mass(log: Log) -> float | None:
+    """The weight in [kg] that a log's column, comments or name say."""
+    column = log.columns.get(Quantity.MASS)
+    return log.mass if column is None else float(np.median(column))
 
 
 def _needed(log: Log, quantity: Quantity, advice: str) -> np.ndarray:
     if quantity not in log.columns:
-        raise ParameterFileError(log.source, str(quantity), f"no such column; name it, {advice}")
+        raise ParameterFileError(log.source, quantity, f"no such column; name it, {advice}")
     return log.columns[quantity]
 
 
@@ -172,13 +171,11 @@ def _even(log: Log, rate: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray]
 
 def _current(log: Log, columns: dict[Quantity, np.ndarray], options: ProcessingOptions) -> np.ndarray:
     order = [Quantity.MEASURED_CURRENT, Quantity.TARGET_CURRENT]
-    if options.current is CurrentSource.TARGET or (
-        options.current is None and options.processing is Processing.THESIS
-    ):
+    if options.processing is Processing.THESIS:
         order.reverse()
-    found = order[0]
-    if options.current is None:
-        found = next((quantity for quantity in order if quantity in columns), Quantity.MEASURED_CURRENT)
+    if options.current is not None:
+        order = [Quantity(f"{options.current}_current")]
+    found = next((quantity for quantity in order if quantity in columns), order[0])
     _needed(log, found, f"such as --columns {found}=NAME, or friction_torque=NAME if that is known")
     return columns[found]
 
@@ -192,27 +189,26 @@ def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
     _needed(log, Quantity.ANGLE, "such as --columns angle=NAME")
     rate, cutoff = _rate(log, options)
     if rate < _SLOWEST:
-        raise ParameterFileError(
-            log.source,
-            "time",
+        text = (
             f"has {rate:.3g} samples per second; expected at least {_SLOWEST:g} to see the acceleration: is "
-            "it in another unit (--units time=ms)?",
+            "it in another unit (--units time=ms)?"
         )
+        raise ParameterFileError(log.source, "time", text)
     time, columns, recorded = _even(log, rate)
     raw = bench.joint_angle(columns[Quantity.ANGLE])
     if np.ptp(raw) == 0.0:
         raise ParameterFileError(log.source, "angle", "is the same in every row; the joint never moved")
-    motor_torque, temperature = bench.motor_torque(_current(log, columns, options)), columns.get(_WARM)
+    motor_torque = bench.motor_torque(_current(log, columns, options))
+    temperature = columns.get(Quantity.TEMPERATURE)
     thesis, step = options.processing is Processing.THESIS, max(1, round(rate / RATE))
     guard = options.window if thesis else int(np.ceil(rate / cutoff))
     shortest = (options.window + FEWEST) * step if thesis else 4 * guard + FEWEST
     if len(time) < shortest:
         text = f"lasts {len(time) / rate:.3g} s; expected at least {shortest / rate:.2g}"
         raise ParameterFileError(log.source, "time", text)
-    smoothed = not thesis and options.processing is not Processing.NONE
 
     def smooth(values: np.ndarray) -> np.ndarray:
-        return zero_phase(values, cutoff, rate) if smoothed else values
+        return zero_phase(values, cutoff, rate) if options.processing is Processing.ZERO_PHASE else values
 
     angle = smooth(raw)
     if thesis:
@@ -249,7 +245,7 @@ def _turning(motion: _Motion, options: ProcessingOptions) -> np.ndarray:
     The friction torque that comes out of a filter is the filtered friction, not the friction at the filtered
     velocity; the two part where the law bends within the filter's reach, 1/cutoff.
     """
-    if options.processing is not None and options.processing is not Processing.ZERO_PHASE:
+    if options.processing is not Processing.ZERO_PHASE:
         return np.zeros(len(motion.velocity), dtype=bool)
     return np.asarray(np.abs(motion.velocity) < REVERSAL_REACH * np.abs(motion.acceleration) / options.cutoff)
 

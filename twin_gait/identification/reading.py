@@ -24,6 +24,7 @@ from twin_gait.identification.columns import (
 _SEPARATORS = ",;\t"
 _HEAD = 65_536  # [bytes] that are looked at for comments, header and separator
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
+_EMPTY_CELLS = [case(word) for word in _MISSING for case in (str.lower, str.upper, str.capitalize)]
 _CHECKED_ROWS = 100
 _EMPTY = "is empty; expected column names and rows of numbers"
 _LONGEST_UNIT = 8
@@ -180,8 +181,8 @@ def _numbers(path: Path, layout: _Layout, places: list[int]) -> dict[int, np.nda
         )
     try:
         frame = _frame(path, layout, places, float)
-    except (ValueError, OverflowError):
-        frame = _frame_of_texts(path, layout, places)
+    except (ValueError, OverflowError) as error:
+        raise _wrong_cell(path, layout, places) from error
     require_table_size(path, len(frame), len(places))
     values = {place: frame[place].to_numpy(dtype=float) for place in places}
     for place, column in values.items():
@@ -210,7 +211,7 @@ def _frame(path: Path, layout: _Layout, places: list[int], dtype: type) -> pd.Da
                 decimal=layout.decimal,
                 dtype=dtype,
                 keep_default_na=dtype is float,
-                na_values=["nan", "NaN", "-", "none", "None"] if dtype is float else None,
+                na_values=_EMPTY_CELLS if dtype is float else None,
                 engine="c",
                 encoding="utf-8-sig",
                 encoding_errors="replace",
@@ -220,22 +221,15 @@ def _frame(path: Path, layout: _Layout, places: list[int], dtype: type) -> pd.Da
         raise ParameterFileError(path, "", f"is not a table of numbers ({reason})") from error
 
 
-def _frame_of_texts(path: Path, layout: _Layout, places: list[int]) -> pd.DataFrame:
-    """Read cell by cell, to say which one is no number; dates are seconds since the first."""
+def _wrong_cell(path: Path, layout: _Layout, places: list[int]) -> ParameterFileError:
+    """Which of the cells is no number."""
     texts = _frame(path, layout, places, str)
-    columns = {}
     for place in places:
-        cells = texts[place].fillna("").astype(str).str.strip()
+        cells = texts[place].fillna("").str.strip()
         numbers = pd.to_numeric(cells.str.replace(layout.decimal, ".", regex=False), errors="coerce")
-        if numbers.isna().all():
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)
-                dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
-            numbers = (dates - dates.min()).dt.total_seconds()
         wrong = np.flatnonzero(numbers.isna() & ~cells.str.lower().isin(_MISSING))
         if len(wrong):
-            shown = " ".join(str(cells.iloc[wrong[0]]).split())[:40]
+            shown = " ".join(cells.iloc[wrong[0]].split())[:40]
             text = f"expected a number in row {wrong[0] + 1}, got {shown!r}"
-            raise ParameterFileError(path, layout.names[place], text)
-        columns[place] = numbers.astype(float)
-    return pd.DataFrame(columns)
+            return ParameterFileError(path, layout.names[place], text)
+    return ParameterFileError(path, "", "is not a table of numbers")

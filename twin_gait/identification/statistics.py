@@ -7,8 +7,8 @@ drawn. This costs no fit per draw and agrees with full fits as far as the law is
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
@@ -69,58 +69,45 @@ class CrossValidation:
     rmse: float  # over all samples, each predicted by the fit that did not see it, in [N m]
 
 
-@dataclass(frozen=True, eq=False)
-class Folds:
-    """What is left out together."""
-
-    by: str  # see CrossValidation
-    labels: np.ndarray  # fold of each sample, shape ``(n,)``
-
-
-def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> list[Folds]:
-    """The ways to leave something out of these tests."""
-    found = []
+def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> dict[str, np.ndarray]:
+    """The ways to leave something out of these tests: by what (see CrossValidation), fold of each sample."""
+    found = {}
     if len(tests) == 1:
-        pieces = np.arange(len(samples)) * _PIECES // max(len(samples), 1)
-        found.append(Folds("piece", pieces))
+        found["piece"] = np.arange(len(samples)) * _PIECES // max(len(samples), 1)
     elif len(tests) <= MOST_FOLDS:
-        found.append(Folds("file", samples.test))
+        found["file"] = samples.test
     else:
-        found.append(Folds("files", samples.test % MOST_FOLDS))
+        found["files"] = samples.test % MOST_FOLDS
     masses = [test.mass for test in tests]
     if None not in masses and 1 < len(set(masses)) < len(tests):
         _, index = np.unique(np.array(masses, dtype=float), return_inverse=True)
-        found.append(Folds("weight", index[samples.test]))
+        found["weight"] = index[samples.test]
     return found
 
 
-def cross_validate(
-    fit: Fit, samples: Samples, folds: Folds, step: Callable[[], None] = lambda: None
-) -> CrossValidation:
-    """Fit without each fold and predict it.
+def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> CrossValidation:
+    """Fit without each fold and predict it; ``folds``: that of each sample, shape ``(n,)``.
 
     Each fit starts from that of all samples. A dynamic model runs through whole tests, of which the samples
     left out do not count in the fit.
     """
-    total, count, number = 0.0, 0, 0
-    for label in np.unique(folds.labels):
-        out = folds.labels == label
+    if not fit.model.dynamic:
+        samples, folds = samples.used_only(), folds[samples.used]
+    left = []
+    for label in np.unique(folds):
+        out = folds == label
         inside, outside = _without(samples, out), _without(samples, ~out)
-        if not outside.used.any() or inside.used.sum() <= 2 * fit.model.size:
-            continue
-        again = refit(fit, inside)
-        left = again.residuals(outside)
-        total, count, number = total + float(left @ left), count + len(left), number + 1
-        step()
-    return CrossValidation(by=folds.by, folds=number, rmse=math.sqrt(total / count) if count else math.nan)
+        if outside.used.any() and inside.used.sum() > 2 * fit.model.size:
+            left.append(refit(fit, inside).residuals(outside))
+    errors = np.concatenate([*left, np.empty(0)])
+    rmse = math.sqrt(float(errors @ errors) / len(errors)) if left else math.nan
+    return CrossValidation(by=by, folds=len(left), rmse=rmse)
 
 
 def _without(samples: Samples, out: np.ndarray) -> Samples:
     """The same samples, of which some do not count; tests of which none counts are left out."""
     used = samples.used & ~out
-    needed = np.isin(samples.test, np.unique(samples.test[used]))
-    changed = samples.rows(needed)
-    return Samples(**{**vars(changed), "used": used[needed]})
+    return replace(samples, used=used).rows(np.isin(samples.test, np.unique(samples.test[used])))
 
 
 DRAWS = 1000
@@ -158,10 +145,8 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     block, by = _blocks(rows.test[rows.used])
     number = int(block[-1]) + 1 if len(block) else 0
     if rank < max(len(free), 1) or number < 2:
-        unknown, errors = (
-            dict.fromkeys(model.names, (-math.inf, math.inf)),
-            dict.fromkeys(model.names, math.inf),
-        )
+        unknown = dict.fromkeys(model.names, (-math.inf, math.inf))
+        errors = dict.fromkeys(model.names, math.inf)
         return Uncertainty(unknown, np.full((len(model.names),) * 2, math.nan), errors, by, number)
     steps = _draws(unit, values, huber_weights(values, fit.threshold), block, number, seed) / scale
     steps = steps[_telling(steps)]
