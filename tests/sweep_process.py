@@ -58,7 +58,10 @@ def _sweep(arguments: list[str], errors: Path | None) -> None:
 
 def kill_group(process: BaseProcess) -> None:
     """Kill a sweep with all its workers, as a power switch would."""
-    os.killpg(process.pid, signal.SIGKILL)
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:  # on a busy machine it has no group of its own yet
+        process.kill()
     process.join(30)
 
 

@@ -38,7 +38,6 @@ def run_episodes(
     columns: tuple[str, ...] | None = None,
     block: int | None = None,
     workers: int | Workers = 1,
-    on_compile: Callable[[], None] | None = None,
     keep: Callable[[dict[int, Result], str], None] | None = None,
     **watch: Unpack[Watch],
 ) -> list[Result]:
@@ -53,11 +52,10 @@ def run_episodes(
         columns: What ``measure`` reads of a log, as
             :func:`~twin_gait.simulation.together.simulate_together` takes it; everything by default.
         block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
-        on_compile: Called if the engine has to be compiled first, which the workers then need not do.
         keep: Takes the results as they come, see :func:`twin_gait.studies.jobs.run_blocks`.
     """
     if block is None:
-        block = _block_ahead(experiment_of, items, on_compile)
+        block = _block_ahead(experiment_of, items, watch.get("on_compile"))
     walk = partial(_measured, experiment_of, measure, columns)
     return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
 

@@ -197,20 +197,14 @@ class CampaignResult:
     tests: tuple[Mapping[str, Any], ...]  # a line on each test, as in ``campaign.json``
 
 
-def run_campaign(
-    campaign: Campaign,
-    directory: Path,
-    *,
-    on_compile: Callable[[], None] | None = None,
-    **watch: Unpack[Watch],
-) -> CampaignResult:
+def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) -> CampaignResult:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
     Raises RunDirectoryError if the folder exists or cannot be written.
     """
     plans = planned_tests(campaign)
     with staged_directory(directory, CAMPAIGN) as staging:
-        lines = run_jobs(partial(_perform, campaign, staging, on_compile), plans, **watch)
+        lines = run_jobs(partial(_perform, campaign, staging, watch.get("on_compile")), plans, **watch)
         status = RunStatus.COMPLETED if len(lines) == len(plans) else RunStatus.INTERRUPTED
         document = {
             "synthetic": True, "twin_gait_version": __version__, "joint": campaign.joint,

@@ -102,7 +102,6 @@ def simulate_faults(
     *,
     row: Callable[[Run], dict[str, Any]] | None = None,
     workers: int | Workers = 1,
-    on_compile: Callable[[], None] | None = None,
     **watch: Unpack[Watch],
 ) -> FaultCampaign:
     """Simulate an experiment once for each fault, in place of faults of its own.
@@ -112,7 +111,7 @@ def simulate_faults(
     """
     experiment_of, told = partial(_with_fault, experiment), row or fault_row
     try:
-        rows = run_episodes(experiment_of, told, faults, workers=workers, on_compile=on_compile, **watch)
+        rows = run_episodes(experiment_of, told, faults, workers=workers, **watch)
     except JobFailed as error:
         raise ParameterError(f"fault {faults[error.index]}: {error.problem}") from error
     status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED

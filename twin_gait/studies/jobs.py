@@ -38,10 +38,12 @@ class Watch(TypedDict, total=False):
     Attributes:
         progress: Called with items done and in all.
         should_stop: Asked before each item; True lets those that run finish and ends the work.
+        on_compile: Called if an engine has to be compiled first; of episodes only.
     """
 
     progress: Progress | None
     should_stop: Stop | None
+    on_compile: Callable[[], None] | None
 
 
 class JobFailed(TwinGaitError):

@@ -1,7 +1,7 @@
 """Run every controller on every day of a wearer, and put the measures side by side."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -130,7 +130,6 @@ def compare(
     controllers: Sequence[Controller],
     *,
     seeds: int = 1,
-    on_compile: Callable[[], None] | None = None,
     **watch: Unpack[Watch],
 ) -> Comparison | None:
     """Run every controller on every day; all controllers meet the same days.
@@ -141,7 +140,7 @@ def compare(
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
     day_of, measure = partial(_changed, experiment), partial(_measured, experiment.seed)
     try:
-        found = run_episodes(day_of, measure, asked, on_compile=on_compile, **watch)
+        found = run_episodes(day_of, measure, asked, **watch)
     except JobFailed as error:
         raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
     if len(found) < len(asked):

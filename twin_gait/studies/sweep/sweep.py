@@ -10,7 +10,7 @@ import fcntl
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
@@ -195,7 +195,6 @@ def run_sweep(
     workers: Workers | None = None,
     pictures: bool = True,
     checking: Progress | None = None,
-    on_compile: Callable[[], None] | None = None,
     **watch: Unpack[Watch],
 ) -> SweepResult:
     """Run a sweep, or go on with it where it was stopped or killed.
@@ -217,7 +216,7 @@ def run_sweep(
     with open_store(directory, sweep) as store:
         last["resumed_with"] = int(store.done.sum())
         try:
-            last["processors"] = _run(sweep, store, workers, on_compile, **watch)
+            last["processors"] = _run(sweep, store, workers, **watch)
         finally:
             store.merge()
         table = read_table(directory)
@@ -247,7 +246,6 @@ def _run(
     sweep: Sweep,
     store: SweepStore,
     workers: Workers,
-    on_compile: Callable[[], None] | None,
     **watch: Unpack[Watch],
 ) -> list[str]:
     """Run what is not done yet; types of the processors that did it."""
@@ -267,10 +265,8 @@ def _run(
             Episodes(sweep, pending),
             columns=READ_IN_BRIEF,
             workers=workers,
-            on_compile=on_compile,
             keep=keep,
-            progress=lambda done, _: tell(there + done, total),
-            should_stop=watch.get("should_stop"),
+            **watch | {"progress": lambda done, _: tell(there + done, total)},
         )
     except JobFailed as error:
         named = f"episode {pending[error.index]}: "

@@ -107,8 +107,8 @@ class Stages:
 
     def _walk(
         self, tables: Sequence[GaitTable], cases: Sequence[Case], *, last: bool = False
-    ) -> list[Rating]:
-        """Walks of each table in each case: short and quick ones, or the last ones."""
+    ) -> list[list[Rating]]:
+        """Walks of each table, in each case: short and quick ones, or the last ones."""
         settings = self._settings
         duration = settings.robust_duration if last else settings.search_duration
         walked = walker(self._experiment, duration=duration, quick=not last)
@@ -120,11 +120,11 @@ class Stages:
         )
         if results is None:
             raise Stopped
-        return results
+        return [results[at : at + len(cases)] for at in range(0, len(results), len(cases))]
 
     def _start(self) -> Descent:
         """Walk the table that is to be bettered."""
-        walks = self._walk([self._experiment.table], self._search_cases)
+        (walks,) = self._walk([self._experiment.table], self._search_cases)
         cost, nominal = weighted_cost(walks), walks[0]
         point = [item.start_coordinate for item in self._parameters]
         self._generations.append(Generation(point, cost, nominal_cost(nominal), [standing(walks)]))
@@ -136,20 +136,18 @@ class Stages:
         points = descent.neighbours()
         tables = [self._table_at(point) for point in points]
         walks = self._walk(tables, [first])
-        descent.learn(points, [residuals(walk) for walk in walks])
+        descent.learn(points, [residuals(walk) for (walk,) in walks])
         steps = descent.steps()
         dampings = [None] * len(points) + [damping for damping, _ in steps]
         points += [point for _, point in steps]
         tables += [self._table_at(point) for _, point in steps]
         walks += self._walk(tables[len(walks) :], [first])
-        nominal = [nominal_cost(walk) for walk in walks]
+        nominal = [nominal_cost(walk) for (walk,) in walks]
         raced = sorted(range(len(points)), key=lambda place: (nominal[place], place))[:RACED]
         others = self._walk([tables[place] for place in raced], corners)
-        size = len(corners)
-        known = {place: [walk] for place, walk in enumerate(walks)}
-        for number, place in enumerate(raced):
-            known[place] += others[number * size : (number + 1) * size]
-        costs = {place: weighted_cost(known[place]) for place in raced}
+        for place, more in zip(raced, others, strict=True):
+            walks[place] += more
+        costs = {place: weighted_cost(walks[place]) for place in raced}
         better = (
             place
             for place in sorted(costs, key=lambda place: costs[place])
@@ -160,8 +158,8 @@ class Stages:
         if best is None:
             descent.stay()
         else:
-            descent.go_to(points[best], costs[best], residuals(walks[best]), dampings[best])
-        tried = [standing(item) for item in known.values()]
+            descent.go_to(points[best], costs[best], residuals(walks[best][0]), dampings[best])
+        tried = [standing(item) for item in walks]
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
@@ -190,8 +188,8 @@ class Stages:
         results = self._walk([table_of(table) for _, _, table in chosen], cases, last=True)
         names = [case.name for case in cases]
         return [
-            Finalist(table, points, cost, tuple(zip(names, results[i * len(cases) :], strict=False)))
-            for i, (points, cost, table) in enumerate(chosen)
+            Finalist(table, points, cost, tuple(zip(names, walks, strict=True)))
+            for (points, cost, table), walks in zip(chosen, results, strict=True)
         ]
 
 
