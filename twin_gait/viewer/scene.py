@@ -227,6 +227,5 @@ def trail_shape(
     tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
     codes = [phases.at(float(time)) for time in times[keep]]
     colours = np.array([rgb(phase_colour(names[code], code)) for code in codes])
-    rings = np.repeat(colours, _COLUMNS + 1, axis=0)
-    ends = np.repeat(colours[[0, -1]], _COLUMNS + 2, axis=0)
-    return tube._replace(colours=np.concatenate((rings, ends)))
+    nearest = np.linalg.norm(tube.vertices[:, None] - points[keep], axis=2).argmin(axis=1)
+    return tube._replace(colours=colours[nearest])

@@ -126,23 +126,15 @@ def arrow() -> Shape:
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     """Make a round tube along a path, with flat ends.
 
-    ``points`` of the path in [m], shape ``(n, 3)``; neighbours differ; ``radius`` in [m]. Returns the mesh;
-    the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
+    ``points`` of the path in [m], shape ``(n, 3)``; neighbours differ; ``radius`` in [m].
     """
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     across = _carried_along(ahead)
-    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :, None]
+    angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[None, :, None]
     around = np.cos(angle) * across[:, None, :] + np.sin(angle) * np.cross(ahead, across)[:, None, :]
-    n = len(points)
-    rings = Shape(
-        (points[:, None, :] + radius * around).reshape(-1, 3),
-        around.reshape(-1, 3),
-        _grid_faces(n, columns + 1),
-    )
-    first = _flat_end(points[0], -ahead[0], radius * around[0][::-1])
-    last = _flat_end(points[-1], ahead[-1], radius * around[-1])
-    return merged([rings, first, last])
+    middle = np.repeat(points[:, None, :], columns, axis=1)
+    return surface(np.concatenate((middle[:1], middle + radius * around, middle[-1:])))
 
 
 def bend(start: np.ndarray, corner: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -160,13 +152,6 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
         side = before - (before @ direction) * direction
         across[k] = before = side / np.linalg.norm(side)
     return across
-
-
-def _flat_end(centre: np.ndarray, outward: np.ndarray, spokes: np.ndarray) -> Shape:
-    rim = np.arange(1, len(spokes))
-    faces = np.column_stack((np.zeros_like(rim), rim, rim + 1))
-    vertices = np.concatenate((centre[None], centre + spokes))
-    return Shape(vertices, np.tile(outward, (len(vertices), 1)), faces)
 
 
 def smooth(values: np.ndarray, places: np.ndarray) -> np.ndarray:
