@@ -26,8 +26,8 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, recorded_run
-from twin_gait.viewer.arrows import FORCE_ROOT, arrow_state
-from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
+from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON, arrow_state
+from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page

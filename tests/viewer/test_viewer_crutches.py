@@ -19,8 +19,8 @@ from twin_gait.simulation.run import Run
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.aids import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.animation import recorded_run
-from twin_gait.viewer.arrows import FORCE_ROOT
-from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
+from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON
+from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import MODE, Motion, read_motion
 from twin_gait.viewer.props import CHAIR, METRES, SEAT

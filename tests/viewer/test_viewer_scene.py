@@ -19,7 +19,8 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import arrows, shapes, surroundings
 from twin_gait.viewer import scene as drawn_scene
-from twin_gait.viewer.commands import FULL_TORQUE, Recorder, rgb
+from twin_gait.viewer.arrows import FULL_TORQUE
+from twin_gait.viewer.commands import Recorder, rgb
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.shapes import Shape
@@ -206,14 +207,14 @@ def angle_about(axis: np.ndarray, start: np.ndarray, point: np.ndarray) -> float
 
 
 def test_level_has_the_sign_and_grows_with_the_size_of_the_torque() -> None:
-    levels = [arrows.level(torque, 60.0) for torque in np.linspace(-90.0, 90.0, 361)]
+    levels = [arrows.level(torque) for torque in np.linspace(-90.0, 90.0, 361)]
     assert (np.diff(levels) >= 0).all()
     assert (min(levels), max(levels)) == (-arrows.LEVELS, arrows.LEVELS)
     for torque in (5.1, 20.0, 47.0, 60.0):
-        assert arrows.level(torque, 60.0) == -arrows.level(-torque, 60.0) > 0
+        assert arrows.level(torque) == -arrows.level(-torque) > 0
         # An arrow of a level stands for a torque within half a level of the real one.
-        assert abs(arrows.level(torque, 60.0) * 10.0 - torque) <= 5.0
-    assert arrows.level(4.9, 60.0) == arrows.level(math.nan, 60.0) == 0
+        assert abs(arrows.level(torque) * 10.0 - torque) <= 5.0
+    assert arrows.level(4.9) == arrows.level(math.nan) == 0
 
 
 def meshes_of(recorder: Recorder) -> dict[str, np.ndarray]:

@@ -9,9 +9,12 @@ import numpy as np
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import EXTENSION_COLOUR, FLEXION_COLOUR, GROUND_FORCE_COLOUR
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import METRES_PER_NEWTON, Material, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.shapes import Shape
 
+# Scales of the arrows: the scene draws with them, the page explains them.
+METRES_PER_NEWTON = 0.001  # length of the arrow of a ground force
+FULL_TORQUE = 60.0  # [N m] of the longest arrow of a motor torque: about the largest of a step of the presets
 FORCE_ROOT = "/meshcat/forces"
 _LONGEST_ARROW = 1.2  # [m]
 LEVELS = 6  # lengths of the arrow, each way
@@ -53,26 +56,25 @@ class TorqueArc:
     """The arrows of one joint, of which at most one is seen."""
 
     paths: dict[int, str]  # place of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0
-    full_torque: float  # torque that the longest arrow stands for in [N m]
 
     def state(self, torque: float) -> dict[tuple[str, str], bool]:
         """Which arrow is seen.
 
         ``torque`` of the motor on the joint in [N m], positive in increasing angle.
         """
-        seen = level(torque, self.full_torque)
+        seen = level(torque)
         return {(path, "visible"): number == seen for number, path in self.paths.items()}
 
 
-def level(torque: float, full_torque: float) -> int:
+def level(torque: float) -> int:
     """Length of the arrow for a torque.
 
-    ``torque`` in [N m]; ``full_torque``: torque that the longest arrow stands for in [N m], above 0. Returned
-    from ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is less than half a level.
+    ``torque`` in [N m]. Returned from ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is
+    less than half a level.
     """
     if not math.isfinite(torque):
         return 0
-    size = min(LEVELS, round(LEVELS * min(abs(torque) / full_torque, 1.0)))
+    size = min(LEVELS, round(LEVELS * min(abs(torque) / FULL_TORQUE, 1.0)))
     return int(math.copysign(size, torque))
 
 

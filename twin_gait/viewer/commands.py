@@ -18,10 +18,6 @@ from twin_gait.viewer.shapes import Shape
 
 _CHALK = 0.7  # surfaces at least as rough show no gloss
 
-# Scales of the arrows: the scene draws with them, the page explains them.
-METRES_PER_NEWTON = 0.001  # length of the arrow of a ground force
-FULL_TORQUE = 60.0  # [N m] of the longest arrow of a motor torque: about the largest of a step of the presets
-
 Command = dict[str, Any]
 Colour = tuple[float, float, float]
 

@@ -22,12 +22,6 @@ _COVER_MARGIN = 0.003  # by which the coloured cover of a motor is larger than t
 _SHORTEST_SEGMENT = 0.02  # [m]
 _SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
 _ARC_CLEARANCE, _ARC_GAP = 0.036, 0.014  # of a torque's arrow around and beside its motor [m]
-# From the axes of a model, by its vertical, to those of the scene, whose vertical is z: the shortest turn.
-_UPRIGHT = {
-    "x": [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]],
-    "y": [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
-    "z": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-}
 _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
 
 
@@ -58,7 +52,9 @@ class Figure:
         self._window = window
         self._data = model.createData()
         self.base = np.eye(4)
-        self.base[:3, :3] = _UPRIGHT[up_axis]
+        # From the axes of the model to those of the scene, whose vertical is z: the shortest turn.
+        vertical = np.eye(3)["xyz".index(up_axis)]
+        self.base[:3, :3] = np.round(pin.Quaternion.FromTwoVectors(vertical, np.eye(3)[2]).matrix())
         self.paths = {FIXED_JOINT: ROOT}
         for index in range(1, model.njoints):
             parent = self.paths[str(model.names[model.parents[index]])]
@@ -171,12 +167,11 @@ class Figure:
         name = "motor_cover" if own else f"motor_cover_{joint.replace('/', '_')}"
         return self.draw(motor.link, name, shapes.moved(cover, placement), material)
 
-    def draw_arc(self, joint: str, motor: Motor, outward: float, full_torque: float) -> TorqueArc:
+    def draw_arc(self, joint: str, motor: Motor, outward: float) -> TorqueArc:
         """Draw the arrows that show the torque of a motor, all hidden.
 
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
-        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one; ``full_torque``
-        that the longest arrow stands for in [N m].
+        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one.
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
@@ -195,7 +190,7 @@ class Figure:
             at_motor = shapes.moved(arrow, placement)
             paths[number] = self.draw(parent, name, at_motor, arc_material(number), casts=False)
             self._window.send(set_property(paths[number], "visible", False))
-        return TorqueArc(paths, full_torque)
+        return TorqueArc(paths)
 
     def axis(self, joint: str) -> np.ndarray:
         """Axis of a joint that turns or slides, in its own frame, unit vector of shape ``(3,)``."""

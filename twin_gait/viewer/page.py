@@ -17,7 +17,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from twin_gait import palette
 from twin_gait.measures.outcome import RunEvent
-from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON, rgb
+from twin_gait.viewer.arrows import FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.commands import rgb
 from twin_gait.viewer.surroundings import FLOOR
 from twin_gait.vocabulary import JointName, Side
 

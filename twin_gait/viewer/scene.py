@@ -14,7 +14,7 @@ from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.aids import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
-from twin_gait.viewer.commands import FULL_TORQUE, Material, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
 from twin_gait.viewer.props import draw_rails
@@ -85,7 +85,7 @@ class Scene:
                 length = float(np.linalg.norm(self.figure.segment(joint, leg)))
                 motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
                 self.covers[side].append(self.figure.draw_cover(joint, motor, material))
-                self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward, FULL_TORQUE)
+                self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward)
 
     def draw_ropes(
         self, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool = False
@@ -227,6 +227,5 @@ def trail_shape(
     tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
     codes = [phases.at(float(time)) for time in times[keep]]
     colours = np.array([rgb(phase_colour(names[code], code)) for code in codes])
-    rings = np.repeat(colours, _COLUMNS + 1, axis=0)
-    ends = np.repeat(colours[[0, -1]], _COLUMNS + 2, axis=0)
-    return tube._replace(colours=np.concatenate((rings, ends)))
+    nearest = np.linalg.norm(tube.vertices[:, None] - points[keep], axis=2).argmin(axis=1)
+    return tube._replace(colours=colours[nearest])

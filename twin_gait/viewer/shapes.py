@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -51,36 +50,26 @@ def surface(rings: np.ndarray) -> Shape:
     ``rings`` from the lowest up, in [m], shape ``(n, m, 3)``.
     """
     rings = np.concatenate((rings, rings[:, :1]), axis=1)
-    faces, points = _grid_faces(*rings.shape[:2], flip=True), rings.reshape(-1, 3)
+    faces, points = _grid_faces(*rings.shape[:2]), rings.reshape(-1, 3)
     first, second, third = (points[faces[:, corner]] for corner in range(3))
     whole = np.any(np.cross(second - first, third - first) != 0.0, axis=1)  # at a tip points coincide
     return creased(points, faces[whole])
 
 
-def _grid_faces(rows: int, columns: int, *, offset: int = 0, flip: bool = False) -> np.ndarray:
+def _grid_faces(rows: int, columns: int) -> np.ndarray:
     row, column = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
-    a = (row * columns + column).ravel() + offset
+    a = (row * columns + column).ravel()
     b, c, d = a + columns, a + columns + 1, a + 1
-    faces = np.concatenate((np.stack((a, b, c), axis=1), np.stack((a, c, d), axis=1)))
-    return faces[:, ::-1] if flip else faces
+    return np.concatenate((np.stack((c, b, a), axis=1), np.stack((d, c, a), axis=1)))
 
 
 def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
-    """Turn a profile about the z axis, with an edge at every corner of it.
+    """Turn a profile about the z axis.
 
     ``profile``: points (radius, height) in [m]; outward lies to the right of the way from point to point.
     """
-    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
-    around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    vertices, normals, faces = [], [], []
-    for count, ((r0, z0), (r1, z1)) in enumerate(pairwise(profile)):
-        length = math.hypot(r1 - r0, z1 - z0)
-        outward, upward = (z1 - z0) / length, -(r1 - r0) / length
-        for radius, height in ((r0, z0), (r1, z1)):
-            vertices.append(np.column_stack((radius * around, np.full(columns + 1, height))))
-            normals.append(np.column_stack((outward * around, np.full(columns + 1, upward))))
-        faces.append(_grid_faces(2, columns + 1, offset=2 * count * (columns + 1), flip=True))
-    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
+    rings = np.array([(height, 0.0, 0.0, radius, radius) for radius, height in profile])
+    return surface(elliptic(rings, columns))
 
 
 def _mirrored(upper: list[tuple[float, float]]) -> Shape:
@@ -137,23 +126,15 @@ def arrow() -> Shape:
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     """Make a round tube along a path, with flat ends.
 
-    ``points`` of the path in [m], shape ``(n, 3)``; neighbours differ; ``radius`` in [m]. Returns the mesh;
-    the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
+    ``points`` of the path in [m], shape ``(n, 3)``; neighbours differ; ``radius`` in [m].
     """
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     across = _carried_along(ahead)
-    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :, None]
+    angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[None, :, None]
     around = np.cos(angle) * across[:, None, :] + np.sin(angle) * np.cross(ahead, across)[:, None, :]
-    n = len(points)
-    rings = Shape(
-        (points[:, None, :] + radius * around).reshape(-1, 3),
-        around.reshape(-1, 3),
-        _grid_faces(n, columns + 1, flip=True),
-    )
-    first = _flat_end(points[0], -ahead[0], radius * around[0][::-1])
-    last = _flat_end(points[-1], ahead[-1], radius * around[-1])
-    return merged([rings, first, last])
+    middle = np.repeat(points[:, None, :], columns, axis=1)
+    return surface(np.concatenate((middle[:1], middle + radius * around, middle[-1:])))
 
 
 def bend(start: np.ndarray, corner: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -171,13 +152,6 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
         side = before - (before @ direction) * direction
         across[k] = before = side / np.linalg.norm(side)
     return across
-
-
-def _flat_end(centre: np.ndarray, outward: np.ndarray, spokes: np.ndarray) -> Shape:
-    rim = np.arange(1, len(spokes))
-    faces = np.column_stack((np.zeros_like(rim), rim, rim + 1))
-    vertices = np.concatenate((centre[None], centre + spokes))
-    return Shape(vertices, np.tile(outward, (len(vertices), 1)), faces)
 
 
 def smooth(values: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -240,7 +214,9 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     pairs = np.concatenate((corners, normals), axis=2).reshape(-1, 6)
     # Rounded, because sums of the same faces in another order differ in the last bit.
     _, first, index = np.unique(np.round(pairs, 6), axis=0, return_index=True, return_inverse=True)
-    return Shape(pairs[first, :3], pairs[first, 3:], index.reshape(-1, 3))
+    order = np.argsort(first)  # as they come
+    kept = pairs[first[order]]
+    return Shape(kept[:, :3], kept[:, 3:], np.argsort(order)[index.reshape(-1, 3)])
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -224,17 +224,8 @@ def _shape_of(item: Any) -> Shape | None:
             return shapes.cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
         case "Sphere":
             return shapes.ellipsoid((float(solid.radius),) * 3)
-        case "Ellipsoid":
-            return shapes.ellipsoid(tuple(solid.radii))
         case "Capsule":
             return shapes.capsule(float(solid.radius), 2.0 * float(solid.halfLength))
-        case "Cone":
-            return shapes.cone(float(solid.radius), 2.0 * float(solid.halfLength))
-    return _shape_of_mesh(item)
-
-
-def _shape_of_mesh(item: Any) -> Shape | None:
-    solid = item.geometry
     if not hasattr(solid, "tri_indices") or solid.num_tris == 0:
         return None
     vertices = np.array(solid.vertices(), dtype=float)  # scaled already
