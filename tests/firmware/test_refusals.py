@@ -146,7 +146,7 @@ def broken_off(x: float) -> float:
         (library_call, 1, "math.sqrt(x): a function"),
         (power, 1, "x ** 2: arithmetic"),
         (two_kinds, 2, "x: is real where int32_t is expected"),
-        (text, 1, "'x': is no number"),
+        (text, 1, "'x': an expression that is not printed"),
         (number_as_truth, 1, "is int32_t where bool is expected"),
         (no_such_field, 1, "cell.absent: no sample of Cell has absent"),
         (whole_record, 1, "cell.row: records and lists are changed entry by entry"),
