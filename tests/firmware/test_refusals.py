@@ -155,7 +155,7 @@ def broken_off(x: float) -> float:
         (exchanged, 1, "values that are exchanged"),
         (from_the_end, 1, "counted from its beginning"),
         (unknown_length, 1, "row: is no list of one known length"),
-        (counted_twice, 2, "i: is counted by the loop"),
+        (counted_twice, 1, "i: is counted by the loop"),
         (ends_elsewhere, 1, "x: is changed in the loop"),
         (passed_on, 1, "pair(x): several numbers of another function"),
         (broken_off, 2, "break: a statement that is not printed"),
