@@ -119,6 +119,11 @@ def ends_elsewhere(x: int) -> int:
     return x
 
 
+def ends_where_a_call_says(cell: Cell) -> None:
+    for _ in range(cell.count):
+        bump(cell)
+
+
 def of_a_dictionary(x: dict[str, float]) -> float:
     return x["x"]
 
@@ -156,7 +161,8 @@ def broken_off(x: float) -> float:
         (from_the_end, 1, "counted from its beginning"),
         (unknown_length, 1, "row: is no list of one known length"),
         (counted_twice, 1, "i: is counted by the loop"),
-        (ends_elsewhere, 1, "x: is changed in the loop"),
+        (ends_where_a_call_says, 1, "cell.count: may be changed in the loop"),
+        (ends_elsewhere, 1, "x: may be changed in the loop"),
         (passed_on, 1, "pair(x): several numbers of another function"),
         (broken_off, 2, "break: a statement that is not printed"),
         (of_a_dictionary, 0, "x is of no kind that C knows"),

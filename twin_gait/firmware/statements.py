@@ -216,10 +216,13 @@ class Statements(Expressions):
 
     def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
         """Where a loop ends, which Python computes before it and C anew in every turn."""
-        stored = _stored_in(body)
-        if any(ast.unparse(item) in stored for item in ast.walk(node) if isinstance(item, ast.expr)):
-            raise self.source.refused(node, "is changed in the loop; name it before")
-        return self.expect(node, INT).text
+        text, stored = self.expect(node, INT).text, _stored_in(body)
+        inside = {item for statement in body for item in ast.walk(statement)}
+        writes = any(call in inside and called.writes for call, called in self.function.calls.items())
+        for item in () if text.isdigit() else ast.walk(node):
+            if ast.unparse(item) in stored or (writes and isinstance(item, ast.Attribute)):
+                raise self.source.refused(node, "may be changed in the loop; name it before")
+        return text
 
     def _return(self, node: ast.Return) -> None:
         function = self.function
