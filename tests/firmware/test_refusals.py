@@ -119,6 +119,11 @@ def ends_elsewhere(x: int) -> int:
     return x
 
 
+def ends_where_a_call_says(cell: Cell) -> None:
+    for _ in range(cell.count):
+        bump(cell)
+
+
 def of_a_dictionary(x: dict[str, float]) -> float:
     return x["x"]
 
@@ -146,7 +151,7 @@ def broken_off(x: float) -> float:
         (library_call, 1, "math.sqrt(x): a function"),
         (power, 1, "x ** 2: arithmetic"),
         (two_kinds, 2, "x: is real where int32_t is expected"),
-        (text, 1, "'x': is no number"),
+        (text, 1, "'x': an expression that is not printed"),
         (number_as_truth, 1, "is int32_t where bool is expected"),
         (no_such_field, 1, "cell.absent: no sample of Cell has absent"),
         (whole_record, 1, "cell.row: records and lists are changed entry by entry"),
@@ -155,8 +160,9 @@ def broken_off(x: float) -> float:
         (exchanged, 1, "values that are exchanged"),
         (from_the_end, 1, "counted from its beginning"),
         (unknown_length, 1, "row: is no list of one known length"),
-        (counted_twice, 2, "i: is counted by the loop"),
-        (ends_elsewhere, 1, "x: is changed in the loop"),
+        (counted_twice, 1, "i: is counted by the loop"),
+        (ends_where_a_call_says, 1, "cell.count: may be changed in the loop"),
+        (ends_elsewhere, 1, "x: may be changed in the loop"),
         (passed_on, 1, "pair(x): several numbers of another function"),
         (broken_off, 2, "break: a statement that is not printed"),
         (of_a_dictionary, 0, "x is of no kind that C knows"),

@@ -153,11 +153,7 @@ def require_controller(controller: Any) -> None:
         )
     if controller.tick is None:
         return
-    expected = inspect.signature(controller_tick).parameters
-    try:
-        signature = inspect.signature(controller.tick)
-    except (TypeError, ValueError):  # written in C, for example
-        return
+    expected, signature = inspect.signature(controller_tick).parameters, inspect.signature(controller.tick)
     try:
         signature.bind(*expected)
     except TypeError as error:

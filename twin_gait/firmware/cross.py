@@ -15,8 +15,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversi
 CORTEX_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 INSTALL = "apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
 _PACKAGES = {"gcc": "gcc libc6-dev", "clang": "clang", "cppcheck": "cppcheck"}
-_CAUSE = re.compile("error|undefined reference|overflowed")
-_AFTERMATH = re.compile("collect2|linker command failed")
+_CAUSE = re.compile("error|undefined reference|overflowed")  # what follows from it is told later
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,6 @@ def _run(tool: str, words: Sequence[object]) -> str:
 
 
 def _reason(said: str) -> str:
-    """The line of a compiler or linker that says what is wrong."""
+    """The first line of a compiler or linker that says what is wrong."""
     lines = [line.strip() for line in said.splitlines()]
-    told = [line for line in lines if _CAUSE.search(line) and not _AFTERMATH.search(line)]
-    return next(iter([*told, *lines]), "")
+    return next(filter(_CAUSE.search, lines), next(iter(lines), ""))

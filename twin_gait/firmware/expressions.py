@@ -6,12 +6,13 @@ import ast
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from twin_gait.firmware.kinds import (
     BOOL,
     INT,
     REAL,
+    SCALARS,
     Kind,
     ListKind,
     RecordKind,
@@ -161,10 +162,11 @@ class Expressions:
     def value(self, node: ast.expr) -> Value:
         """An expression."""
         match node:
-            case ast.Constant(value=value):
-                return self._literal(node, value, "")
+            case ast.Constant(value=bool() | int() | float() as value):
+                kind = SCALARS[type(value)]
+                return Value(kind, number(value, kind))
             case ast.Name(id=name):
-                return self.place(node) if self.known(name) is not None else self._constant(node, name)
+                return self.place(node) if self.known(name) is not None else self._constant(node)
             case ast.Attribute(value=ast.Name(id="math"), attr=name):
                 return Value(REAL, number(getattr(math, name), REAL))
             case ast.Attribute() | ast.Subscript():
@@ -224,18 +226,13 @@ class Expressions:
                 )
         raise self.source.refused(node, "is no place in a record")
 
-    def _literal(self, node: ast.expr, value: Any, name: str) -> Value:
-        """A number, by the name of a constant if it has one."""
+    def _constant(self, node: ast.Name) -> Value:
+        value = self.functions.sources.found(node.id, self.source.scope)
         kind = scalar_of(value)
         if kind is None:
-            raise self.source.refused(node, "is no constant number" if name else "is no number")
-        if name:
-            self.function.constants[name] = value
-            return Value(kind, identifier(name))
-        return Value(kind, number(value, kind))
-
-    def _constant(self, node: ast.Name, name: str) -> Value:
-        return self._literal(node, self.functions.sources.found(name, self.source.scope), name)
+            raise self.source.refused(node, "is no constant number")
+        self.function.constants[node.id] = value
+        return Value(kind, identifier(node.id))
 
     def _unary(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
@@ -276,18 +273,18 @@ class Expressions:
 
     def call(self, node: ast.Call) -> Value:
         """A call of a function, of real.h or printed."""
-        if node.keywords:
-            raise self.source.refused(node, "arguments are given by place")
-        match node.func:
-            case ast.Name(id="int") if len(node.args) == 1 and is_floor(node.args[0]):
-                floor = self.value(node.args[0])
+        match node:
+            case ast.Call(keywords=[_, *_]):
+                raise self.source.refused(node, "arguments are given by place")
+            case ast.Call(func=ast.Name(id="int"), args=[ast.Call(ast.Attribute(attr="floor")) as inner]):
+                floor = self.call(inner)
                 return replace(floor, kind=INT, text=floor.text.replace("real", "int", 1))
-            case ast.Name(id=name) if name in BUILT_IN and name not in self.source.scope:
+            case ast.Call(func=ast.Name(id=name)) if name in BUILT_IN and name not in self.source.scope:
                 return self._built_in(node, name)
-            case ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" as name):
+            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" as name)):
                 given = self.expect(node.args[0], REAL)
                 return Value(REAL if name == "floor" else BOOL, f"real_{name}({given.text})")
-            case ast.Name(id=name):
+            case ast.Call(func=ast.Name(id=name)):
                 source = self.functions.sources.found(name, self.source.scope)
                 if isinstance(source, Source):
                     return self._call_of(node, source)
@@ -306,11 +303,8 @@ class Expressions:
         return Value(kind, f"{called}({', '.join(value.in_kind(kind).text for value in values)})")
 
     def _call_of(self, node: ast.Call, source: Source) -> Value:
-        missing = len(source.tree.args.args) - len(node.args)
-        defaults = source.tree.args.defaults
-        if not 0 <= missing <= len(defaults) or any(isinstance(item, ast.Starred) for item in node.args):
-            raise self.source.refused(node, f"{source.name} takes other arguments")
-        node.args += defaults[len(defaults) - missing :]
+        arguments, defaults = source.tree.args.args, source.tree.args.defaults
+        node.args += defaults[len(defaults) - len(arguments) + len(node.args) :]
         given = [self.value(item) for item in node.args]
         called = self.function.calls[node] = self.functions.called(source, [item.kind for item in given])
         texts = []
@@ -323,8 +317,3 @@ class Expressions:
         if called.writes and node is not self.alone:  # C may evaluate what is beside it before or after
             raise self.source.refused(node, "changes records beside what else is read; name its result")
         return Value(called.returns, f"{called.name}({', '.join(texts)})")
-
-
-def is_floor(node: ast.expr) -> bool:
-    """Whether an expression is a call of ``math.floor``."""
-    return isinstance(node, ast.Call) and ast.unparse(node.func) == "math.floor"

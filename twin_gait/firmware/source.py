@@ -145,10 +145,21 @@ class _Folding(ast.NodeTransformer):
         if len(target.elts) != len(value.elts):
             raise self.source.refused(node, "as many names as values are expected")
         for place, item in enumerate(target.elts):
-            later = [inner for other in value.elts[place + 1 :] for inner in ast.walk(other)]
-            called = isinstance(item, ast.Attribute) and any(isinstance(inner, ast.Call) for inner in later)
-            same = (inner for inner in later if isinstance(inner, ast.expr))
-            if called or any(ast.unparse(inner) == ast.unparse(item) for inner in same):
+            if any(_touches(item, later) for later in value.elts[place + 1 :]):
                 raise self.source.refused(node, "values that are exchanged; assign them one by one")
         pairs = zip(target.elts, value.elts, strict=True)
         return [ast.copy_location(ast.Assign([left], right), node) for left, right in pairs]
+
+
+def _touches(target: ast.expr, value: ast.expr) -> bool:
+    """Whether a value may be another one once a name, a field or an entry has been assigned."""
+    for item in ast.walk(value):
+        called = isinstance(item, ast.Call) and not isinstance(target, ast.Name)
+        if called or (type(item) is type(target) and _last_name(item) == _last_name(target)):
+            return True
+    return False
+
+
+def _last_name(node: ast.AST) -> str:
+    """Of a name or a field; empty for the entry of a list, which any other one may be."""
+    return getattr(node, "id", getattr(node, "attr", ""))

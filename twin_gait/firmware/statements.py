@@ -191,9 +191,8 @@ class Statements(Expressions):
             case _:
                 raise self.source.refused(node.iter, "loops are printed over range, enumerate and lists")
         counted = names_in(node.target)
-        for name in (name for statement in node.body for name in ast.walk(statement)):
-            if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store) and name.id in counted:
-                raise self.source.refused(name, "is counted by the loop")
+        if not counted.isdisjoint(_stored_in(node.body)):
+            raise self.source.refused(node.target, "is counted by the loop")
         self._emit(f"for (int32_t {counter} = {first}; {counter} < {end}; {counter}++) {{")
         added = counted - self.declared
         self.declared |= added
@@ -208,9 +207,8 @@ class Statements(Expressions):
     def _entry(self, target: ast.Name, node: ast.expr, counter: str) -> tuple[str, str]:
         """Length of a list, and the statement that names its present entry."""
         items = self.value(node)
-        if not isinstance(items.kind, ListKind):
-            raise self.source.refused(node, "loops are printed over range, enumerate and lists")
         length, fields = self.length(node, items), (*items.fields, None)
+        assert isinstance(items.kind, ListKind)  # that has a length
         entry = Value(items.kind.item, f"{items.text}[{counter}]", name=items.name, fields=fields)
         kind = self._declare(target, node, entry)
         text = f"{self._declaration(target.id, once=True)} = {entry.in_kind(kind).text};"
@@ -218,11 +216,13 @@ class Statements(Expressions):
 
     def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
         """Where a loop ends, which Python computes before it and C anew in every turn."""
-        inside = [item for statement in body for item in ast.walk(statement)]
-        stored = {ast.unparse(item) for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)}
-        if any(ast.unparse(item) in stored for item in ast.walk(node) if isinstance(item, ast.expr)):
-            raise self.source.refused(node, "is changed in the loop; name it before")
-        return self.expect(node, INT).text
+        text, stored = self.expect(node, INT).text, _stored_in(body)
+        inside = {item for statement in body for item in ast.walk(statement)}
+        writes = any(call in inside and called.writes for call, called in self.function.calls.items())
+        for item in () if text.isdigit() else ast.walk(node):
+            if ast.unparse(item) in stored or (writes and isinstance(item, ast.Attribute)):
+                raise self.source.refused(node, "may be changed in the loop; name it before")
+        return text
 
     def _return(self, node: ast.Return) -> None:
         function = self.function
@@ -231,14 +231,10 @@ class Statements(Expressions):
         elif isinstance(node.value, ast.Tuple):
             items = node.value.elts
             values, _ = self.numbers(items)
-            if function.returns is None:
-                function.returns = TupleKind(
-                    tuple(value.kind for value in values if isinstance(value.kind, Scalar))
-                )
-            wanted = function.returns.items if isinstance(function.returns, TupleKind) else ()
-            if len(wanted) != len(items):
-                raise self.source.refused(node, "as many values as it returns elsewhere are expected")
-            parts = zip(items, values, wanted, strict=True)
+            kinds = tuple(value.kind for value in values if isinstance(value.kind, Scalar))
+            function.returns = function.returns or TupleKind(kinds)
+            assert isinstance(function.returns, TupleKind)
+            parts = zip(items, values, function.returns.items, strict=True)
             texts = ", ".join(self.fit(item, value, kind).text for item, value, kind in parts)
             self._emit(f"return ({function.result}){{{texts}}};")
         else:
@@ -276,6 +272,12 @@ def names_in(node: ast.AST) -> set[str]:
         return {node.id}
     found: set[str] = set().union(*(names_in(item) for item in ast.iter_child_nodes(node)))
     return found - names_in(node.target) if isinstance(node, ast.For) else found
+
+
+def _stored_in(statements: Sequence[ast.stmt]) -> set[str]:
+    """Names and places that some statements assign."""
+    inside = (item for statement in statements for item in ast.walk(statement))
+    return {ast.unparse(item) for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)}
 
 
 def _in_one_block(node: ast.stmt) -> set[str]:

@@ -90,14 +90,17 @@ def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
     from twin_gait.configuration.gait_table_file import load_state_table
     from twin_gait.exceptions import TwinGaitError
     from twin_gait.gait.program import compile_guards
-    from twin_gait.testing.compiled import compiled_machines
 
     place = "--gait-table: "
     try:
         table = load_state_table(name)
         compile_guards(table)
+        if not in_c:
+            return table, None
+        from twin_gait.testing.compiled import compiled_machines
+
         place = f"--machine c: {name}: "
-        return table, compiled_machines([table])[0] if in_c else None
+        return table, compiled_machines([table])[0]
     except TwinGaitError as error:
         raise pytest.UsageError(f"{place}{error}") from error
 
