@@ -11,7 +11,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from twin_gait.control import Controller
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import (
     KNEE_FRICTION,
@@ -348,29 +347,6 @@ def test_default_controller_is_the_one_of_the_thesis() -> None:
     assert_allclose(run.column("impedance_torque_Nm"), -turned, rtol=1e-13)
     friction = [0.4 * table_friction(w) for w in run.column("velocity_slow_rad_per_s")]
     assert_allclose(run.column("friction_compensation_torque_Nm"), friction, rtol=1e-12, atol=1e-12)
-
-
-class BangBang(Controller):
-    """Full torque towards the equilibrium."""
-
-    @staticmethod
-    def tick(memory, device, tick, period):  # type: ignore[no-untyped-def]
-        for joint in device.joints:
-            joint.demand.target = 2.0 if joint.measurement.angle < joint.demand.equilibrium else -2.0
-
-
-def test_a_controller_of_the_users_own_acts_on_the_bench_too() -> None:
-    control = TorqueControl(friction_model=KNEE_FRICTION, controller=BangBang(), equilibrium_angle=1.5)
-    runs = [simulate_bench(knee(control=control, duration=0.05), compiled=kind) for kind in (True, False)]
-    assert (runs[0].rows == runs[1].rows).all()
-    assert set(runs[0].column("target_torque_Nm")) == {-2.0}
-    assert not runs[0].column("impedance_torque_Nm").any()
-
-
-def test_what_is_no_controller_is_refused_on_the_bench_too() -> None:
-    control = TorqueControl(friction_model=KNEE_FRICTION, controller=BangBang)  # type: ignore[arg-type]
-    with pytest.raises(ParameterError, match=r"write BangBang\(\)"):
-        simulate_bench(knee(control=control, duration=0.05))
 
 
 def test_old_friction_model_compensates_by_equation_2_5() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import re
+from dataclasses import dataclass
 from typing import Any
 
 import numba
@@ -21,7 +22,6 @@ from numba.core.errors import TypingError
 
 from twin_gait.control.controller import NoMemory, UncompiledControllerError
 from twin_gait.simulation import compiling
-from twin_gait.simulation.bench_joint.episode import BenchDevice
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiling import (
     ALONE,
@@ -312,10 +312,17 @@ for _room in (*BRANCHES, calls_when_wide, walk, scaled, summed):
 # ------------------------------------------------------------------ controllers
 
 
+@dataclass(slots=True)
+class Device:
+    """What a controller is handed, as far as it matters here."""
+
+    memory: object
+
+
 def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
     def tick(memory, device, tick, period):  # type: ignore[no-untyped-def]
         return np.fft.nothing(period)
 
-    device = dtype_of(BenchDevice(NoMemory()))
+    device = dtype_of(Device(NoMemory()))
     with pytest.raises(UncompiledControllerError, match="numba cannot compile the controller 'Mine'"):
         compiled_ticks("Mine", {"controller_tick": tick}, device)

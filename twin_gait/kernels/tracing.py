@@ -27,8 +27,7 @@ class Trace:
     def __init__(self) -> None:
         """Begin an empty trace."""
         self.lines: list[str] = []
-        self._known: dict[tuple[str, ...], Symbol] = {}
-        self._called: dict[tuple[str, ...], list[Symbol]] = {}
+        self._known: dict[tuple[str, ...], list[Symbol]] = {}
         self._negated: dict[str, Symbol] = {}
         self._count = 0
 
@@ -40,31 +39,26 @@ class Trace:
         """Append what an operator makes of two numbers, of which at least one is a symbol."""
         left, right = text(first), text(second)
         operands = sorted((left, right)) if operator in "+*" else (left, right)
-        return self._emit((operator, *operands), f"{left} {operator} {right}")
-
-    def _emit(self, key: tuple[str, ...], expression: str) -> Symbol:
-        """Append an assignment unless the same expression is known, and return its symbol."""
-        if key not in self._known:
-            symbol = Symbol(self, f"t{self._count}")
-            self._count += 1
-            self.lines.append(f"{symbol.name} = {expression}")
-            self._known[key] = symbol
-        return self._known[key]
+        (result,) = self._emit((operator, *operands), f"{left} {operator} {right}")
+        return result
 
     def call(self, function: str, arguments: Sequence[Scalar], outputs: int) -> list[Symbol]:
-        """Append a call of a function with several results unless the same call is known."""
-        key = (function, *map(text, arguments))
-        if key in self._called:
-            return self._called[key]
-        names = [f"t{self._count + index}" for index in range(outputs)]
-        self._count += outputs
-        self.lines.append(f"{', '.join(names)} = {function}({', '.join(text(item) for item in arguments)})")
-        self._called[key] = [Symbol(self, name) for name in names]
-        return self._called[key]
+        """Append a call of a function with several results."""
+        given = [text(item) for item in arguments]
+        return self._emit((function, *given), f"{function}({', '.join(given)})", outputs)
+
+    def _emit(self, key: tuple[str, ...], expression: str, outputs: int = 1) -> list[Symbol]:
+        """Append an assignment unless the same expression is known, and return its symbols."""
+        if key not in self._known:
+            names = [f"t{self._count + index}" for index in range(outputs)]
+            self._count += outputs
+            self.lines.append(f"{', '.join(names)} = {expression}")
+            self._known[key] = [Symbol(self, name) for name in names]
+        return self._known[key]
 
     def negated(self, symbol: Symbol) -> Symbol:
         """Append the negative of a symbol, and remember of what it is the negative."""
-        result = self._emit(("neg", symbol.name), f"-{symbol.name}")
+        (result,) = self._emit(("neg", symbol.name), f"-{symbol.name}")
         self._negated[result.name] = symbol
         return result
 

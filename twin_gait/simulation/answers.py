@@ -31,9 +31,8 @@ def answers_in(
 ) -> Iterator[Answer]:
     """Read the answers from a log; ``initial``: mode in which the run began, None for the first."""
     first = 0 if initial is None else modes.phase_index(initial)
-    codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(
-        int
-    )  # before each tick, and after the last
+    # Before each tick, and after the last.
+    codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(int)
     entries = np.flatnonzero(np.diff(codes))
     for tick in np.flatnonzero(log["request"].to_numpy()).tolist():
         ticks = tick - max((int(entry) for entry in entries if entry < tick), default=0)

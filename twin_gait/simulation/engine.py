@@ -50,20 +50,17 @@ def log_layout(problem: Problem) -> LogLayout:
 
 def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str]:
     """How a run stands after some ticks, and why; completed as long as nothing has ended it."""
-    if status == DIVERGED:
-        return (
-            RunStatus.DIVERGED,
-            f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step",
-        )
-    world = problem.world
-    fall = {
-        FELL: f"the pelvis fell below {world.fall_height or 0.0:.2f} m",
-        TIPPED: f"the trunk leaned by more than {math.degrees(world.fall_pitch):.0f} deg",
-        LET_GO: f"a hand let go of its crutch, more than {world.longest_reach:.2f} m from the shoulder",
-    }.get(status)
-    if fall is not None:
-        return RunStatus.FELL, f"{fall} at {ticks * TICK:.3f} s"
-    return RunStatus.COMPLETED, ""
+    world, when = problem.world, f"at {ticks * TICK:.3f} s"
+    lean, reach = math.degrees(world.fall_pitch), world.longest_reach
+    reasons = {
+        DIVERGED: f"the state diverged {when}; try a smaller integration step",
+        FELL: f"the pelvis fell below {world.fall_height or 0.0:.2f} m {when}",
+        TIPPED: f"the trunk leaned by more than {lean:.0f} deg {when}",
+        LET_GO: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
+    }
+    if status not in reasons:
+        return RunStatus.COMPLETED, ""
+    return RunStatus.DIVERGED if status == DIVERGED else RunStatus.FELL, reasons[status]
 
 
 def result_of(

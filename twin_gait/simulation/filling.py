@@ -342,41 +342,33 @@ def _pad(entries: list[Record], blank: Record) -> None:
 
 def _supply(problem: Problem) -> episode.Supply:
     battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
+    power = electronics.constant_power + len(problem.joints) * electronics.inverter_power
+    voltage = battery.voltage
     return episode.Supply(
-        voltage=battery.voltage,
-        resistance=battery.internal_resistance,
-        constant_power=electronics.constant_power + len(problem.joints) * electronics.inverter_power,
-        regeneration=electronics.regeneration,
-        bus_voltage=battery.voltage,
+        voltage, battery.internal_resistance, power, electronics.regeneration, bus_voltage=voltage
     )
 
 
 def _limits(problem: Problem) -> Limits:
     control, network = problem.experiment.control, problem.experiment.network
-    watched = control.safety.enabled
-    return Limits(
-        torque=control.limits.torque,
-        current=control.limits.current,
+    safety = control.safety
+    heeded = network if safety.enabled else None
+    return taken_from(
+        Limits,
+        control.limits,
         phase_ticks=phase_time_out_ticks(problem),
-        frozen_load_ticks=ticks(control.safety.frozen_load_time),
-        controller_silence=ticks(network.board_silence) if network and watched else NEVER,
-        board_silence=ticks(network.ccu_silence) if network and watched else NEVER,
-        lowering_ticks=ticks(control.safety.lowering_time),
-        hold_damping=control.safety.hold_damping,
+        frozen_load_ticks=ticks(safety.frozen_load_time),
+        controller_silence=NEVER if heeded is None else ticks(heeded.board_silence),
+        board_silence=NEVER if heeded is None else ticks(heeded.ccu_silence),
+        lowering_ticks=ticks(safety.lowering_time),
+        hold_damping=safety.hold_damping,
     )
 
 
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
     q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
-    return ControlModel(
-        bodies,
-        problem.experiment.plant.gravity,
-        q,
-        a,
-        gravity,
-        inertia,
-        inertia_gain=problem.experiment.control.inertia_compensation,
-    )
+    gain = problem.experiment.control.inertia_compensation
+    return ControlModel(bodies, problem.experiment.plant.gravity, q, a, gravity, inertia, gain)
 
 
 def _trunk_unit(problem: Problem) -> TrunkUnit:

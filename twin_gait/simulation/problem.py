@@ -87,7 +87,9 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     control_model, controller = experiment.build_control_model(), experiment.control.controller(own)
     inertia = _inertia_of(control_model)
     plan = plan_of(experiment, control_model.sides, inertia)
-    world = starting_at(experiment, controller.start(plan)).build_world()
+    begin = controller.start(plan)  # angles of the legs that it wants, whatever the scenario says
+    placed = replace(experiment, scenario=experiment.scenario.starting_in(begin)) if begin else experiment
+    world = placed.build_world()
     table = scaled_table(experiment, world)
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
@@ -133,13 +135,6 @@ def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt)
         height=(experiment.patient or Patient()).height,
         inertia=inertia,
     )
-
-
-def starting_at(experiment: Experiment, begin: Mapping[Side, Mapping[JointName, float]]) -> Experiment:
-    """Let the legs begin at the angles in [rad] that the controller wants, whatever the scenario says."""
-    if not begin:
-        return experiment
-    return replace(experiment, scenario=experiment.scenario.starting_in(begin))
 
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:

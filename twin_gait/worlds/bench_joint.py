@@ -11,7 +11,6 @@ from enum import StrEnum
 from typing import Annotated
 
 from twin_gait import parameters
-from twin_gait.control import Controller
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, quantities, require
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
@@ -301,7 +300,6 @@ class TorqueControl(quantities.Parameters):
 
     Attributes:
         friction_model: The compensator's own friction model.
-        controller: Changes what is demanded in every tick, as one of the gait's does, if it has one.
         old_model: Takes the place of the friction model if given.
         friction_compensation_gain: G.
         compensation_velocity: At which velocity the friction is compensated.
@@ -315,7 +313,6 @@ class TorqueControl(quantities.Parameters):
     """
 
     friction_model: parameters.FrictionParameters
-    controller: Controller = field(default_factory=Controller)
     old_model: OldFrictionModel | None = None
     friction_compensation_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.35
     compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED

@@ -5,7 +5,6 @@ What is said of motor and rotor is what the joint sees of them, behind the gear.
 
 from dataclasses import dataclass, field
 
-from twin_gait.control.joint_board import Demand, Measurement
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
@@ -130,32 +129,6 @@ class Torques:
 
 
 @dataclass(slots=True)
-class DeviceJoint:
-    """The joint as a controller has it."""
-
-    measurement: Measurement = field(default_factory=Measurement)  # Angle and fast velocity.
-    demand: Demand = field(default_factory=Demand)  # Of the torque control, changed by the controller.
-
-
-@dataclass(slots=True)
-class DeviceLeg:
-    """The leg as a controller has it: in one phase for as long as the test lasts."""
-
-    phase: int = 0  # 0.
-    entry_tick: int = 0  # 0.
-    load: float = 0.0  # 0: nobody stands on it.
-
-
-@dataclass(slots=True)
-class BenchDevice:
-    """The bench as a controller has it, see :class:`twin_gait.control.Controller`."""
-
-    memory: object  # Of the controller.
-    joints: list[DeviceJoint] = field(default_factory=lambda: [DeviceJoint()])  # One.
-    legs: list[DeviceLeg] = field(default_factory=lambda: [DeviceLeg()])  # One.
-
-
-@dataclass(slots=True)
 class BenchEpisode:
     """Everything that a tick reads and writes.
 
@@ -184,7 +157,6 @@ class BenchEpisode:
     unit: InertialUnit  # Inertial unit on the link.
     acceleration: Acceleration  # For the inertia compensation.
     torque_control: TorqueControl  # What the torque control asks for.
-    device: BenchDevice  # What a controller sees and changes of it.
     path: CosinePath  # Of its equilibrium angle.
     old_model: OldFrictionModel  # TWIN's old friction model.
     old: bool  # Whether it takes the place of the compensator's friction model.

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.control.controller import Plan
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.elementary import sine_cosine
@@ -14,13 +13,10 @@ from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.gait.table import TICK
-from twin_gait.measures.reference import SLOWEST
-from twin_gait.parameters import KNEE_FRICTION, Patient, require
+from twin_gait.parameters import KNEE_FRICTION, require
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
-from twin_gait.simulation.filling import memory_of
-from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_joint import (
     HORIZONTAL,
     TRANSPARENCY_STEPS,
@@ -94,7 +90,6 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         unit=unit,
         acceleration=_acceleration(test, unit),
         torque_control=replace(torque, old_model=None, path=None),
-        device=record.BenchDevice(memory_of(torque.controller, _plan(test))),
         path=torque.path or path,
         old_model=torque.old_model or OldFrictionModel(),
         old=torque.old_model is not None,
@@ -134,20 +129,6 @@ def _torque_control(test: BenchJoint) -> TorqueControl:
     if not isinstance(test.control, TorqueControl):
         return TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
     return replace(test.control, friction_model=test.control.friction_model.normalised())
-
-
-def _plan(test: BenchJoint) -> Plan:
-    """What a controller knows of the bench; a walk there is none."""
-    inertia = test.actuator.armature + test.link.total_inertia
-    return Plan(
-        sides=(Side.RIGHT,),
-        joints=(JointName.KNEE,),
-        phases=("bench",),
-        leading=Side.RIGHT,
-        speed=SLOWEST,
-        height=Patient().height,
-        inertia=lambda side, posture, joint: inertia,
-    )
 
 
 def _transparency(test: BenchJoint) -> Transparency:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from twin_gait.control.controller import Controller, checked, require_controller
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
@@ -30,7 +29,7 @@ from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.record import dtype_of, numbers_in, stored
 from twin_gait.simulation.run import RunStatus
-from twin_gait.worlds.bench_joint import BenchJoint, TorqueControl
+from twin_gait.worlds.bench_joint import BenchJoint
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
@@ -94,15 +93,10 @@ def simulate_bench(
     Raises:
         ParameterError: If parts of the test do not go together.
     """
-    acting = test.control.controller if isinstance(test.control, TorqueControl) else Controller()
-    require_controller(acting)
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or BenchVariation()), bench_noise(test, ticks, seed)
     rows = np.zeros((ticks, len(COLUMNS)))
-    if compiled:
-        advance = _compiled(episode, noise, rows, acting, on_compile)
-    else:
-        advance = _plain(episode, noise, rows, acting)
+    advance = _compiled(episode, noise, rows, on_compile) if compiled else _plain(episode, noise, rows)
     done = end = ending = 0
     while done == end < ticks and ending == COMPLETED:
         if should_stop is not None and should_stop():
@@ -121,26 +115,18 @@ def run_at(address: int, first: int, end: int) -> int:
 
 
 def _compiled(
-    episode: BenchEpisode,
-    noise: np.ndarray,
-    rows: np.ndarray,
-    acting: Controller,
-    on_compile: Callable[[], None] | None,
+    episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, on_compile: Callable[[], None] | None
 ) -> Advance:
     """The compiled loop of a test; the caller keeps noise and rows."""
     episode.log, episode.noise = rows.ctypes.data, noise.ctypes.data
-    store, functions = stored(episode), acting.functions()
+    store, structure = stored(episode), _structure(episode)
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop, compiled_ticks
+        from twin_gait.simulation.compiling import compile_loop
 
-        ticks = compiled_ticks(acting.name, functions, store.dtype["device"])
-        names = {**structure, **_compiled_rows(store.dtype), **functions, **ticks}
-        return compile_loop(run_at, names, acting.name if ticks else "")
+        return compile_loop(run_at, {**structure, **_compiled_rows(store.dtype)})
 
-    structure = _structure(episode, acting)
-    key, own = _key(store.dtype, str(structure)), tuple(functions.values())
-    loop = kept_loop(key, make, on_compile, own)
+    loop = kept_loop(_key(store.dtype, str(structure)), make, on_compile)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
 
 
@@ -150,9 +136,9 @@ def _key(episode: np.dtype[Any], structure: str) -> str:
     return source_key(repr((episode, _ROW, structure, TICK, DIVERGED_VELOCITY)), "bench_joint")
 
 
-def _structure(episode: BenchEpisode, acting: Controller) -> dict[str, int]:
+def _structure(episode: BenchEpisode) -> dict[str, int]:
     """Constants that a loop is bound to; the laws beside (3.1) slow the others down."""
-    return {"OTHER_LAWS": episode.friction.law > ROTATIONAL, **acting.constants()}
+    return {"OTHER_LAWS": episode.friction.law > ROTATIONAL}
 
 
 @lru_cache(maxsize=8)
@@ -171,12 +157,11 @@ def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
     return {"bench_at": record_at(episode), "log_row": jit(log_row), "noise": jit(noise)}
 
 
-def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, acting: Controller) -> Advance:
+def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray) -> Advance:
     """The same rooms as plain Python, tick by tick."""
     log, table = [BenchRow() for _ in rows], noise.tolist()
     names = {"log_row": lambda e, tick: log[tick], "noise": lambda e, tick, place: table[tick][place]}
-    ticks = {name: checked(acting.name, tick) for name, tick in acting.functions().items()}
-    run = bind(run_ticks, {**names, **_structure(episode, acting), **ticks})
+    run = bind(run_ticks, {**names, **_structure(episode)})
 
     def advance(first: int, end: int) -> tuple[int, int]:
         done = run(episode, first, end)

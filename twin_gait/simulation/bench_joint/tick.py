@@ -6,7 +6,6 @@ current drives a Runge-Kutta step of the mechanics. The error shrinks with the s
 nothing at constant speed.
 """
 
-from twin_gait.control.gait_controller import CONTROLLED, controller_tick
 from twin_gait.core.actuator import dead_zone, sagged_bus_voltage
 from twin_gait.core.control_tick import controller_torques, measure_joint, target_current
 from twin_gait.core.estimation import delayed_sample, first_order_step, quantise
@@ -140,41 +139,26 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
 def _control_torque(e: BenchEpisode, tick: int) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
     law, limits, encoder, row = e.torque_control, e.test.limits, e.encoder, log_row(e, tick)
-    demand, inertia = e.device.joints[0].demand, e.rotor.inertia + e.link.inertia
+    inertia = e.rotor.inertia + e.link.inertia
     row.target_position, path_velocity, path_acceleration = cosine_path(
         tick * TICK, e.path.start_angle, e.path.amplitude, e.path.frequency
     )
-    demand.stiffness, demand.damping = law.stiffness, law.damping
-    demand.equilibrium, demand.gain = row.target_position, law.friction_compensation_gain
-    demand.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
-    demand.target = law.target_torque + inertia * path_acceleration
-    if CONTROLLED:
-        _let_act(e, tick)
     row.impedance_torque, row.friction_compensation_torque = controller_torques(
         encoder.angle,
         encoder.velocity_fast - path_velocity,
         encoder.velocity_slow,
-        demand.stiffness,
-        demand.damping,
-        demand.equilibrium,
-        demand.gain,
+        law.stiffness,
+        law.damping,
+        row.target_position,
+        law.friction_compensation_gain,
         _model_friction(e, path_velocity),
     )
-    row.inertia_compensation_torque = demand.inertia
-    row.target_torque = demand.target
+    row.inertia_compensation_torque = law.inertia_compensation * inertia * e.acceleration.estimate
+    row.target_torque = law.target_torque + inertia * path_acceleration
     command = row.impedance_torque + row.friction_compensation_torque + row.inertia_compensation_torque
     command += row.target_torque
     row.motor_command_torque = command
     e.winding.target_current = target_current(e.motor, command, limits.torque, limits.current)
-
-
-def _let_act(e: BenchEpisode, tick: int) -> None:
-    """Let a controller change what is demanded; gravity that it feeds forward goes with the target."""
-    joint = e.device.joints[0]
-    joint.measurement.angle, joint.measurement.velocity = e.encoder.angle, e.encoder.velocity_fast
-    joint.demand.gravity = 0.0
-    controller_tick(e.device.memory, e.device, tick, TICK)
-    joint.demand.target += joint.demand.gravity
 
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:

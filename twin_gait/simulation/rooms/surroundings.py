@@ -6,6 +6,7 @@ from twin_gait.control.gait_controller import SUPERVISED, hear_command
 from twin_gait.control.supervisor import NO_REQUEST, hear_request
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.elementary import sine_cosine
+from twin_gait.core.plant import Stop
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
@@ -43,17 +44,17 @@ def catch(e: Episode, tick: int) -> None:
         if e.controller.trip.tick == tick:
             harness = e.trunk.harness
             _, cosine = sine_cosine(e.q[PITCH])
-            harness.stop.lower = e.q[PELVIS] + harness.height * cosine
-            harness.stop.upper = math.inf
-            harness.stop.stiffness = e.catch_stiffness
-            harness.stop.dissipation = e.catch_dissipation
+            _lock(e, harness.stop, e.q[PELVIS] + harness.height * cosine)
     elif PELVIS >= 0:
         if e.controller.trip.tick == tick:
-            stop = e.plant[PELVIS + SHIFT].stop
-            stop.lower = e.q[PELVIS + SHIFT]
-            stop.upper = math.inf
-            stop.stiffness = e.catch_stiffness
-            stop.dissipation = e.catch_dissipation
+            _lock(e, e.plant[PELVIS + SHIFT].stop, e.q[PELVIS + SHIFT])
+
+
+def _lock(e: Episode, stop: Stop, height: float) -> None:
+    stop.lower = height
+    stop.upper = math.inf
+    stop.stiffness = e.catch_stiffness
+    stop.dissipation = e.catch_dissipation
 
 
 def push(e: Episode, tick: int) -> None:
