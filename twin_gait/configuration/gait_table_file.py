@@ -148,9 +148,6 @@ def gait_table_from_mapping(
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
-    for joint in joints:
-        if not isinstance(values.get(joint), dict):
-            raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")
     try:
         entry: Any = validate(phase_section(joints), values, source)
     except ParameterFileError as error:
