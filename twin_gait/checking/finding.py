@@ -8,8 +8,8 @@ module lists it in ``RULES``.
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import wraps
-from typing import Any, TypeVar
+from functools import lru_cache, wraps
+from typing import Any
 
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, StateTable, Transition, Waiver
@@ -40,7 +40,7 @@ class Finding:
     rule: str = ""  # id of the rule, for example ``ambiguity``
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CheckCase:
     """What is checked: a table and the leg, motor and wearer that it drives."""
 
@@ -51,8 +51,6 @@ class CheckCase:
     # highest speed of each joint of the table in [rad] / [s]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     first_phases: tuple[str, ...] = ()  # in which the legs start, leg by leg; nothing without an experiment
-    # what one rule has worked out and another needs too
-    shared: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def gait(self) -> GaitTable:
@@ -65,26 +63,9 @@ class CheckCase:
         """Whether the table drives two legs, so that guards may read the other one."""
         return self.experiment is None or len(self.experiment.leg.legs) == 2
 
-    def once(self, key: Any, work: Callable[[], Any]) -> Any:
-        """What some work gives, done once for all rules."""
-        if key not in self.shared:
-            self.shared[key] = work()
-        return self.shared[key]
-
 
 Rule = Callable[[CheckCase], list[Finding]]
-_T = TypeVar("_T")
-
-
-def once(work: Callable[[CheckCase], _T]) -> Callable[[CheckCase], _T]:
-    """Work something out once for all rules of a case."""
-
-    @wraps(work)
-    def found(case: CheckCase) -> _T:
-        kept: _T = case.once(work, lambda: work(case))
-        return kept
-
-    return found
+once = lru_cache(maxsize=4)  # works something out once for all rules of a case, which follow each other
 
 
 def rule(find: Callable[[CheckCase], Iterator[Finding]]) -> Rule:

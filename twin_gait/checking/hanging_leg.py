@@ -50,7 +50,7 @@ def friction_stiffness(law: FrictionLaw, velocity: float) -> float:
     return law.in_plant().bristle_stiffness if velocity == 0.0 else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HangingLeg:
     """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero."""
 

@@ -1,6 +1,5 @@
 """Can a leg leave a phase by its own motors, or does only the time-out take it on?"""
 
-import math
 from collections.abc import Iterator
 from enum import IntEnum
 from typing import NamedTuple
@@ -12,7 +11,7 @@ from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
 from twin_gait.gait.signals import ANGLE, LOAD, LONGEST_STAY, OTHER_TIME, TIME, VELOCITY
-from twin_gait.gait.table import TICK, DrivenBy
+from twin_gait.gait.table import TICK, DrivenBy, Transition
 
 _POINT = 1e-7  # [rad]; half the width of a range that stands for one angle, beyond the rounding of sums
 
@@ -32,6 +31,41 @@ class _Leaving(NamedTuple):
     phase: str
     rest: Rest
     way: Way
+
+    @property
+    def contact(self) -> bool:
+        """Whether ground and other leg can move the leg."""
+        return in_contact(self.leg, self.phase)
+
+    @property
+    def exits(self) -> list[Transition]:
+        """All exits of the phase."""
+        return [item for item in self.leg.problem.table.transitions if item.source == self.phase]
+
+    @property
+    def causes(self) -> str:
+        """Causes of the guarded exits, in words."""
+        return " or ".join(dict.fromkeys(item.cause for item in self.exits if not item.is_time_out))
+
+    @property
+    def remains(self) -> str:
+        """What is left where none of them opens, in words."""
+        ends = any(item.is_time_out for item in self.exits)
+        return "only the time-out remains" if ends else "there is no time-out"
+
+    @property
+    def posture(self) -> str:
+        """Rests of all joints in words."""
+        low, high = np.degrees(self.rest.corners.min(axis=0)), np.degrees(self.rest.corners.max(axis=0))
+        parts = zip(self.leg.joints, low.tolist(), high.tolist(), strict=True)
+        return ", ".join(f"{joint} {least:.1f} … {most:.1f}°" for joint, least, most in parts)
+
+    def finding(self, severity: Severity, reason: str, suggestion: str) -> Finding:
+        """A finding with the posture in which the leg rests."""
+        pairs = zip(self.leg.joints, np.degrees(self.rest.middle).tolist(), strict=True)
+        middle = {ANGLE.of(joint): round(angle, 2) for joint, angle in pairs}
+        side = self.leg.shown_side
+        return Finding(severity, reason, suggestion, phase=self.phase, side=side, counterexample=middle)
 
 
 def ways_out(space: SignalSpace, leg: HangingLeg, phase: str) -> list[tuple[Rest, Way]]:
@@ -111,61 +145,30 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     and none if an exit of the phase is declared ``driven_by: contact``.
     """
     for found in _leavings(case):
-        leg, phase, rest, way = found
-        if way is Way.NONE or (way is Way.IN_MOTION and in_contact(leg, phase)):
-            before = (
-                f"by its motors the leg stops at {_posture(leg, rest)}, where {_causes(case, phase)} is not"
+        stops = f"by its motors the leg stops at {found.posture}, where {found.causes} is not open"
+        if found.contact and found.way is not Way.AT_REST:
+            suggestion = (
+                "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
+                "equilibrium beyond the threshold"
             )
-            if in_contact(leg, phase):
-                reason = f"{before} open; {_remains(case, phase)}"
-                suggestion = (
-                    "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
-                    "equilibrium beyond the threshold"
-                )
-                yield _left(found, Severity.WARNING, reason, suggestion)
-            else:
-                reason = f"{before} open, nor was it on the way; {_remains(case, phase)}"
-                suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
-                yield _left(found, Severity.ERROR, reason, suggestion)
+            yield found.finding(Severity.WARNING, f"{stops}; {found.remains}", suggestion)
+        elif found.way is Way.NONE:
+            reason = f"{stops}, nor was it on the way; {found.remains}"
+            suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
+            yield found.finding(Severity.ERROR, reason, suggestion)
 
 
 @rule
 def leaves_in_motion_only(case: CheckCase) -> Iterator[Finding]:
     """The exits of a swing open only on the way: once the leg rests, only the time-out is left."""
     for found in _leavings(case):
-        leg, phase, rest, way = found
-        if way is Way.IN_MOTION and not in_contact(leg, phase):
+        if found.way is Way.IN_MOTION and not found.contact:
             reason = (
-                f"{_causes(case, phase)} can open on the way only: once the leg rests at "
-                f"{_posture(leg, rest)}, {_remains(case, phase)}"
+                f"{found.causes} can open on the way only: once the leg rests at {found.posture}, "
+                f"{found.remains}"
             )
             suggestion = "move the equilibrium beyond the thresholds of one exit, or keep an early time-out"
-            yield _left(found, Severity.WARNING, reason, suggestion)
-
-
-def _left(found: _Leaving, severity: Severity, reason: str, suggestion: str) -> Finding:
-    """A finding with the posture in which the leg rests."""
-    leg, phase, rest, _ = found
-    pairs = zip(leg.joints, rest.middle.tolist(), strict=True)
-    middle = {ANGLE.of(joint): round(math.degrees(angle), 2) for joint, angle in pairs}
-    return Finding(severity, reason, suggestion, phase=phase, side=leg.shown_side, counterexample=middle)
-
-
-def _causes(case: CheckCase, phase: str) -> str:
-    names = [item.cause for item in case.table.transitions if item.source == phase and not item.is_time_out]
-    return " or ".join(dict.fromkeys(names))
-
-
-def _remains(case: CheckCase, phase: str) -> str:
-    ends = any(item.is_time_out for item in case.table.transitions if item.source == phase)
-    return "only the time-out remains" if ends else "there is no time-out"
-
-
-def _posture(leg: HangingLeg, rest: Rest) -> str:
-    """Rests of all joints in words."""
-    low, high = np.degrees(rest.corners.min(axis=0)), np.degrees(rest.corners.max(axis=0))
-    parts = zip(leg.joints, low.tolist(), high.tolist(), strict=True)
-    return ", ".join(f"{joint} {least:.1f} … {most:.1f}°" for joint, least, most in parts)
+            yield found.finding(Severity.WARNING, reason, suggestion)
 
 
 RULES = (cannot_leave, leaves_in_motion_only)

@@ -246,6 +246,7 @@ def postures(
     return Postures(column(ANGLE), column(VELOCITY))
 
 
+@lru_cache(maxsize=64)  # rules follow each other, and ways into a phase share what comes before
 def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DEPTH) -> list[np.ndarray]:
     """Postures at which the exits into a phase open first.
 
@@ -255,12 +256,6 @@ def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = 
 
     Returns postures in [rad], each once, of all ways into the phase.
     """
-    key = (first_entries, leg.side, phase, depth)
-    found: list[np.ndarray] = space.case.once(key, lambda: _first_entries(space, leg, phase, depth))
-    return found
-
-
-def _first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int) -> list[np.ndarray]:
     number = space.table.phase_index(phase)
     found: dict[bytes, np.ndarray] = {}  # ways that meet again have one end
     for index, item in enumerate(space.table.transitions):
@@ -268,7 +263,7 @@ def _first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int) 
             continue
         source = space.table.phase_index(item.source)
         for start in first_entries(space, leg, item.source, depth - 1):
-            rest = _shared_rest(space, leg, source, start)
+            rest = _rest_after(leg, source, tuple(start.tolist()))
             opened = postures(space, index, leg, rest, _ENTRY_SAMPLES)
             if opened is not None:
                 angles = opened.angles[np.abs(opened.angles - start).sum(axis=1).argmin()]
@@ -279,11 +274,10 @@ def _first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int) 
 def first_rests(space: SignalSpace, leg: HangingLeg, phase: str) -> list[Rest]:
     """Rests of a phase, one for each of its first entries."""
     number = space.table.phase_index(phase)
-    return [_shared_rest(space, leg, number, start) for start in first_entries(space, leg, phase)]
+    return [_rest_after(leg, number, tuple(start.tolist())) for start in first_entries(space, leg, phase)]
 
 
-def _shared_rest(space: SignalSpace, leg: HangingLeg, phase: int, start: np.ndarray) -> Rest:
+@lru_cache(maxsize=256)
+def _rest_after(leg: HangingLeg, phase: int, start: tuple[float, ...]) -> Rest:
     """Rest of a leg in a phase, found once for all rules and ways."""
-    key = (find_rest, leg.side, phase, start.tobytes())
-    found: Rest = space.case.once(key, lambda: find_rest(leg, phase, start))
-    return found
+    return find_rest(leg, phase, np.array(start))

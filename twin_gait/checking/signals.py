@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from twin_gait.checking.finding import CheckCase, once
 from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
@@ -59,6 +60,8 @@ class SignalSpace:
         table: Its table.
         others: Phases that the other leg can be in; only None without another leg. Of modes the requests,
             None among them.
+        opening: First of :meth:`openings`; None without one.
+        can_fire: Whether an exit can be open for as long as its debounce asks, all signals free meanwhile.
     """
 
     def __init__(self, case: CheckCase) -> None:
@@ -70,8 +73,7 @@ class SignalSpace:
         self.names = self.table.signals
         self._scales = {name: signal_scale(name) for name in self.names}
         self._known = Known(case.limits, case.velocity_limits)
-        self._openings: dict[tuple[int, str | None], Point | None] = {}
-        self._firing: dict[int, bool] = {}
+        self.opening, self.can_fire = cache(self._opening), cache(self._can_fire)
 
     def exits(self, phase: str) -> list[int]:
         """Indices of the transitions that leave a phase."""
@@ -172,23 +174,17 @@ class SignalSpace:
             yield Point(signals, way.phases[0], way.phases != start.phases)
 
     def openings(self, index: int, other: str | None = None) -> Iterator[Point]:
-        """Signals that open an exit, for each way to do it; see :meth:`opening`."""
+        """Signals that open an exit, not held back by time, for each way to do it.
+
+        ``other``: phase of the other leg; None for any.
+        """
         window = {TIME: self.window(index)}
         return self.find(
             [self.requirement(index)], window, lambda point: self.is_open(index, point), other=other
         )
 
-    def opening(self, index: int, other: str | None = None) -> Point | None:
-        """Signals that open an exit, not held back by time, while the other leg is in a phase, or in any."""
-        if (index, other) not in self._openings:
-            self._openings[index, other] = next(self.openings(index, other), None)
-        return self._openings[index, other]
-
-    def can_fire(self, index: int) -> bool:
-        """Whether an exit can be open for as long as its debounce asks, all signals free meanwhile."""
-        if index not in self._firing:
-            self._firing[index] = self._can_fire(index)
-        return self._firing[index]
+    def _opening(self, index: int, other: str | None = None) -> Point | None:
+        return next(self.openings(index, other), None)
 
     def _can_fire(self, index: int) -> bool:
         item = self.transition(index)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
@@ -70,20 +69,42 @@ class TransitionEntry(Strict):
         return self
 
 
-class GaitTableFile(Strict):
-    """A gait table file."""
+class _TableFile(Strict):
+    """What both kinds of files have."""
 
     schema_version: Literal[1]
     name: str | None = None
     description: str = ""
+    transitions: list[TransitionEntry]
+    waive: list[_Waiver] = Field(default_factory=list)  # type: ignore[valid-type]
+
+    def shared(
+        self, name: str, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords, source: str
+    ) -> dict[str, Any]:
+        """What both kinds of tables have, in SI; ``members`` are what guards may ask for by name."""
+        waivers: list[Any] = self.waive
+        transitions = [
+            converting(source, f"transitions[{index}]", partial(_transition, entry, joints, members, words))
+            for index, entry in enumerate(self.transitions)
+        ]
+        return {
+            "name": self.name or name,
+            "joints": joints,
+            "description": self.description,
+            "transitions": tuple(transitions),
+            "waivers": tuple(converting(source, "", item.convert) for item in waivers),
+        }
+
+
+class GaitTableFile(_TableFile):
+    """A gait table file."""
+
     joints: list[str] = Field(min_length=1)
     blending: _Blending = _Blending()  # type: ignore[valid-type]
     scaling: _Scaling = _Scaling()  # type: ignore[valid-type]
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
-    transitions: list[TransitionEntry]
     cycles: list[list[str]] = Field(default_factory=list)
     postures: list[str] = Field(default_factory=list)
-    waive: list[_Waiver] = Field(default_factory=list)  # type: ignore[valid-type]
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
@@ -116,7 +137,7 @@ def gait_table_from_mapping(
         missing = ", ".join(str(item) for item in GaitPhase if item not in phases)
         problem = f"missing {missing}; a cycle without them goes under cycles"
         raise ParameterFileError(source, "phases", problem)
-    transitions = transitions_of(entry.transitions, joints, tuple(phases), source)
+    shared = entry.shared(name, joints, tuple(phases), LEG_WORDS, source)
     side_phases: dict[Side, dict[str, table.PhaseParameters]] = {}
     for side, differences in entry.sides.items():
         for phase, values in differences.items():
@@ -131,26 +152,19 @@ def gait_table_from_mapping(
         source,
         "",
         lambda: kind(
-            name=entry.name or name,
-            joints=joints,
+            **shared,
             phases=phases,
-            transitions=transitions,
             blending=entry.blending.convert(),
             side_phases=side_phases,
             scaling=entry.scaling.convert(),
-            description=entry.description,
             cycles=tuple(tuple(cycle) for cycle in entry.cycles),
             postures=tuple(entry.postures),
-            waivers=tuple(item.convert() for item in entry.waive),
         ),
     )
 
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
-    for joint in joints:
-        if not isinstance(values.get(joint), dict):
-            raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")
     try:
         entry: Any = validate(phase_section(joints), values, source)
     except ParameterFileError as error:
@@ -159,32 +173,20 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     return phase
 
 
-def transitions_of(
-    entries: Sequence[TransitionEntry],
-    joints: tuple[str, ...],
-    members: tuple[str, ...],
-    source: str,
-    words: GuardWords = LEG_WORDS,
-) -> tuple[table.Transition, ...]:
-    """Transitions in SI; ``members`` are what guards may ask for by name."""
-
-    def build(entry: TransitionEntry) -> table.Transition:
-        listed = entry.any if entry.all is None else entry.all
-        guards = tuple(_guard(item, joints, members, words) for item in listed or ())
-        some = entry.all is None and entry.any is not None
-        return table.Transition(
-            source=entry.from_,
-            target=entry.to,
-            cause=entry.cause,
-            guard=AnyOf(guards=guards) if some else AllOf(guards=guards),
-            debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
-            time_out_ticks=None if entry.after_s is None else round(entry.after_s / table.TICK),
-            driven_by=entry.driven_by,
-        )
-
-    return tuple(
-        converting(source, f"transitions[{index}]", partial(build, entry))
-        for index, entry in enumerate(entries)
+def _transition(
+    entry: TransitionEntry, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords
+) -> table.Transition:
+    listed = entry.any if entry.all is None else entry.all
+    guards = tuple(_guard(item, joints, members, words) for item in listed or ())
+    some = entry.all is None and entry.any is not None
+    return table.Transition(
+        source=entry.from_,
+        target=entry.to,
+        cause=entry.cause,
+        guard=AnyOf(guards=guards) if some else AllOf(guards=guards),
+        debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
+        time_out_ticks=None if entry.after_s is None else round(entry.after_s / table.TICK),
+        driven_by=entry.driven_by,
     )
 
 
@@ -204,18 +206,13 @@ def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: 
 _Mode = section_of(Mode)
 
 
-class ModeTableFile(Strict):
+class ModeTableFile(_TableFile):
     """A file of operating modes."""
 
-    schema_version: Literal[1]
-    name: str | None = None
-    description: str = ""
     joints: list[str] = Field(default=["hip", "knee"], min_length=1)
     requests: list[str]
     hold: str
     modes: dict[str, _Mode] = Field(min_length=2)  # type: ignore[valid-type]
-    transitions: list[TransitionEntry]
-    waive: list[_Waiver] = Field(default_factory=list)  # type: ignore[valid-type]
 
 
 def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> ModeTable:
@@ -224,22 +221,11 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
     entry: Any = validate(ModeTableFile, data, source)
-    joints, requests = tuple(entry.joints), tuple(entry.requests)
-    transitions = transitions_of(entry.transitions, joints, requests, source, MODE_WORDS)
+    requests = tuple(entry.requests)
+    shared = entry.shared(name, tuple(entry.joints), requests, MODE_WORDS, source)
     modes = {key: converting(source, f"modes.{key}", mode.convert) for key, mode in entry.modes.items()}
     return converting(
-        source,
-        "",
-        lambda: ModeTable(
-            name=entry.name or name,
-            joints=joints,
-            phases=modes,
-            requests=requests,
-            hold=entry.hold,
-            transitions=transitions,
-            description=entry.description,
-            waivers=tuple(item.convert() for item in entry.waive),
-        ),
+        source, "", lambda: ModeTable(**shared, phases=modes, requests=requests, hold=entry.hold)
     )
 
 

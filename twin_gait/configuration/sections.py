@@ -8,7 +8,7 @@ import math
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, replace
-from functools import reduce
+from functools import cache, reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
@@ -251,11 +251,10 @@ class MappingForm(Form):
         return {first[str(name)]: self.inner.write(item) for name, item in value.items()}
 
 
+@cache
 def form_of(item: quantities.Declaration) -> Any:
     """How the values of a field stand in a file."""
-    if item not in _forms:
-        _forms[item] = _form(item, item.kind)
-    return _forms[item]
+    return _form(item, item.kind)
 
 
 def _form(item: quantities.Declaration, kind: Any) -> Form:
@@ -272,9 +271,6 @@ def _form(item: quantities.Declaration, kind: Any) -> Form:
         word = item.mark(quantities.Word)
         return WordForm(kind, word) if word else SectionForm((kind,))
     return Form(_PLAIN.get(kind, kind))
-
-
-_forms: dict[quantities.Declaration, Form] = {}
 
 
 def reads(parameters: type[Any]) -> Any:

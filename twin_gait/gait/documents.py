@@ -15,15 +15,7 @@ from twin_gait.gait.feasibility import ZERO, Bound, bound_of, solve
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
 from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.signals import TIME
-from twin_gait.gait.table import (
-    TICK,
-    Blending,
-    GaitTable,
-    JointImpedance,
-    PhaseParameters,
-    Scaling,
-    StateTable,
-)
+from twin_gait.gait.table import TICK, Blending, GaitTable, JointImpedance, Scaling, StateTable
 
 # A truth table with more conditions or rows is not read by anyone: the exits are listed in order instead.
 MOST_CONDITIONS, MOST_ROWS = 12, 64
@@ -288,21 +280,15 @@ def _settings(table: StateTable, phase: str) -> str:
         stays = f"minimum duration {mode.minimum_ticks} ms"
         return f"{_text('; '.join([*mode_words(mode), stays])).capitalize()}.\n"
     assert isinstance(table, GaitTable)  # there is no third kind
-    common = table.phases[phase]
-    rows = _impedance_rows(common, "")
-    shares = [f"Gravity share {number(common.gravity_compensation)}"]
-    for side, own in table.side_phases.items():
-        if phase in own:
-            rows += _impedance_rows(own[phase], f"{side} ")
-            shares.append(f"{side} {number(own[phase].gravity_compensation)}")
+    common, rows, shares = table.phases[phase], [], []
+    sides = [(f"{side} ", own[phase]) for side, own in table.side_phases.items() if phase in own]
+    for prefix, parameters in [("", common), *sides]:
+        rows += [(f"{prefix}{name}", *_impedance(joint)) for name, joint in parameters.joints.items()]
+        shares.append(f"{prefix}{number(parameters.gravity_compensation)}")
     stay = f", minimum duration {common.minimum_ticks} ms"
     stay += "" if common.blending_ticks is None else f", blending {common.blending_ticks} ms"
     heading = ("joint", "k [Nm/°]", "θ0 [°]", "ζ", "b [Nms/rad]", "G")
-    return f"{_grid(heading, rows)}\n{', '.join(shares)}{stay}.\n"
-
-
-def _impedance_rows(phase: PhaseParameters, prefix: str) -> list[tuple[str, ...]]:
-    return [(f"{prefix}{name}", *_impedance(joint)) for name, joint in phase.joints.items()]
+    return f"{_grid(heading, rows)}\nGravity share {', '.join(shares)}{stay}.\n"
 
 
 def _impedance(joint: JointImpedance) -> tuple[str, ...]:

@@ -135,13 +135,8 @@ class GuardWords(NamedTuple):
             what, known, asked = self.member, members, atom.phases
         else:
             what, known, asked = "signal", self.signals(joints), atom.names
-        for name in asked:
-            if name not in known:
-                return f"no {what} {name!r}; there are {', '.join(known)}"
-        units = [signal_of(name).unit for name in asked] if what == "signal" else []
-        if len(set(units)) > 1:
-            return f"{' and '.join(asked)} have different units: {' and '.join(unit.words for unit in units)}"
-        return ""
+        absent = [name for name in asked if name not in known]
+        return f"no {what} {absent[0]!r}; there are {', '.join(known)}" if absent else ""
 
 
 LEG_WORDS = GuardWords("other.phase", "phase", all_signal_names)
@@ -158,11 +153,11 @@ def parse_guard(
     """
     try:
         atom = _parsed(text, words)
+        problem = words.problem(atom, joints, phases) or _mixed_units(atom)
+        if problem:
+            raise GaitTableError(problem)
     except GaitTableError as error:
         raise GaitTableError(f"guard {text!r}: {error}") from None
-    problem = words.problem(atom, joints, phases)
-    if problem:
-        raise GaitTableError(f"guard {text!r}: {problem}")
     return atom
 
 
@@ -180,3 +175,10 @@ def _parsed(text: str, words: GuardWords) -> Comparison | PhaseMembership:
         )
     signal, minus, operator, number = comparison.groups()
     return Comparison(signal=signal, minus=minus, operator=operator, threshold=float(number))
+
+
+def _mixed_units(atom: Comparison | PhaseMembership) -> str:
+    """Say that the two signals of a comparison have different units; empty if they have not."""
+    names = atom.names if isinstance(atom, Comparison) else ()
+    units = dict.fromkeys(signal_of(name).unit.words for name in names)
+    return f"{' and '.join(names)} have different units: {' and '.join(units)}" if len(units) > 1 else ""

@@ -15,7 +15,7 @@ from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.guards import LEG_WORDS
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import OTHER, TIME, LegSignals, signal_scale, values_of_device, values_of_leg
+from twin_gait.gait.signals import OTHER, TIME, LegSignals, values_of_device, values_of_leg
 from twin_gait.gait.table import TICK, StateTable
 from twin_gait.vocabulary import Side
 
@@ -71,12 +71,9 @@ class GaitStateMachine:
         self.entry_tick = 0
         self._debounce = [0] * len(table.transitions)
         self._names = table.signals
-        self._scales = [(name, signal_scale(name)) for name in self._names]
         self._own_places = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
-        initial = table.phase_names[0] if initial_phase is None else initial_phase
-        table.phase_index(initial)
-        self.phase: str = initial
-        self._index = table.phase_index(initial)
+        self.phase: str = table.phase_names[0] if initial_phase is None else initial_phase
+        self._index = table.phase_index(self.phase)
 
     @cached_property
     def machine(self) -> Machine:
@@ -129,8 +126,7 @@ class GaitStateMachine:
         made, or None. Returns the switch, or None if the phase stays. Raises MeasurementError if a signal is
         not finite.
         """
-        given = {**signals, TIME: self.time_in_phase(tick)}
-        values = [scale * given.get(name, 0.0) for name, scale in self._scales]
+        values = self.table.in_si({**signals, TIME: self.time_in_phase(tick)})
         return self.advance(tick, values, self.table.member_index(member))
 
     def advance(self, tick: int, signals: Sequence[float], other_phase: int) -> PhaseSwitch | None:

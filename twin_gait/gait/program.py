@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from twin_gait.core import guards
-from twin_gait.core import guards as core
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import signal_scale
@@ -16,7 +15,7 @@ DEVICE_BITS = 30  # of an int32_t, so that all of them may be shifted once more
 def compile_guards(table: StateTable) -> guards.GuardProgram:
     """Compile the transitions of a table of gait or of modes, thresholds in SI units."""
     nodes: list[guards.GuardNode] = []
-    comparisons: list[core.Comparison] = []
+    comparisons: list[guards.Comparison] = []
     rules = []
     for transition in table.transitions:
         first = len(nodes)
@@ -47,7 +46,7 @@ def guard_is_open(guard: Guard, table: StateTable, signals: Sequence[float], mem
     ``signals``: in SI, in the order of the table. ``member``: place among its members, negative for none.
     """
     nodes: list[guards.GuardNode] = []
-    comparisons: list[core.Comparison] = []
+    comparisons: list[guards.Comparison] = []
     _emit(guard, table, nodes, comparisons)
     return guards.guard_holds(
         guards.GuardProgram(0, [], [], nodes, comparisons), 0, len(nodes), signals, member
@@ -76,7 +75,7 @@ def require_bits(table: StateTable, program: guards.GuardProgram, bits: int = DE
 
 
 def _emit(
-    guard: Guard, table: StateTable, nodes: list[guards.GuardNode], comparisons: list[core.Comparison]
+    guard: Guard, table: StateTable, nodes: list[guards.GuardNode], comparisons: list[guards.Comparison]
 ) -> None:
     if isinstance(guard, Comparison):
         comparisons.append(_comparison(guard, table))
@@ -92,10 +91,10 @@ def _emit(
         )
 
 
-def _comparison(guard: Comparison, table: StateTable) -> core.Comparison:
+def _comparison(guard: Comparison, table: StateTable) -> guards.Comparison:
     names = table.signals
     sign = 1.0 if guard.operator == ">" else -1.0
-    return core.Comparison(
+    return guards.Comparison(
         signal_a=names.index(guard.signal),
         signal_b=0 if guard.minus is None else names.index(guard.minus),
         factor_a=sign,

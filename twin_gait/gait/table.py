@@ -40,11 +40,7 @@ class BlendingLaw(StrEnum):
     @property
     def code(self) -> int:
         """Code of the law in :mod:`twin_gait.core.blending`."""
-        return {
-            BlendingLaw.NONE: blending.BLEND_NONE,
-            BlendingLaw.LINEAR: blending.BLEND_LINEAR,
-            BlendingLaw.MINIMUM_JERK: blending.BLEND_MINIMUM_JERK,
-        }[self]
+        return int(getattr(blending, f"BLEND_{self.name}"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -37,10 +38,11 @@ def plain_names(legs: Mapping[Side, LegJoints], known: Collection[str]) -> dict[
     def plain(name: str) -> str:
         return name[1:] if name[:1] in ("-", "+") and name not in known else name
 
-    return {
-        side: replace(leg, **{joint: plain(name) for joint, name in leg.items()})
-        for side, leg in legs.items()
-    }
+    def plain_leg(leg: LegJoints) -> LegJoints:
+        names: dict[str, Any] = {joint: plain(name) for joint, name in leg.items()}
+        return replace(leg, **names)
+
+    return {side: plain_leg(leg) for side, leg in legs.items()}
 
 
 def reversed_joints(
