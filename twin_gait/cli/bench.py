@@ -26,18 +26,13 @@ _FORMS = (
     ("--current-loop", ("pi", "ideal"), "pi", "of figure 2.13, or perfect (pi)"),
 )
 _CONTROLLER = ("--controller", CONTROLLERS, "friction", "what drives the motor (friction)")
-_HOW = "the thesis's falls, or driven by the motor to ±2.5 rad/s, or a folder for each (drop)"
-_PROTOCOL = ("--protocol", ("drop", "two-way", "both"), "drop", _HOW)
+_HOW = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
+_PROTOCOL = ("--protocol", ("drop", "two-way"), "drop", _HOW)
 # Numbers of the bench, of one test, and of its controller: option, default, unit, meaning.
 _BENCH = (
     ("--friction-ratio", 1.0, "S", "true friction over table 3.1 (1)"),
     ("--friction-ripple-Nm", 0.3, "NM", "friction that repeats with the gear (0.3)"),
-    ("--friction-per-load", 0.0, "SHARE", "Coulomb friction per load (0)"),
     ("--lever-m", 0.30, "M", "from the axis to the weight (0.30)"),
-    ("--current-noise-A", None, "A", "of a current sample (0.011)"),
-    ("--battery-V", 28.8, "V", "open-circuit voltage (28.8)"),
-    ("--gear-temperature-degC", None, "C", "adds the gear's losses from its catalogue"),
-    ("--torsional-stiffness-Nm-per-rad", None, "K", "of the gear (rigid)"),
 )
 _TEST = (
     ("--mass", 2.0, "KG", "weight on the link (2)"),
@@ -81,24 +76,14 @@ def add_parser(commands: Any) -> None:
 def bench_of(arguments: argparse.Namespace) -> BenchJoint:
     """The bench as the options describe it, without a controller."""
     from twin_gait import worlds as world
-    from twin_gait.parameters import BatteryParameters
 
     law = world.BENCH_FRICTION[arguments.joint].scaled(arguments.friction_ratio)
-    per_load, ripple = arguments.friction_per_load, arguments.friction_ripple_Nm
     bench = world.bench_joint(
         JointName(arguments.joint),
-        friction=world.BenchFriction(law=law, coulomb_per_load=per_load, ripple=ripple),
+        friction=world.BenchFriction(law=law, ripple=arguments.friction_ripple_Nm),
         link=world.LinkParameters(lever=arguments.lever_m, load_angle=world.LoadAngle(arguments.load_angle)),
-        battery=BatteryParameters(voltage=arguments.battery_V),
     )
-    noise = options.given(noise=arguments.current_noise_A)
-    temperature, stiffness = arguments.gear_temperature_degC, arguments.torsional_stiffness_Nm_per_rad
-    return replace(
-        bench,
-        drive=replace(bench.drive, loop=world.CurrentLoop(arguments.current_loop), **noise),
-        efficiency=None if temperature is None else world.CatalogueEfficiency(temperature=temperature),
-        torsion=None if stiffness is None else world.Torsion(stiffness=stiffness),
-    )
+    return replace(bench, drive=replace(bench.drive, loop=world.CurrentLoop(arguments.current_loop)))
 
 
 def run_campaign_command(arguments: argparse.Namespace) -> int:
@@ -110,21 +95,21 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import Campaign, Protocol, run_campaign
 
-    joint, bench, out = JointName(arguments.joint), bench_of(arguments), arguments.out
-    both = arguments.protocol == "both"
-    campaigns = [
-        Campaign(joint=joint, protocol=protocol, seed=arguments.seed, bench=bench, longest=arguments.longest)
-        for protocol in (Protocol if both else [Protocol(arguments.protocol)])
-    ]
+    out = arguments.out
+    campaign = Campaign(
+        joint=JointName(arguments.joint),
+        protocol=Protocol(arguments.protocol),
+        seed=arguments.seed,
+        bench=bench_of(arguments),
+        longest=arguments.longest,
+    )
     if out.exists():
         raise RunDirectoryError(f"{out}: exists; choose another --out")
-    for campaign in campaigns:
-        folder = out / str(campaign.protocol) if both else out
-        with terminal.watched(str(campaign.protocol), "test") as watch:
-            result = run_campaign(campaign, folder, **watch)
-        print("\n".join(report_campaign(result)))
-        if result.status is RunStatus.INTERRUPTED:
-            return terminal.interrupted("the logs so far are kept")
+    with terminal.watched(str(campaign.protocol), "test") as watch:
+        result = run_campaign(campaign, out, **watch)
+    print("\n".join(report_campaign(result)))
+    if result.status is RunStatus.INTERRUPTED:
+        return terminal.interrupted("the logs so far are kept")
     return DONE
 
 
