@@ -214,34 +214,6 @@ def called(*arguments: str) -> int:
     return status
 
 
-def test_one_test_from_the_command_line_shows_what_no_bench_can_see(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "test.csv"
-    arguments = (
-        "run",
-        "--joint",
-        "hip",
-        "--out",
-        str(out),
-        "--imposed-amplitude-deg",
-        "-30",
-        "--duration",
-        "2",
-    )
-    assert called(*arguments, "--controller", "impedance", "--mass", "0") == 0
-    printed = capsys.readouterr().out
-    assert "synthetic" in printed and "the imposed motion needed" in printed
-    log = pd.read_csv(out, comment="#")
-    assert len(log) == 2000
-    assert {"imposed_motion_torque_Nm", "friction_torque_Nm", "current_A"} < set(log.columns)
-    needed = float(printed.split("needed ")[1].split(" N m RMS")[0])
-    assert_allclose(needed, np.sqrt(np.mean(log["imposed_motion_torque_Nm"] ** 2)), atol=0.006)
-    with pytest.raises(TwinGaitError, match="--force"):
-        called(*arguments)
-    assert called(*arguments, "--force") == 0
-
-
 def test_campaign_from_the_command_line_writes_logs_of_each_protocol(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
