@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from twin_gait.identification.friction_model import FrictionModel, Scale
+from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.refining import (
     Bounds,
     best_coefficients,
@@ -33,7 +33,6 @@ _STATE_STARTS = 128  # of a model with a state, whose minima are narrow
 _START_SAMPLES, _POLISH_SAMPLES, _STATE_SAMPLES = 1_500, 3_000, 4_000
 _POLISHED, _STATE_POLISHED = 4, 6
 _APART = 0.1  # of the span of the bounds
-_TINY = 1e-12
 _REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
 _COARSE = 2_000  # samples of the descent before the last one
 _CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
@@ -89,25 +88,11 @@ def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
     low = [0.0 if physical and sign == "+" else -math.inf for sign in model.coefficients]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
-        scale = _scale(item.scale, samples)
+        scale = item.scale(samples)
         lowest = item.physical_low if physical and item.physical_low is not None else item.low
         low.append(math.log(lowest * scale))
         high.append(math.log(item.high * scale))
     return Bounds(np.array(low), np.array(high))
-
-
-def _scale(scale: Scale, samples: Samples) -> float:
-    speed = max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
-    if scale is Scale.SPEED:
-        return speed
-    if scale is Scale.SLOWNESS:
-        return 1.0 / speed
-    if scale is Scale.STIFFNESS and samples.period is not None:
-        moved = np.abs(samples.velocity * samples.period)
-        return 1.0 / max(float(np.median(moved[moved > 0.0])) if moved.any() else 0.0, _TINY)
-    if scale is Scale.TURN and samples.angle is not None:
-        return 2.0 * math.pi / max(float(np.ptp(samples.angle)), _TINY)
-    return 1.0
 
 
 def fit_model(

@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import huber
 
 from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.samples import Samples
@@ -51,11 +52,7 @@ def jacobian(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarra
 
 def huber_cost(values: np.ndarray, threshold: float) -> float:
     """Huber's loss: half the square up to a threshold (infinite for least squares), linear beyond."""
-    size = np.abs(values)
-    if math.isinf(threshold):
-        return 0.5 * float(size @ size)
-    inner = np.minimum(size, threshold)
-    return float(np.sum(inner * (size - 0.5 * inner)))
+    return float(np.sum(huber(threshold, values)))
 
 
 def huber_weights(values: np.ndarray, threshold: float) -> np.ndarray:

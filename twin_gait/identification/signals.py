@@ -6,6 +6,7 @@ speeds, by more than a wrong inertia could explain.
 """
 
 import numpy as np
+import pandas as pd
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
@@ -33,10 +34,7 @@ def moving_average(values: np.ndarray, window: int) -> np.ndarray:
 
     It is late by (window - 1)/2 samples.
     """
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    last = np.arange(1, len(values) + 1)
-    first = np.maximum(last - window, 0)
-    return np.asarray((total[last] - total[first]) / (last - first))
+    return pd.Series(values).rolling(window, min_periods=1).mean().to_numpy()
 
 
 def forward_difference(values: np.ndarray, period: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import approx_fprime
 from scipy.stats import t as student
 
 from twin_gait.identification.fitting import MAD_TO_SIGMA, Fit, refit, rows_of
@@ -247,13 +248,6 @@ def _standard_errors(
     freedom = max(len(values) - len(free), 1)
     covariance = np.linalg.inv(unit.T @ unit) / np.outer(scale, scale) * float(values @ values) / freedom
     names = fit.model.names
-    derivative = np.zeros((len(names), len(free)))
-    for column, place in enumerate(free):
-        step = 1e-6 * max(abs(float(fit.x[place])), 1e-3)
-        ahead, behind = fit.x.copy(), fit.x.copy()
-        ahead[place] += step
-        behind[place] -= step
-        change = _public(fit, ahead[None]) - _public(fit, behind[None])
-        derivative[:, column] = change[:, 0] / (2 * step)
+    derivative = approx_fprime(fit.x, lambda x: _public(fit, x[None])[:, 0])[:, free]
     variance = np.einsum("ij,jk,ik->i", derivative, covariance, derivative)
     return {name: math.sqrt(max(float(item), 0.0)) for name, item in zip(names, variance, strict=True)}
