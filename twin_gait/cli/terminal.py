@@ -23,7 +23,6 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callab
     if not arguments.json:
         print("\n".join(lines))
         return
-
     print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
 
 
@@ -34,7 +33,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     if isinstance(value, bool | int | str) or value is None:
-        return value if not isinstance(value, str) else str(value)
+        return value
     if isinstance(value, float):
         return value if abs(value) < float("inf") else None
     return plain(value.item()) if hasattr(value, "item") else str(value)
