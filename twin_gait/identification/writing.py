@@ -62,7 +62,7 @@ def write_identification(
 ) -> dict[str, Any]:
     """Write everything into a folder that appears when all is written."""
     laws = {} if joint is None else _parameter_laws(result)
-    document = _plain(_identification_document(result, joint))
+    document: dict[str, Any] = _plain(_identification_document(result, joint))
     document["parameter_files"] = {file: model for file, (model, _) in laws.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
