@@ -21,6 +21,7 @@ from twin_gait.core import rotational_friction_torque
 from twin_gait.gait import TICK
 from twin_gait.identification import (
     RATE,
+    WINDOW,
     BenchSetup,
     FitOptions,
     FrictionTest,
@@ -53,7 +54,7 @@ UNITS = dict(zip(LETTERS, ("N m", "N m", "rad/s", "N m s/rad"), strict=True))
 LEVEL = 0.999  # of the intervals in bands: so few of the claims may fail by chance
 DEVIATIONS = 3.0  # standard deviations that chance is given in other bands
 AXIS_END = 0.6  # [rad/s], of figures 3.2 and 3.3
-WINDOW, PERIOD = ProcessingOptions().window, 1.0 / RATE  # samples averaged, [s] between them
+PERIOD = 1.0 / RATE  # [s] between the samples of which WINDOW are averaged
 FACTOR = round(PERIOD / TICK)
 # R² and adjusted R² of figures 3.2 and 3.3.
 PRINTED = {KNEE: (0.3936, 0.3916), HIP: (-0.446, -0.4505)}

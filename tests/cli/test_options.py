@@ -224,7 +224,7 @@ def test_completion_is_printed_for_every_shell(shell, capsys):
     ("typed", "expected"),
     [
         (["twin-gait", "ide"], {"identify"}),
-        (["twin-gait", "bench", ""], {"campaign", "run"}),
+        (["twin-gait", "bench", ""], {"campaign"}),
         (["twin-gait", "simulate", "--fail"], {"--fail-on-fall"}),
         (["twin-gait", "export", "run", "--format", ""], {"csv", "mot", "sto", "opensim", "candump", "asc"}),
     ],

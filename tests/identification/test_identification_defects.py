@@ -140,10 +140,8 @@ def test_a_soft_stop_is_found_and_a_mere_slowing_down_is_not(stiffness):
     friction = 3.0 * np.tanh(50.0 * speed) + 2.0 * speed
     touched = float(np.interp(2.0, time, angle))
     spring = stiffness * np.maximum(angle - touched, 0.0)
-    assert not soft_stop(angle, speed, friction, inertial, margin=0.01).any()
-    found = soft_stop(
-        angle, speed, friction + spring + np.abs(inertial) * (spring > 0), inertial, margin=0.01
-    )
+    assert not soft_stop(angle, speed, friction, inertial).any()
+    found = soft_stop(angle, speed, friction + spring + np.abs(inertial) * (spring > 0), inertial)
     assert spring[~found].max() < 1.0
     assert not found[angle < touched - 0.02].any()
 

@@ -29,7 +29,7 @@ from twin_gait.identification import (
 )
 from twin_gait.identification.fitting import Fit, bounds, refit
 from twin_gait.identification.friction_model import Shape
-from twin_gait.identification.refining import huber_cost, refine
+from twin_gait.identification.refining import Bounds, huber_cost, refine
 from twin_gait.identification.statistics import goodness, uncertainty
 
 ROTATIONAL = (
@@ -250,11 +250,11 @@ def test_a_physical_fit_has_no_dip_and_no_negative_friction():
 def test_refining_never_raises_the_loss():
     samples = join_tests(friction_tests(lambda w: rotational(w, HIP), 9))
     model, rng = MODELS["lugre_asymmetric"], np.random.default_rng(1)
-    low, high = bounds(model, samples, physical=False)
+    limits = bounds(model, samples, physical=False)
     for _ in range(5):
         start = np.concatenate([rng.normal(size=5), np.log([300.0, 1.2, 0.2, 2.0, 1.0])])
         before = huber_cost(samples.torque - model.predict(start, samples), 0.5)
-        end = refine(model, samples, start, low, high, 0.5)
+        end = refine(model, samples, start, limits, 0.5)
         assert huber_cost(samples.torque - model.predict(end, samples), 0.5) <= before
 
 
@@ -302,7 +302,7 @@ def test_intervals_cover_the_truth_when_tests_have_offsets_of_their_own():
 def _truth(samples) -> Fit:
     a, b, c, d = KNEE
     x = np.array([a - b, b, d, math.log(c)])
-    return Fit(MODELS["rotational"], x, np.full(4, -np.inf), np.full(4, np.inf), 0.1, math.inf)
+    return Fit(MODELS["rotational"], x, Bounds(np.full(4, -np.inf), np.full(4, np.inf)), 0.1, math.inf)
 
 
 def test_intervals_that_ignore_the_tests_are_too_short():

@@ -97,7 +97,7 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (CatalogueEfficiency, "temperature", 40.1),
     (Torsion, "stiffness", 0.0),
     (BenchSetup, "mass", -0.1),
-    (ProcessingOptions, "window", 0),
+    (ProcessingOptions, "cutoff", 0.0),
     (TwoWayProtocol, "cycles", 0),
     (ReplayRequest, "speed", 0.0),
     (Transition, "debounce_ticks", 0),

@@ -24,7 +24,9 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
+from twin_gait.cli import main
 from twin_gait.cli import tables as command
+from twin_gait.cli.terminal import BAD_INPUT
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
@@ -618,7 +620,8 @@ def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> No
     assert not (tmp_path / "never").exists()
 
 
-def test_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(TwinGaitError, match="cannot be made"):
-        twin_gait_diagram("treadmill", "--out", str(tmp_path / "file" / "folder"))
+    assert main(["diagram", "treadmill", "--out", str(tmp_path / "file" / "folder")]) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert "file/folder: Not a directory" in said and said.count("\n") == 1

@@ -214,46 +214,18 @@ def called(*arguments: str) -> int:
     return status
 
 
-def test_one_test_from_the_command_line_shows_what_no_bench_can_see(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "test.csv"
-    arguments = (
-        "run",
-        "--joint",
-        "hip",
-        "--out",
-        str(out),
-        "--imposed-amplitude-deg",
-        "-30",
-        "--duration",
-        "2",
-    )
-    assert called(*arguments, "--controller", "impedance", "--mass", "0") == 0
-    printed = capsys.readouterr().out
-    assert "synthetic" in printed and "the imposed motion needed" in printed
-    log = pd.read_csv(out, comment="#")
-    assert len(log) == 2000
-    assert {"imposed_motion_torque_Nm", "friction_torque_Nm", "current_A"} < set(log.columns)
-    needed = float(printed.split("needed ")[1].split(" N m RMS")[0])
-    assert_allclose(needed, np.sqrt(np.mean(log["imposed_motion_torque_Nm"] ** 2)), atol=0.006)
-    with pytest.raises(TwinGaitError, match="--force"):
-        called(*arguments)
-    assert called(*arguments, "--force") == 0
-
-
-def test_campaign_from_the_command_line_makes_a_folder_for_each_protocol(
+def test_campaign_from_the_command_line_writes_logs_of_each_protocol(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("twin_gait.studies.campaign.WEIGHTS", (3.0, 1.0))
     monkeypatch.setattr("twin_gait.studies.campaign.TESTS_PER_WEIGHT", 3)
-    out = tmp_path / "both"
-    arguments = ("campaign", "--joint", "knee", "--out", str(out), "--friction-ratio", "0.5")
-    assert called(*arguments, "--protocol", "both", "--current-loop", "ideal", "--seed", "3") == 0
-    assert {path.name for path in out.iterdir()} == {"drop", "two-way"}
-    assert len(list((out / "two-way").glob("*.log"))) == 6
-    assert capsys.readouterr().out.count("synthetic logs") == 2
-    settings = json.loads((out / "drop" / "campaign.json").read_text())
-    assert_allclose(settings["bench"]["friction"]["law"]["viscous_friction"], 1.03)
-    with pytest.raises(TwinGaitError, match="exists"):
-        called(*arguments)
+    for protocol in ("drop", "two-way"):
+        out = tmp_path / protocol
+        arguments = ("campaign", "--joint", "knee", "--out", str(out), "--friction-ratio", "0.5")
+        assert called(*arguments, "--protocol", protocol, "--current-loop", "ideal", "--seed", "3") == 0
+        assert len(list(out.glob("*.log"))) == 6
+        assert capsys.readouterr().out.count("synthetic logs") == 1
+        settings = json.loads((out / "campaign.json").read_text())
+        assert_allclose(settings["bench"]["friction"]["law"]["viscous_friction"], 1.03)
+        with pytest.raises(TwinGaitError, match="exists"):
+            called(*arguments)

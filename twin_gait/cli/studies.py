@@ -72,7 +72,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import Workers, WorkersLost, load_sweep, run_sweep
 
-    options.workers_of(arguments)
+    number = options.workers_of(arguments)
     spec = load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
         options.check_table(spec.experiment)
@@ -80,7 +80,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     pictures = not arguments.no_pictures
     try:
         with (
-            Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+            Workers(number, arguments.scheduler) as workers,
             terminal.progress_bar("checking", "episode") as checking,
             terminal.watched("sweeping", "episode") as watch,
         ):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
-from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.checking.finding import Finding
@@ -137,14 +137,9 @@ def _write_diagrams(table: StateTable, folder: Path, texts: dict[str, str], forc
 
     stem = "".join(char if char.isalnum() or char in "-_" else "_" for char in table.name)[:100] or "table"
     paths = {folder / f"{stem}{_ENDINGS[name]}": text for name, text in texts.items()}
-    standing = [path for path in paths if path.exists()]
-    if standing and not force:
-        raise RunDirectoryError(f"{standing[0]}: exists; choose another --out, or replace it with --force")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        problem = f"{folder}: cannot be made ({error.strerror}); choose another --out"
-        raise RunDirectoryError(problem) from error
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in paths:
+        options.check_file("--out", path, force=force)
     for path, text in paths.items():
         write_atomically(path, text)
         print(path)

@@ -25,7 +25,6 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callab
     if not arguments.json:
         print("\n".join(lines))
         return
-
     print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
 
 

@@ -17,6 +17,7 @@ from .identify import identify_tests as identify_tests
 from .laws import MODELS as MODELS
 from .models import find_models as find_models
 from .processing import RATE as RATE
+from .processing import WINDOW as WINDOW
 from .processing import process_log as process_log
 from .reading import Log as Log
 from .reading import read_log as read_log

@@ -9,6 +9,8 @@ import numpy as np
 from twin_gait.parameters import ActuatorParameters, quantities
 from twin_gait.worlds import HORIZONTAL, LoadAngle
 
+_GRAVITY = 9.81  # [m] / [s²]
+
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSetup(quantities.Parameters):
@@ -23,7 +25,6 @@ class BenchSetup(quantities.Parameters):
         start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
         load_angle: Form of the load torque.
         mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
-        gravity: In [m] / [s²].
     """
 
     actuator: ActuatorParameters
@@ -34,7 +35,6 @@ class BenchSetup(quantities.Parameters):
     start_angle: quantities.Angle | None = HORIZONTAL
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
-    gravity: quantities.Acceleration = 9.81
 
     def joint_angle(self, angle: np.ndarray) -> np.ndarray:
         """Logged angles, set so that the first one is the start angle, in [rad]."""
@@ -46,7 +46,7 @@ class BenchSetup(quantities.Parameters):
         ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: on the link in [kg].
         """
         tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
-        return np.asarray(self.gravity * (mass * self.lever + self.link_moment) * np.cos(tilt))
+        return np.asarray(_GRAVITY * (mass * self.lever + self.link_moment) * np.cos(tilt))
 
     def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
         """J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
@@ -80,18 +80,12 @@ class ProcessingOptions(quantities.Parameters):
     Attributes:
         processing: None takes zero phase for logs with a current, and none for friction torques.
         cutoff: Of the zero-phase filter in [Hz].
-        window: Samples of the thesis's moving average.
         current: None takes the measured one if it is logged; with the thesis's processing the target.
         standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
             current and 0 in series of friction torques.
-        impact_acceleration: Beyond it the link has hit a stop, in [rad] / [s²].
-        stop_margin: Samples so near to where a stop was hit are rejected, in [rad].
     """
 
     processing: Processing | None = None
     cutoff: Annotated[quantities.Frequency, quantities.POSITIVE] = 40.0
-    window: Annotated[int, quantities.COUNT] = 10
     current: CurrentSource | None = None
     standstill_velocity: Annotated[quantities.AngularVelocity | None, quantities.NOT_NEGATIVE] = None
-    impact_acceleration: Annotated[quantities.AngularAcceleration, quantities.POSITIVE] = 25.0
-    stop_margin: Annotated[quantities.Angle, quantities.NOT_NEGATIVE] = 0.01

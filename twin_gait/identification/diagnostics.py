@@ -7,7 +7,7 @@ import numpy as np
 from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.fitting import Fit
 from twin_gait.identification.models import rarer_direction
-from twin_gait.identification.processing import RATE
+from twin_gait.identification.processing import RATE, WINDOW
 from twin_gait.identification.samples import FrictionTest, Samples
 from twin_gait.identification.statistics import Uncertainty
 
@@ -46,7 +46,7 @@ def processing_warnings(options: ProcessingOptions) -> list[str]:
     """What the processing does to the result."""
     if options.processing is not Processing.THESIS:
         return []
-    late = 0.5 * (options.window - 1) / RATE
+    late = 0.5 * (WINDOW - 1) / RATE
     return [
         f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load: the "
         "parameters are biased (--processing zero_phase)"

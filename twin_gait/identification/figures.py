@@ -138,10 +138,9 @@ def draw_residuals(result: Identification) -> Figure:
 def _draw_against(axes: Axes, values: np.ndarray, residuals: np.ndarray, test: np.ndarray) -> None:
     """Points coloured by test, and the median with the middle half in bins."""
     step = max(1, -(-len(values) // _SHOWN_SAMPLES))
-    for number, colour in enumerate(_TEST_COLOURS):
-        mine = np.flatnonzero(test[::step] % len(_TEST_COLOURS) == number)
-        style: dict[str, Any] = {"color": colour, "markersize": 1.8, "alpha": 0.5, "rasterized": True}
-        axes.plot(values[::step][mine], residuals[::step][mine], ".", **style)
+    colours = [_TEST_COLOURS[number % len(_TEST_COLOURS)] for number in test[::step]]
+    style: dict[str, Any] = {"s": 3.0, "alpha": 0.5, "linewidths": 0.0, "rasterized": True}
+    axes.scatter(values[::step], residuals[::step], c=colours, **style)
     axes.axhline(0.0, color=GREY, linewidth=0.8)
     centres, quarters = _binned(values, residuals)
     if len(centres):

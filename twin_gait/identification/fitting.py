@@ -15,8 +15,15 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from twin_gait.identification.friction_model import FrictionModel, Scale
-from twin_gait.identification.refining import huber_cost, jacobian, refine, residuals
+from twin_gait.identification.friction_model import FrictionModel
+from twin_gait.identification.refining import (
+    Bounds,
+    best_coefficients,
+    huber_cost,
+    jacobian,
+    refine,
+    residuals,
+)
 from twin_gait.identification.samples import Samples, thinned, thinned_path
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
@@ -26,7 +33,6 @@ _STATE_STARTS = 128  # of a model with a state, whose minima are narrow
 _START_SAMPLES, _POLISH_SAMPLES, _STATE_SAMPLES = 1_500, 3_000, 4_000
 _POLISHED, _STATE_POLISHED = 4, 6
 _APART = 0.1  # of the span of the bounds
-_TINY = 1e-12
 _REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
 _COARSE = 2_000  # samples of the descent before the last one
 _CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
@@ -60,8 +66,7 @@ class Fit:
 
     model: FrictionModel  # the model
     x: np.ndarray  # linear coefficients and logarithms of the shape, shape ``(size,)``
-    low: np.ndarray  # lower bounds of x
-    high: np.ndarray  # upper bounds of x
+    bounds: Bounds  # of x
     sigma: float  # robust standard deviation of the residuals in [N m]
     threshold: float  # of Huber's loss in [N m]; infinite for least squares
 
@@ -72,35 +77,22 @@ class Fit:
     @property
     def at_bound(self) -> tuple[int, ...]:
         """Positions in x that lie on a bound."""
-        span = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
-        near = np.minimum(self.x - self.low, self.high - self.x) <= 1e-4 * span
+        low, high = self.bounds
+        span = np.where(np.isfinite(high - low), high - low, 1.0)
+        near = np.minimum(self.x - low, high - self.x) <= 1e-4 * span
         return tuple(int(place) for place in np.flatnonzero(near))
 
 
-def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> tuple[np.ndarray, np.ndarray]:
+def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
     """Bounds of the parameter vector, scaled to the samples."""
     low = [0.0 if physical and sign == "+" else -math.inf for sign in model.coefficients]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
-        scale = _scale(item.scale, samples)
+        scale = item.scale(samples)
         lowest = item.physical_low if physical and item.physical_low is not None else item.low
         low.append(math.log(lowest * scale))
         high.append(math.log(item.high * scale))
-    return np.array(low), np.array(high)
-
-
-def _scale(scale: Scale, samples: Samples) -> float:
-    speed = max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
-    if scale is Scale.SPEED:
-        return speed
-    if scale is Scale.SLOWNESS:
-        return 1.0 / speed
-    if scale is Scale.STIFFNESS and samples.period is not None:
-        moved = np.abs(samples.velocity * samples.period)
-        return 1.0 / max(float(np.median(moved[moved > 0.0])) if moved.any() else 0.0, _TINY)
-    if scale is Scale.TURN and samples.angle is not None:
-        return 2.0 * math.pi / max(float(np.ptp(samples.angle)), _TINY)
-    return 1.0
+    return Bounds(np.array(low), np.array(high))
 
 
 def fit_model(
@@ -111,19 +103,18 @@ def fit_model(
     ``seeds``: further starts beside the many: the fits of simpler models.
     """
     full = rows_of(model, samples)
-    low, high = bounds(model, full, physical=options.physical)
-    x = _best_start(model, full, low, high, seeds, options)
-    x = _descended(model, samples, full, x, low, high, math.inf)
-    threshold = math.inf
+    limits, threshold = bounds(model, full, physical=options.physical), math.inf
+    x = _best_start(model, full, limits, seeds, options)
+    x = _descended(model, samples, full, x, limits, threshold)
     values = residuals(model, x, full)
     sigma = _robust_sigma(values)
     if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
         # The scale settles in two rounds: the first fit may itself be pulled by outliers.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
-            x = _descended(model, samples, full, x, low, high, threshold)
+            x = _descended(model, samples, full, x, limits, threshold)
             sigma = _robust_sigma(residuals(model, x, full)) or sigma
-    return Fit(model, x, low, high, sigma, threshold)
+    return Fit(model, x, limits, sigma, threshold)
 
 
 def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
@@ -144,8 +135,7 @@ def _descended(
     samples: Samples,
     full: Samples,
     start: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
+    limits: Bounds,
     threshold: float,
 ) -> np.ndarray:
     """The minimum near a start: first on few samples, where a step costs little, then on all."""
@@ -155,9 +145,9 @@ def _descended(
     candidates = [start]
     coarse = rows_of(model, samples, _COARSE)
     if 2 * len(coarse) < len(full):
-        candidates.append(refine(model, coarse, start, low, high, threshold, tolerance=_REFIT_TOLERANCE))
+        candidates.append(refine(model, coarse, start, limits, threshold, tolerance=_REFIT_TOLERANCE))
     best = min(candidates, key=lambda x: huber_cost(residuals(model, x, full), threshold))
-    return refine(model, full, best, low, high, threshold, tolerance=tolerance)
+    return refine(model, full, best, limits, threshold, tolerance=tolerance)
 
 
 def rows_of(model: FrictionModel, samples: Samples, limit: int | None = None) -> Samples:
@@ -169,7 +159,7 @@ def rows_of(model: FrictionModel, samples: Samples, limit: int | None = None) ->
 def refit(fit: Fit, samples: Samples) -> Fit:
     """Fit to much the same samples, from a fit of them and with its loss."""
     full = rows_of(fit.model, samples)
-    x = refine(fit.model, full, fit.x, fit.low, fit.high, fit.threshold, tolerance=_REFIT_TOLERANCE)
+    x = refine(fit.model, full, fit.x, fit.bounds, fit.threshold, tolerance=_REFIT_TOLERANCE)
     return replace(fit, x=x)
 
 
@@ -181,30 +171,27 @@ def _robust_sigma(values: np.ndarray) -> float:
 def _best_start(
     model: FrictionModel,
     samples: Samples,
-    low: np.ndarray,
-    high: np.ndarray,
+    limits: Bounds,
     seeds: Sequence[np.ndarray],
     options: FitOptions,
 ) -> np.ndarray:
-    count = len(model.coefficients)
-    if not model.shape:
-        return np.asarray(np.clip(_linear(model, np.empty(0), samples)[0], low, high))
-    limits = (_STATE_SAMPLES,) * 2 if model.dynamic else (_START_SAMPLES, _POLISH_SAMPLES)
-    few, more = (_fewer(samples, model, limit) for limit in limits)
-    dimensions = len(model.shape)
+    count, dimensions = len(model.coefficients), len(model.shape)
+    if not dimensions:
+        return limits.clip(best_coefficients(model, np.empty(0), samples)[0])
+    few_samples, more_samples = (_STATE_SAMPLES,) * 2 if model.dynamic else (_START_SAMPLES, _POLISH_SAMPLES)
+    few, more = _fewer(samples, model, few_samples), _fewer(samples, model, more_samples)
     number = _STATE_STARTS if model.dynamic else min(_STARTS_PER_SHAPE * dimensions, _MOST_STARTS)
-    kept = _STATE_POLISHED if model.dynamic else _POLISHED
     draws = qmc.Sobol(dimensions, seed=options.seed).random_base2(math.ceil(math.log2(number)))
-    vectors, costs = [], []
-    for draw in low[count:] + draws * (high - low)[count:]:
-        beta, cost = _linear(model, np.exp(draw), few)
-        vectors.append(np.clip(np.concatenate([beta, draw]), low, high))
+    starts, costs = [], []
+    for draw in limits.low[count:] + draws * (limits.high - limits.low)[count:]:
+        beta, cost = best_coefficients(model, np.exp(draw), few)
+        starts.append(limits.clip(np.concatenate([beta, draw])))
         costs.append(cost)
-    polished = [_polish(model, more, vectors[i], low, high) for i in _apart(draws, np.array(costs), kept)]
+    kept = _apart(draws, np.array(costs), _STATE_POLISHED if model.dynamic else _POLISHED)
+    inherited = [limits.clip(seed) for seed in seeds]
+    polished = [_polish(model, more, x, limits) for x in [*(starts[i] for i in kept), *inherited]]
     # Compared on all samples, so that no model comes out worse than a simpler one that it contains.
-    candidates = [*polished, *(_polish(model, more, np.clip(seed, low, high), low, high) for seed in seeds)]
-    candidates += [np.clip(seed, low, high) for seed in seeds]
-    return min(candidates, key=lambda x: float(np.sum(residuals(model, x, samples) ** 2)))
+    return min([*polished, *inherited], key=lambda x: float(np.sum(residuals(model, x, samples) ** 2)))
 
 
 def _apart(places: np.ndarray, costs: np.ndarray, number: int) -> list[int]:
@@ -229,19 +216,7 @@ def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
     return chosen if chosen.used.sum() > 10 * model.size else samples
 
 
-def _linear(model: FrictionModel, shape: np.ndarray, samples: Samples) -> tuple[np.ndarray, float]:
-    """Best coefficients of a shape and the sum of squares that they leave."""
-    basis = model.basis(shape, samples)[samples.used]
-    torque = (samples.torque - model.constant(shape, samples))[samples.used]
-    if not np.isfinite(basis).all():  # a shape at which the law overflows
-        return np.zeros(basis.shape[1]), math.inf
-    beta = np.asarray(np.linalg.lstsq(basis, torque, rcond=1e-10)[0])
-    return beta, float(np.sum((torque - basis @ beta) ** 2))
-
-
-def _polish(
-    model: FrictionModel, samples: Samples, start: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
+def _polish(model: FrictionModel, samples: Samples, start: np.ndarray, limits: Bounds) -> np.ndarray:
     def errors(x: np.ndarray) -> np.ndarray:
         return -residuals(model, x, samples)
 
@@ -250,9 +225,9 @@ def _polish(
 
     result = least_squares(
         errors,
-        np.clip(start, low + 1e-9, high - 1e-9),
+        np.clip(start, limits.low + 1e-9, limits.high - 1e-9),
         jac=derivative,
-        bounds=(low, high),
+        bounds=limits,
         x_scale="jac",
         tr_solver="lsmr",
         xtol=1e-5,

@@ -7,21 +7,38 @@ logarithms of the shape, which keeps velocities positive and gives the sign-norm
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from twin_gait.identification.samples import Samples
 
+_TINY = 1e-12
 
-class Scale(StrEnum):
-    """What the bounds of a shape parameter are multiples of."""
 
-    NONE = "none"
-    SPEED = "speed"  # the speed that 95 % of the samples stay below
-    SLOWNESS = "slowness"  # its inverse
-    STIFFNESS = "stiffness"  # inverse of the way from one sample to the next
-    TURN = "turn"  # periods in a turn of the joint, such that the tests span one
+def unscaled(samples: Samples) -> float:
+    """A bound is what it says."""
+    return 1.0
+
+
+def usual_speed(samples: Samples) -> float:
+    """The speed that 95 % of the samples stay below, in [rad] / [s]."""
+    return max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
+
+
+def slowness(samples: Samples) -> float:
+    """The inverse of the usual speed, in [s] / [rad]."""
+    return 1.0 / usual_speed(samples)
+
+
+def fineness(samples: Samples) -> float:
+    """The inverse of the way from one sample to the next, in [1] / [rad]: a scale of stiffness."""
+    moved = np.abs(samples.velocity * (0.0 if samples.period is None else samples.period))
+    return 1.0 / max(float(np.median(moved[moved > 0.0])), _TINY) if moved.any() else 1.0
+
+
+def spans_in_a_turn(samples: Samples) -> float:
+    """How many spans of the samples a turn of the joint has."""
+    return 1.0 if samples.angle is None else 2.0 * np.pi / max(float(np.ptp(samples.angle)), _TINY)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +47,7 @@ class Shape:
 
     low: float  # lower bound, a multiple of the scale
     high: float  # upper bound
-    scale: Scale = Scale.NONE  # what the bounds are multiples of
+    scale: Callable[[Samples], float] = unscaled  # what the bounds are multiples of
     physical_low: float | None = None  # lower bound of a physical friction; ``low`` if None
 
 

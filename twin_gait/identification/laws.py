@@ -16,7 +16,14 @@ import numpy as np
 
 from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
-from twin_gait.identification.friction_model import FrictionModel, Scale, Shape
+from twin_gait.identification.friction_model import (
+    FrictionModel,
+    Shape,
+    fineness,
+    slowness,
+    spans_in_a_turn,
+    usual_speed,
+)
 from twin_gait.identification.samples import Samples
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiling import ON_BITS
@@ -32,13 +39,13 @@ _EXPONENTS = "stribeck_exponent", "viscous_exponent"
 _PER_LOAD = "coulomb_per_load"
 _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
 _ROTATIONAL = _BREAKAWAY, _COULOMB, _VISCOUS, _BREAKAWAY_VELOCITY
-_TRANSITION_SHAPE = Shape(low=1e-4, high=1.0, scale=Scale.SPEED)
-_STRIBECK_SHAPE = Shape(low=1e-3, high=10.0, scale=Scale.SPEED)
+_TRANSITION_SHAPE = Shape(low=1e-4, high=1.0, scale=usual_speed)
+_STRIBECK_SHAPE = Shape(low=1e-3, high=10.0, scale=usual_speed)
 _STRIBECK_EXPONENT, _VISCOUS_EXPONENT = Shape(low=0.4, high=10.0), Shape(low=0.1, high=3.0)
-_STEEPNESS_SHAPE = Shape(low=1.0, high=1e4, scale=Scale.SLOWNESS)
-_RIPPLE_SHAPE = Shape(low=1.0, high=60.0, scale=Scale.TURN)
+_STEEPNESS_SHAPE = Shape(low=1.0, high=1e4, scale=slowness)
+_RIPPLE_SHAPE = Shape(low=1.0, high=60.0, scale=spans_in_a_turn)
 # σ0/F_c: the inverse of the deflection at which the bristles slide; F_s/F_c.
-_BRISTLE_SHAPE = Shape(low=1e-5, high=1e5, scale=Scale.STIFFNESS)
+_BRISTLE_SHAPE = Shape(low=1e-5, high=1e5, scale=fineness)
 _BREAKAWAY_RATIO = Shape(low=0.1, high=10.0, physical_low=1.0)
 # Parameters that are positive and uncertain by a factor: their intervals are those of the logarithm.
 LOGARITHMIC = frozenset(

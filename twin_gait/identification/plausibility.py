@@ -114,8 +114,8 @@ def _plausible_series(log: Log, optional: set[Quantity], notes: list[str], *, jo
         if doubt := _beyond(quantity, columns[quantity]):
             notes.append(f"{quantity} was left out: {quantity} {doubt}")
             del columns[quantity]
-    slope = _velocity_slope(columns)
-    if slope is not None and not _SLOPE[0] < slope < _SLOPE[1] and Quantity.ANGLE not in log.asked:
+    slope = _wrong_slope(columns)
+    if slope is not None and Quantity.ANGLE not in log.asked:
         notes.append(f"angle was left out: the velocity's integral moves {slope:.3g} times as far")
         del columns[Quantity.ANGLE]
     kept = replace(log, columns=columns)
@@ -159,8 +159,8 @@ def _check_units(log: Log) -> None:
 
 def _check_velocity(log: Log) -> None:
     """Compare the velocity with the derivative of the angle, which shows degrees and milliseconds."""
-    slope = _velocity_slope(log.columns)
-    if slope is not None and not _SLOPE[0] < slope < _SLOPE[1]:
+    slope = _wrong_slope(log.columns)
+    if slope is not None:
         raise ParameterFileError(
             log.source,
             "velocity",
@@ -169,8 +169,8 @@ def _check_velocity(log: Log) -> None:
         )
 
 
-def _velocity_slope(columns: Mapping[Quantity, np.ndarray]) -> float | None:
-    """How far the integral of the velocity moves when the angle moves by one."""
+def _wrong_slope(columns: Mapping[Quantity, np.ndarray]) -> float | None:
+    """How far the integral of the velocity moves when the angle moves by one, unless it is about as far."""
     if not {Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY} <= set(columns):
         return None
     time, angle, velocity = (columns[name] for name in (Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY))
@@ -181,4 +181,5 @@ def _velocity_slope(columns: Mapping[Quantity, np.ndarray]) -> float | None:
     energy = float(moved @ moved)
     if energy < 1e-6 * len(moved):  # less than a milliradian: nothing to compare
         return None
-    return float(integrated @ moved) / energy
+    slope = float(integrated @ moved) / energy
+    return None if _SLOPE[0] < slope < _SLOPE[1] else slope

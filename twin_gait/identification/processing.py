@@ -22,6 +22,7 @@ from twin_gait.identification.signals import (
 )
 
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
+WINDOW = 10  # samples of the thesis's moving average
 _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
 # Of 1/cutoff. So long after an impulse 1e-4 of the filter's response is left. After 1/cutoff it is 0.7 %:
 # with the jump of friction in a reversal the break-away velocity of the knee is 0.1 % too large.
@@ -80,7 +81,7 @@ def _series(log: Log, options: ProcessingOptions, slowest: float) -> FrictionTes
     if options.processing is not Processing.NONE and Quantity.TIME not in log.columns:
         raise ParameterFileError(log.source, "time", "no such column; a filter needs it")
     if options.processing is Processing.THESIS:
-        velocity = moving_average(velocity, options.window)
+        velocity = moving_average(velocity, WINDOW)
     elif options.processing is Processing.ZERO_PHASE:
         rate, cutoff = _rate(log, options)
         velocity, torque = zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
@@ -201,8 +202,8 @@ def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
     motor_torque = bench.motor_torque(_current(log, columns, options))
     temperature = columns.get(Quantity.TEMPERATURE)
     thesis, step = options.processing is Processing.THESIS, max(1, round(rate / RATE))
-    guard = options.window if thesis else int(np.ceil(rate / cutoff))
-    shortest = (options.window + FEWEST) * step if thesis else 4 * guard + FEWEST
+    guard = WINDOW if thesis else int(np.ceil(rate / cutoff))
+    shortest = (WINDOW + FEWEST) * step if thesis else 4 * guard + FEWEST
     if len(time) < shortest:
         text = f"lasts {len(time) / rate:.3g} s; expected at least {shortest / rate:.2g}"
         raise ParameterFileError(log.source, "time", text)
@@ -214,7 +215,7 @@ def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
     if thesis:
         speed = columns.get(Quantity.VELOCITY)
         speed = np.gradient(raw, 1.0 / rate) if speed is None else speed
-        velocity = moving_average(decimate(speed, step), options.window)
+        velocity = moving_average(decimate(speed, step), WINDOW)
         acceleration = forward_difference(velocity, step / rate)
         load = bench.load_torque(decimate(angle, step), mass)
         settled = ~widened(~decimate(recorded, step), guard)
@@ -264,16 +265,9 @@ def _stopped(
     motion: _Motion, torque: np.ndarray, inertial: np.ndarray, options: ProcessingOptions
 ) -> np.ndarray:
     """Samples at a hard or a soft stop."""
-    hard = hard_stop(
-        motion.angle,
-        motion.impact,
-        limit=options.impact_acceleration,
-        reach=int(RATE / options.cutoff),
-        window=options.window,
-        margin=options.stop_margin,
-    )
+    hard = hard_stop(motion.angle, motion.impact, int(RATE / options.cutoff))
     kept = motion.settled & ~hard
     if kept.any():
         signals = (motion.angle, motion.velocity, torque, inertial)
-        hard[kept] |= soft_stop(*(values[kept] for values in signals), margin=options.stop_margin)
+        hard[kept] |= soft_stop(*(values[kept] for values in signals))
     return hard

@@ -5,8 +5,10 @@ of the time of a general solver; cross-validation does this hundreds of times.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import huber
 
 from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.samples import Samples
@@ -15,6 +17,17 @@ _DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shap
 _STEPS, _STEPS_OF_FEW, _FEW = 60, 600, 2_000  # a step over few samples costs little
 _SMALLEST_MOVE = 1e-10  # of the parameters: the last step
 _DAMPING, _LARGEST_DAMPING = 1e-4, 1e12
+
+
+class Bounds(NamedTuple):
+    """Limits of a parameter vector, shape ``(size,)`` each."""
+
+    low: np.ndarray
+    high: np.ndarray
+
+    def clip(self, x: np.ndarray) -> np.ndarray:
+        """The vector within the limits that is nearest."""
+        return np.asarray(np.clip(x, self.low, self.high))
 
 
 def residuals(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
@@ -39,11 +52,7 @@ def jacobian(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarra
 
 def huber_cost(values: np.ndarray, threshold: float) -> float:
     """Huber's loss: half the square up to a threshold (infinite for least squares), linear beyond."""
-    size = np.abs(values)
-    if math.isinf(threshold):
-        return 0.5 * float(size @ size)
-    inner = np.minimum(size, threshold)
-    return float(np.sum(inner * (size - 0.5 * inner)))
+    return float(np.sum(huber(threshold, values)))
 
 
 def huber_weights(values: np.ndarray, threshold: float) -> np.ndarray:
@@ -57,8 +66,7 @@ def refine(
     model: FrictionModel,
     samples: Samples,
     start: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
+    bounds: Bounds,
     threshold: float,
     *,
     tolerance: float = 1e-12,
@@ -67,8 +75,7 @@ def refine(
 
     A step that lowers the loss by less than the share ``tolerance`` of it is the last.
     """
-    x: np.ndarray = start
-    damping = _DAMPING
+    (low, high), x, damping = bounds, start, _DAMPING
     # Along a curved valley coefficients that follow the shape at each step save hundreds of steps.
     few = int(samples.used.sum()) <= _FEW
     projected = few and math.isinf(threshold) and not np.isfinite(low[: len(model.coefficients)]).any()
@@ -80,9 +87,11 @@ def refine(
         normal, gradient = matrix.T @ weighted, weighted.T @ values
         stuck = ((x <= low) & (gradient < 0.0)) | ((x >= high) & (gradient > 0.0))
         while True:
-            trial = np.clip(x + _step(normal, gradient, damping, ~stuck), low, high)
+            trial = bounds.clip(x + _step(normal, gradient, damping, ~stuck))
             if projected:
-                trial = _with_best_coefficients(model, trial, samples)
+                logarithms = trial[len(model.coefficients) :]
+                beta, least = best_coefficients(model, np.exp(logarithms), samples)
+                trial = np.concatenate([beta, logarithms]) if math.isfinite(least) else trial
             trial_values = residuals(model, trial, samples)
             trial_cost = huber_cost(trial_values, threshold)
             if trial_cost < cost or not damping <= _LARGEST_DAMPING:
@@ -97,14 +106,17 @@ def refine(
     return x
 
 
-def _with_best_coefficients(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
-    """The same shape with the coefficients that leave the least sum of squares."""
-    shape = np.exp(x[len(model.coefficients) :])
+def best_coefficients(model: FrictionModel, shape: np.ndarray, samples: Samples) -> tuple[np.ndarray, float]:
+    """Coefficients of a shape that leave the least sum of squares, and that sum.
+
+    Zeros and infinity for a shape at which the law overflows.
+    """
     basis = model.basis(shape, samples)[samples.used]
-    if not np.isfinite(basis).all():
-        return x
     torque = (samples.torque - model.constant(shape, samples))[samples.used]
-    return np.concatenate([np.linalg.lstsq(basis, torque, rcond=1e-12)[0], x[len(model.coefficients) :]])
+    if not np.isfinite(basis).all():
+        return np.zeros(basis.shape[1]), math.inf
+    beta = np.asarray(np.linalg.lstsq(basis, torque, rcond=1e-12)[0])
+    return beta, float(np.sum((torque - basis @ beta) ** 2))
 
 
 def _step(normal: np.ndarray, gradient: np.ndarray, damping: float, free: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
@@ -69,23 +69,25 @@ class Samples:
 
 def join_tests(tests: Sequence[FrictionTest]) -> Samples:
     """Lay tests end to end; a quantity that one of them lacks is left out."""
-    lengths = [len(test) for test in tests]
+
+    def joined(column: Callable[[FrictionTest], np.ndarray | None]) -> np.ndarray | None:
+        columns = [column(test) for test in tests]
+        present = [values for values in columns if values is not None]
+        return np.concatenate(present) if len(present) == len(columns) else None
+
     fresh = np.concatenate([_fresh(test) for test in tests])
-    period = _joined(
-        [None if test.time is None else np.diff(test.time, prepend=test.time[:1]) for test in tests]
-    )
-    time = _joined([None if test.time is None else test.time - test.time[:1] for test in tests])
+    period = joined(lambda test: None if test.time is None else np.diff(test.time, prepend=test.time[:1]))
     return Samples(
         velocity=np.concatenate([test.velocity for test in tests]),
         torque=np.concatenate([test.torque for test in tests]),
         used=np.concatenate([test.used for test in tests]),
-        test=np.repeat(np.arange(len(tests)), lengths),
+        test=np.repeat(np.arange(len(tests)), [len(test) for test in tests]),
         fresh=fresh,
         period=None if period is None else np.where(fresh, 0.0, period),
-        time=time,
-        angle=_joined([test.angle for test in tests]),
-        load=_joined([test.load for test in tests]),
-        temperature=_joined([test.temperature for test in tests]),
+        time=joined(lambda test: None if test.time is None else test.time - test.time[:1]),
+        angle=joined(lambda test: test.angle),
+        load=joined(lambda test: test.load),
+        temperature=joined(lambda test: test.temperature),
     )
 
 
@@ -115,11 +117,6 @@ def thinned(samples: Samples, limit: int) -> Samples:
         elapsed = np.cumsum(samples.period)[kept]
         period = np.where(fresh, 0.0, np.diff(elapsed, prepend=elapsed[0]))
     return replace(chosen, fresh=fresh, period=period)
-
-
-def _joined(columns: Sequence[np.ndarray | None]) -> np.ndarray | None:
-    present = [column for column in columns if column is not None]
-    return np.concatenate(present) if len(present) == len(columns) else None
 
 
 def _fresh(test: FrictionTest) -> np.ndarray:

@@ -6,6 +6,7 @@ speeds, by more than a wrong inertia could explain.
 """
 
 import numpy as np
+import pandas as pd
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
@@ -33,10 +34,7 @@ def moving_average(values: np.ndarray, window: int) -> np.ndarray:
 
     It is late by (window - 1)/2 samples.
     """
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    last = np.arange(1, len(values) + 1)
-    first = np.maximum(last - window, 0)
-    return np.asarray((total[last] - total[first]) / (last - first))
+    return pd.Series(values).rolling(window, min_periods=1).mean().to_numpy()
 
 
 def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
@@ -45,6 +43,9 @@ def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
     return np.append(steps, steps[-1])
 
 
+_IMPACT = 25.0  # [rad] / [s²] beyond which the link has hit a stop
+_MARGIN = 0.01  # [rad] before the place of a stop that count as at the stop
+_APPROACH = 10  # samples over which the direction of an impact is taken
 _LONGEST = 200  # samples of an approach, of which the fastest is the first
 _FEWEST = 10  # samples before the approach that a comparison needs
 _FASTER = 1.25  # speeds up to so many times the present one are compared
@@ -54,39 +55,35 @@ _LEAST = 0.5  # [N m] beyond the usual that a spring must add
 _OF_INERTIA = 0.5  # and the share of the torque of inertia, of which parameters are wrong by less
 
 
-def hard_stop(
-    angle: np.ndarray, acceleration: np.ndarray, *, limit: float, reach: int, window: int, margin: float
-) -> np.ndarray:
+def hard_stop(angle: np.ndarray, acceleration: np.ndarray, reach: int) -> np.ndarray:
     """Mask of samples around an impact, and wherever the joint is as far as it was then, shape ``(n,)``.
 
     ``angle``: in [rad], shape ``(n,)``. ``acceleration``: its size in [rad] / [s²], shape ``(n,)``.
-    ``limit``: beyond it the link has hit something. ``window``: samples over which the direction of motion is
-    taken. ``margin``: samples so near to where the stop was hit count too, in [rad].
+    ``reach``: samples before and after an impact that the filter spreads it over.
     """
-    hit = acceleration > limit
-    around = widened(hit, max(reach, window))
+    hit = acceleration > _IMPACT
+    around = widened(hit, max(reach, _APPROACH))
     for index in np.flatnonzero(hit).tolist():
-        direction = np.sign(angle[index] - angle[max(index - window, 0)])
+        direction = np.sign(angle[index] - angle[max(index - _APPROACH, 0)])
         if direction:
-            around |= direction * (angle - angle[index]) > -margin
+            around |= direction * (angle - angle[index]) > -_MARGIN
     return around
 
 
 def soft_stop(
-    angle: np.ndarray, velocity: np.ndarray, torque: np.ndarray, inertial: np.ndarray, *, margin: float
+    angle: np.ndarray, velocity: np.ndarray, torque: np.ndarray, inertial: np.ndarray
 ) -> np.ndarray:
     """Mask of samples at which a spring brakes the joint at an end of its range, shape ``(n,)``.
 
     ``angle``: in [rad], shape ``(n,)``. ``velocity``: in [rad] / [s]. ``torque``: balance of torques without
-    the stop in [N m]. ``inertial``: what inertia takes of it in [N m]. ``margin``: as far before the contact
-    count too, in [rad].
+    the stop in [N m]. ``inertial``: what inertia takes of it in [N m].
     """
     stopped = np.zeros(len(angle), dtype=bool)
     for direction in (1.0, -1.0):
         place = direction * angle
         contact = _contact(place, direction * velocity, direction * torque, np.abs(inertial))
         if contact is not None:
-            stopped |= place > place[contact] - margin
+            stopped |= place > place[contact] - _MARGIN
     return stopped
 
 
@@ -98,12 +95,8 @@ def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial:
     before = np.flatnonzero(speed[:peak] > 0.0)
     if end - peak < 2 or len(before) < _FEWEST:
         return None
-    excess = np.array(
-        [
-            torque[index] - _usual_torque(torque[before], speed[before], speed[index])
-            for index in range(peak, end)
-        ]
-    )
+    usual = [_usual_torque(torque[before], speed[before], now) for now in speed[peak:end]]
+    excess = torque[peak:end] - np.array(usual)
     quiet = np.flatnonzero(excess <= np.maximum(_LEAST, _OF_INERTIA * inertial[peak:end]))
     first = int(quiet[-1]) + 1 if len(quiet) else 0
     return peak + first if first < len(excess) else None

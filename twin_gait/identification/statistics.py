@@ -155,8 +155,8 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     count = len(model.coefficients)
     # A shape that the samples hardly determine would overflow; e^±30 of its value says as much.
     draws[:, count:] = np.clip(draws[:, count:], fit.x[count:] - _FURTHEST, fit.x[count:] + _FURTHEST)
-    errors = _standard_errors(fit, unit, scale, free, values)
-    return Uncertainty(_intervals(fit, draws, number), _correlations(fit, draws), errors, by, number)
+    errors, reported = _standard_errors(fit, unit, scale, free, values), _public(fit, draws)
+    return Uncertainty(_intervals(fit, reported, number), _correlations(reported), errors, by, number)
 
 
 def _blocks(test: np.ndarray) -> tuple[np.ndarray, str]:
@@ -218,15 +218,14 @@ def _public(fit: Fit, draws: np.ndarray) -> np.ndarray:
     return np.array([np.broadcast_to(row, len(draws)) for row in fit.model.public(beta, eta)])
 
 
-def _intervals(fit: Fit, draws: np.ndarray, number: int) -> dict[str, tuple[float, float]]:
+def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[float, float]]:
     """Student's intervals with the bootstrap's standard error; of the logarithm for a shape parameter.
 
     With few tests the bootstrap's spread is too small by sqrt((n-1)/n) and its tails too short.
     """
     reach = float(student.ppf(0.5 + LEVEL / 2.0, number - 1)) * math.sqrt(number / (number - 1))
-    values = _public(fit, draws)
     found = {}
-    for name, centre, row in zip(fit.model.names, fit.model.parameters(fit.x).values(), values, strict=True):
+    for (name, centre), row in zip(fit.model.parameters(fit.x).items(), reported, strict=True):
         if name in LOGARITHMIC and (row > 0.0).all():
             half = min(reach * float(np.log(row).std()), 300.0)
             found[name] = (centre * math.exp(-half), centre * math.exp(half))
@@ -236,14 +235,9 @@ def _intervals(fit: Fit, draws: np.ndarray, number: int) -> dict[str, tuple[floa
     return found
 
 
-def _correlations(fit: Fit, draws: np.ndarray) -> np.ndarray:
-    values = _public(fit, draws)
-    spread = values.std(axis=1)
-    moved = spread > 0.0
-    matrix = np.full((len(values),) * 2, math.nan)
-    if moved.sum() > 1:
-        matrix[np.ix_(moved, moved)] = np.corrcoef(values[moved])
-    return matrix
+def _correlations(reported: np.ndarray) -> np.ndarray:
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN for one that does not vary
+        return np.atleast_2d(np.corrcoef(reported))
 
 
 def _standard_errors(
@@ -253,13 +247,8 @@ def _standard_errors(
     freedom = max(len(values) - len(free), 1)
     covariance = np.linalg.inv(unit.T @ unit) / np.outer(scale, scale) * float(values @ values) / freedom
     names = fit.model.names
-    derivative = np.zeros((len(names), len(free)))
-    for column, place in enumerate(free):
-        step = 1e-6 * max(abs(float(fit.x[place])), 1e-3)
-        ahead, behind = fit.x.copy(), fit.x.copy()
-        ahead[place] += step
-        behind[place] -= step
-        change = _public(fit, ahead[None]) - _public(fit, behind[None])
-        derivative[:, column] = change[:, 0] / (2 * step)
+    moves = np.diag(1e-6 * np.maximum(np.abs(fit.x), 1e-3))[free]  # one parameter a row
+    change = _public(fit, fit.x + moves) - _public(fit, fit.x - moves)
+    derivative = change / (2.0 * moves.sum(axis=1))
     variance = np.einsum("ij,jk,ik->i", derivative, covariance, derivative)
     return {name: math.sqrt(max(float(item), 0.0)) for name, item in zip(names, variance, strict=True)}

@@ -62,7 +62,7 @@ def write_identification(
 ) -> dict[str, Any]:
     """Write everything into a folder that appears when all is written."""
     laws = {} if joint is None else _parameter_laws(result)
-    document = _identification_document(result, joint)
+    document: dict[str, Any] = _plain(_identification_document(result, joint))
     document["parameter_files"] = {file: model for file, (model, _) in laws.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
@@ -102,8 +102,8 @@ def _identification_document(result: Identification, joint: JointName | None) ->
         "schema_version": SCHEMA_VERSION,
         "joint": None if joint is None else str(joint),
         "models": [_model(item) for item in result.models],
-        "skipped": {name: list(columns) for name, columns in result.skipped.items()},
-        "warnings": list(result.warnings),
+        "skipped": result.skipped,
+        "warnings": result.warnings,
         "method": {
             "order": "BIC" if left_out is None else f"rmse with {left_out} left out",
             "loss": str(options.fit.loss),
@@ -115,9 +115,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
             "seed": options.fit.seed,
             "processing": _processing(result),
         },
-        "tests": [
-            {"name": test.name, "mass_kg": test.mass, "samples": dict(test.counts)} for test in result.tests
-        ],
+        "tests": [{"name": test.name, "mass_kg": test.mass, "samples": test.counts} for test in result.tests],
     }
 
 
@@ -140,32 +138,34 @@ def _processing(result: Identification) -> dict[str, Any]:
 
 
 def _model(item: IdentifiedModel) -> dict[str, Any]:
-    known, good = item.uncertainty, item.goodness
+    known, threshold = item.uncertainty, item.fit.threshold
     return {
         "name": item.name,
         "formula": item.fit.model.formula,
-        "parameters": {key: _plain(value) for key, value in item.fit.model.parameters(item.fit.x).items()},
-        "intervals_95": {key: [_plain(low), _plain(high)] for key, (low, high) in known.intervals.items()},
+        "parameters": item.fit.model.parameters(item.fit.x),
+        "intervals_95": known.intervals,
         "intervals_by": {"drawn": known.by, "blocks": known.blocks},
-        "standard_errors_if_independent": {
-            key: _plain(value) for key, value in known.standard_errors.items()
-        },
-        **{key: _plain(value) for key, value in asdict(good).items()},
+        "standard_errors_if_independent": known.standard_errors,
+        **asdict(item.goodness),
         "cross_validation": [
-            {"left_out": run.by, "folds": run.folds, "rmse": _plain(run.rmse)} for run in item.validations
+            {"left_out": run.by, "folds": run.folds, "rmse": run.rmse} for run in item.validations
         ],
-        "loss": str(Loss.LINEAR if math.isinf(item.fit.threshold) else Loss.HUBER),
-        "robust_sigma_Nm": _plain(item.fit.sigma),
-        "beyond_threshold_share": _plain(float((np.abs(item.residuals) > item.fit.threshold).mean())),
-        "warnings": list(item.warnings),
+        "loss": str(Loss.LINEAR if math.isinf(threshold) else Loss.HUBER),
+        "robust_sigma_Nm": item.fit.sigma,
+        "beyond_threshold_share": float((np.abs(item.residuals) > threshold).mean()),
+        "warnings": item.warnings,
     }
 
 
-def _plain(value: float) -> float | int | None:
-    """A number that JSON can hold, to ten digits; None for one that is not finite."""
-    if isinstance(value, int):
-        return value
-    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+def _plain(value: Any) -> Any:
+    """A document as JSON holds it: numbers to ten digits, None for one that is not finite."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+    return value
 
 
 def _samples_csv(result: Identification) -> str:
@@ -184,8 +184,7 @@ def _samples_csv(result: Identification) -> str:
     }
     rows = {name: values[chosen] for name, values in columns.items() if values is not None}
     rows["model_torque_Nm"] = rows["friction_torque_Nm"] - best.residuals[::step]
-    names = [test.name.replace(",", "_").replace('"', "_") for test in result.tests]
-    table = pd.DataFrame({"test": [names[test] for test in samples.test[chosen]], **rows})
+    table = pd.DataFrame({"test": [result.tests[test].name for test in samples.test[chosen]], **rows})
     return table.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 

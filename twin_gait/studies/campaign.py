@@ -244,15 +244,14 @@ def _perform(
     }
 
 
-def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False) -> str:
+def log_text(run: BenchRun, header: Mapping[str, object]) -> str:
     """A log as text: comments, column names with units, one row per millisecond.
 
-    The header's lines ``# name: value`` stand under the one that says that the data are synthetic; ``truth``
-    also gives the columns that no bench can see.
+    The header's lines ``# name: value`` stand under the one that says that the data are synthetic.
     """
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
-    return "\n".join(lines) + "\n" + run.log(truth=truth).to_csv(index=False, float_format=_DIGITS)
+    return "\n".join(lines) + "\n" + run.log(truth=False).to_csv(index=False, float_format=_DIGITS)
 
 
 def summarise(run: BenchRun) -> dict[str, float | None]:
