@@ -109,14 +109,14 @@ def complete_all(
         def step(name: str, which: str = which) -> None:
             tell({"kind": "writing", "step": f"{which}{name}"})
 
-        message = {"kind": "folder", "folder": str(journal), "summary": {}, "failed": ""}
         try:
             done = complete(journal, pictures=pictures and journal == there[-1], on_step=step)
+            if done is not None:
+                folder, summary = str(done.folder), done.summary
+                tell({"kind": "folder", "folder": folder, "summary": summary, "failed": ""})
         except RunDirectoryError as error:
-            tell({**message, "failed": " ".join(str(error).split())})
-            continue
-        if done is not None:
-            tell({**message, "folder": str(done.folder), "summary": done.summary})
+            failed = " ".join(str(error).split())
+            tell({"kind": "folder", "folder": str(journal), "summary": {}, "failed": failed})
 
 
 def changes_csv(changes: Iterable[AppliedChange]) -> str:

@@ -105,9 +105,10 @@ def _read_parquet(path: Path) -> LogTable:
 
 def _read_csv(path: Path) -> LogTable:
     text = read_log_text(path)
-    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    lines = text.splitlines()
+    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     separator = max(_SEPARATORS, key=first.count)
-    require_table_size(path, text.count("\n") + 1, first.count(separator) + 1)
+    require_table_size(path, len(lines), first.count(separator) + 1)
     names, frame = _words(path, text, separator)
     return LogTable(str(path), names, frame)
 
@@ -119,7 +120,7 @@ def _read_storage(path: Path) -> LogTable:
         raise ParameterFileError(path, END_OF_HEADER, "is missing; expected an OpenSim .mot or .sto file")
     header = _header(lines[:end])
     names, frame = _words(path, "\n".join(lines[end + 1 :]), r"\s+")
-    short = np.flatnonzero(frame.fillna("").eq("").any(axis=1))
+    short = np.flatnonzero((frame.fillna("") == "").any(axis=1))
     if len(short):
         text = f"expected {len(names)} numbers, one a column, and there are fewer"
         raise ParameterFileError(path, f"row {short[0] + 1}", text)
@@ -128,10 +129,10 @@ def _read_storage(path: Path) -> LogTable:
         if _number(stated) != found:
             text = f"the header says {stated[:40]}, the file has {found}; is it complete?"
             raise ParameterFileError(path, key, text)
-    stated = header.get(_DEGREES)
-    if stated is not None and stated.lower() not in _UNITS:
-        raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {stated[:40]!r}")
-    unit = None if stated is None else _UNITS[stated.lower()]
+    degrees = header.get(_DEGREES)
+    if degrees is not None and degrees.lower() not in _UNITS:
+        raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {degrees[:40]!r}")
+    unit = None if degrees is None else _UNITS[degrees.lower()]
     return LogTable(str(path), names, frame, unit, opensim=True)
 
 
