@@ -201,7 +201,10 @@ CSV_MISTAKES = {
     "time repeated": (CSV_TEXT.replace("0.002", "0.001"), "must ascend"),
     "milliseconds": (CSV_TEXT.replace("0.002", "4e6"), "spans 4e.06 s; expected seconds"),
     "nanoseconds": (CSV_TEXT.replace("0.002", "1.7e18"), "reaches 1.7e.18 s"),
-    "too short": (CSV_TEXT.replace("0.001", "0.0001").replace("0.002", "0.0002"), "expected at least 0.001"),
+    "too short": (
+        CSV_TEXT.replace("0.001", "0.0001").replace("0.002", "0.0002"),
+        "seconds, at least 0.001",
+    ),
     "radians as degrees": (CSV_TEXT.replace("12", "1200"), "left hip: reaches 1200 deg"),
     "knee backwards": (CSV_TEXT.replace(",7,", ",-60,"), "left knee: bends backwards by 60 deg"),
 }

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.signal import find_peaks
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import LONGEST_RUN
@@ -115,11 +116,9 @@ def _check_time(source: str, time: np.ndarray) -> None:
         text = f"must ascend, but {time[row + 1]:g} s follows {time[row]:g} s in row {row + 2}"
         raise ParameterFileError(source, "time", text)
     duration = time[-1] - time[0]
-    if duration > LONGEST_RUN:
-        text = f"spans {duration:g} s; expected seconds, at most {LONGEST_RUN:g} of them: convert or cut it"
-        raise ParameterFileError(source, "time", text)
-    if duration < TICK:
-        raise ParameterFileError(source, "time", f"spans {duration:g} s; expected at least {TICK:g}")
+    if not TICK <= duration <= LONGEST_RUN:
+        text = f"expected seconds, at least {TICK:g} and at most {LONGEST_RUN:g}: convert or cut it"
+        raise ParameterFileError(source, "time", f"spans {duration:g} s; {text}")
 
 
 def _check_angles(source: str, angles: Mapping[Side, Mapping[str, np.ndarray]]) -> None:
@@ -177,19 +176,15 @@ def stride_period(recording: Recording) -> float:
     """
     joints = next(iter(recording.angles.values()))
     signals = [values - values.mean() for values in joints.values()]
-    total = sum(_autocorrelation(values) for values in signals if values.std() > 0.0)
-    if isinstance(total, np.ndarray):
-        first = round(SHORTEST_STRIDE / TICK)
-        end = min(round(LONGEST_STRIDE / TICK), recording.n_ticks // 2)
-        peaks = [
-            lag
-            for lag in range(first, end)
-            if total[lag - 1] < total[lag] >= total[lag + 1] and total[lag] >= LEAST_CORRELATION * total[0]
-        ]
-        if peaks:
-            # Two strides later a walk is just as much like itself: the first good peak is the stride.
-            best = max(float(total[lag]) for lag in peaks)
-            return next(lag for lag in peaks if total[lag] >= NEARLY_BEST * best) * TICK
+    total = np.atleast_1d(sum(_autocorrelation(values) for values in signals if values.std() > 0.0))
+    first = round(SHORTEST_STRIDE / TICK)
+    end = min(round(LONGEST_STRIDE / TICK), recording.n_ticks // 2)
+    found, _ = find_peaks(total[first - 1 : end + 1], height=LEAST_CORRELATION * total[0])
+    if len(found):
+        # Two strides later a walk is just as much like itself: the first good peak is the stride.
+        peaks = first - 1 + found
+        good = total[peaks] >= NEARLY_BEST * total[peaks].max()
+        return int(peaks[good][0]) * TICK
     text = f"the angles do not repeat between {SHORTEST_STRIDE:g} and {LONGEST_STRIDE:g} s over two strides"
     raise ParameterFileError(recording.source, "mirror", f"{text}; state the stride time: --mirror SECONDS")
 
