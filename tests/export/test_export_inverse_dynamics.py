@@ -22,7 +22,7 @@ from twin_gait.conventions import OPENSIM_GAIT2392, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export import export_inverse_dynamics
 from twin_gait.gait.table import TICK
-from twin_gait.replay.tables import parse_storage
+from twin_gait.replay.tables import read_table
 from twin_gait.runs.record import load_run
 from twin_gait.vocabulary import JointName, Side
 
@@ -42,8 +42,8 @@ class Folder:
         self.model, self.bodies = read_model(folder / "model.osim")
 
     def table(self, name):
-        stored = parse_storage((self.path / name).read_text(), name)
-        return pd.DataFrame(stored.values, columns=stored.names)
+        stored = read_table(self.path / name)
+        return pd.DataFrame({column: stored.numbers(column) for column in stored.names})
 
     def states(self):
         """Coordinates, velocities and accelerations of the model that was read, by differences."""
@@ -341,7 +341,7 @@ def test_without_a_format_the_name_says_it(exported, tmp_path, capsys):
     assert main(["export", str(exported)]) == 0
     assert (exported / "log.csv").is_file()
     assert main(["export", str(exported), "--out", str(tmp_path / "walk.sto")]) == 0
-    assert parse_storage((tmp_path / "walk.sto").read_text(), "walk").unit == "rad"
+    assert read_table(tmp_path / "walk.sto").unit == "rad"
 
 
 RUN_TOOL = """
@@ -364,8 +364,8 @@ def test_opensim_finds_our_joint_moments(exported):
     assert said["done"] and said["mass"] == pytest.approx(whole)
     tables = {}
     for name in ("inverse_dynamics.sto", "joint_moments.sto"):
-        stored = parse_storage((folder / name).read_text(), name)
-        tables[name] = pd.DataFrame(stored.values, columns=stored.names)
+        stored = read_table(folder / name)
+        tables[name] = pd.DataFrame({column: stored.numbers(column) for column in stored.names})
     found, ours = tables["inverse_dynamics.sto"], tables["joint_moments.sto"]
     assert len(ours.columns) == 7 and len(found) == len(ours) == 3000
     for name in ours.columns[1:]:

@@ -113,7 +113,7 @@ def test_no_fault_but_a_runaway_makes_the_wearer_fall(walk, kind):
         walk.inject(parse_fault(f"{kind}{PLACES.get(kind, ':left_knee')}@0s"))
         walk.advance(5000)
         assert walk.status is RunStatus.COMPLETED, (moment, walk.reason)
-        trip = walk.result().trip
+        trip = walk.trip
         if trip is not None and trip.tick + SETTLED < walk.tick:
             assert max(feet(walk, trip.tick + SETTLED))[1] < 0.02, moment
 
@@ -130,7 +130,7 @@ def test_a_controller_that_runs_away_with_a_knee_makes_the_wearer_fall_unnoticed
         walk.advance(moment)
         walk.inject(parse_fault(f"{FaultKind.CONTROLLER_RUNAWAY}:left_knee@0s"))
         walk.advance(5000)
-        trip = walk.result().trip
+        trip = walk.trip
         if walk.status is RunStatus.FELL:
             fallen.append((moment, trip))
         else:

@@ -74,9 +74,11 @@ def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tm
     run.inject(parse_fault("encoder_offset:right_hip@0s=-8deg"))
     run.advance(300)
     note = {"subject": "fault", "fault": "encoder_offset:right_hip@0s=-8deg"}
-    walked = run.result()._asdict()
-    del walked["traffic"]
-    kept = run_of(Piece(**walked, changes=(AppliedChange(730, note),)), problem)
+    piece = Piece(
+        rows=run.rows(), switches=run.switches(), changes=(AppliedChange(730, note),), status=run.status,
+        reason=run.reason, trip=run.trip,
+    )  # fmt: skip
+    kept = run_of(piece, problem)
     fault, trip = kept.events
     assert (fault.kind, fault.time, fault.text) == ("fault", 0.73, "fault: encoder offset, right hip")
     assert trip.time == kept.trip.time >= 0.73

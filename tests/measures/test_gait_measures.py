@@ -33,7 +33,7 @@ from twin_gait.measures.strides import (
     stride_extremes,
     stride_lengths,
 )
-from twin_gait.replay.tables import parse_storage
+from twin_gait.replay.tables import read_table
 from twin_gait.vocabulary import JointName, Side
 
 # ---------------------------------------------------------------- steps
@@ -178,11 +178,11 @@ def test_measures_survive_a_csv_to_the_last_bit(walk, tmp_path):
 def test_measures_survive_a_motion_file(walk, tmp_path, unit, rounding, convention):
     path = tmp_path / "walk.sto"
     export_motion(walk, path, convention, unit=unit)
-    motion = parse_storage(path.read_text(), str(path))
+    motion = read_table(path)
     assert motion.unit == unit
     strides = leg_record(walk, Side.LEFT, list(walk["left_phase"].cat.categories), TICK).strides()
     for joint, name in ((JointName.HIP, "hip_flexion_l"), (JointName.KNEE, "knee_angle_l")):
-        angle = motion.values[:, motion.names.index(name)]
+        angle = motion.numbers(name)
         back = convention.to_house(joint, np.radians(angle) if unit == "deg" else angle)
         before = walk[f"left_{joint}_angle_rad"].to_numpy()
         assert_allclose(measures(back, strides), measures(before, strides), rtol=0.0, atol=rounding)

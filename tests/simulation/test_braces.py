@@ -25,7 +25,7 @@ from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
 from twin_gait.parameters import BraceParameters, SpringDamper
-from twin_gait.replay.tables import parse_storage
+from twin_gait.replay.tables import read_table
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles, draw_energy
 from twin_gait.runs.summary import summarise
@@ -381,8 +381,8 @@ def test_an_exported_motion_is_the_wearers_unless_the_device_is_asked_for(walk, 
     for device, column in ((False, "left_knee_wearer_angle_rad"), (True, "left_knee_angle_rad")):
         path = tmp_path / f"{device}.sto"
         export_motion(walk.log, path, RAJAGOPAL, unit="rad", device=device)
-        motion = parse_storage(path.read_text(), "walk")
-        assert (motion.values[:, motion.names.index("knee_angle_l")] == walk.log[column]).all()
+        motion = read_table(path)
+        assert (motion.numbers("knee_angle_l") == walk.log[column]).all()
 
 
 def test_the_picture_of_the_angles_has_both(walk):

@@ -8,6 +8,7 @@ at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -147,39 +148,36 @@ class Quantity(NamedTuple):
     unit: str  # of the control
     scale: float  # SI value of one unit
     step: float  # of the control, in its unit
-    help: str  # one sentence
     field: str  # of an impedance and of a joint of the monitor
+    help: str  # one sentence
 
 
 QUANTITIES = {
-    "stiffness": Quantity(
-        "stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "How hard the spring pulls to θ0.", "stiffness"
-    ),
-    "damping": Quantity(
-        "damping b", "Nms/rad", 1.0, 0.5, "How much the spring's motion is braked.", "damping"
-    ),
-    "equilibrium": Quantity(
-        "equilibrium θ0", "deg", _DEGREE, 0.5, "Angle that the spring pulls to.", "equilibrium_angle"
-    ),
-    "gain": Quantity(
-        *("friction gain G", "", 1.0, 0.01, "Share of the modelled friction that is compensated."),
-        "friction_compensation_gain",
-    ),
-    "torque": Quantity(
-        *("target torque", "Nm", 1.0, TORQUE_STEP, "Added to the command in torque control."),
-        "target_torque",
-    ),
-}
+    "stiffness": Quantity("stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness",
+                          "How hard the spring pulls to θ0."),
+    "damping": Quantity("damping b", "Nms/rad", 1.0, 0.5, "damping",
+                        "How much the spring's motion is braked."),
+    "equilibrium": Quantity("equilibrium θ0", "deg", _DEGREE, 0.5, "equilibrium_angle",
+                            "Angle that the spring pulls to."),
+    "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain",
+                     "Share of the modelled friction that is compensated."),
+    "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "target_torque",
+                       "Added to the command in torque control."),
+}  # fmt: skip
 _DRIVES = "The gait table, or one of the monitor's three controls, for which the belt stands still."
 _WAITS = "A leg at the end of stance waits for the step button, and the belt waits with it."
 
 
-class Handle(NamedTuple):
-    """What a control sets: some fields, each to a number in SI or a word."""
+Fields = Mapping[str, Any]  # numbers in SI, or words
+Write = Callable[[Settings, Fields], Settings]
 
-    begun: Mapping[str, Any]  # the fields as the session began: not one bit is lost in another unit
-    fields_of: Callable[[Value], Mapping[str, Any]]  # of a value of the control
-    write: Callable[[Settings, Mapping[str, Any]], Settings]  # settings with other fields
+
+class Handle(NamedTuple):
+    """What a control sets: some fields."""
+
+    begun: Fields  # as the session began: not one bit is lost in another unit
+    fields_of: Callable[[Value], Fields]  # of a value of the control
+    write: Write  # settings with other fields
 
 
 class Panel:
@@ -212,11 +210,8 @@ class Panel:
     def controls(self, settings: Settings) -> tuple[Control, ...]:
         """All controls with the values of some settings, in the order in which a page shows them."""
         if self._shown is None or self._shown[0] is not settings:
-            pairs = [
-                *self._walk_controls(settings),
-                *self._table_controls(settings),
-                *self._monitor_controls(settings),
-            ]
+            parts = (self._walk_controls, self._table_controls, self._monitor_controls)
+            pairs = [pair for part in parts for pair in part(settings)]
             self._handles = {control.name: handle for control, handle in pairs}
             self._shown = (settings, tuple(control for control, _ in pairs))
         return self._shown[1]
@@ -263,7 +258,7 @@ class Panel:
                     own["damping_ratio"] = begun.damping_ratio
                     default = self._damping(as_preset, place)
                 shown = (value / quantity.scale, default / quantity.scale)
-                handle = self._handle(quantity.field, own, quantity.scale, _impeded(place))
+                handle = self._handle(quantity.field, own, quantity.scale, partial(_impeded, place))
                 yield self._number(place.prefix, name, "table", shown, place), handle
 
     def _damping(self, problem: Problem, place: Place) -> float:
@@ -289,16 +284,11 @@ class Panel:
                 own = {quantity.field: getattr(begun, quantity.field)}
                 shown = (getattr(item, quantity.field) / quantity.scale, own[quantity.field] / quantity.scale)
                 place = Place("", joint, side)
-                handle = self._handle(quantity.field, own, quantity.scale, _monitored(side, joint))
+                handle = self._handle(quantity.field, own, quantity.scale, partial(_monitored, (side, joint)))
                 yield self._number(f"monitor.{side}.{joint}", name, "monitor", shown, place), handle
 
     @staticmethod
-    def _handle(
-        field: str,
-        begun: Mapping[str, Any],
-        scale: float,
-        write: Callable[[Settings, Mapping[str, Any]], Settings],
-    ) -> Handle:
+    def _handle(field: str, begun: Fields, scale: float, write: Write) -> Handle:
         """Of a number, which leaves nothing of the other fields."""
         others = dict.fromkeys(begun)
         return Handle(begun, lambda value: {**others, field: float(value) * scale}, write)
@@ -367,24 +357,18 @@ class Panel:
         return handle.write(settings, handle.begun)
 
 
-def _adjusted(settings: Settings, fields: Mapping[str, Any]) -> Settings:
+def _adjusted(settings: Settings, fields: Fields) -> Settings:
     """With another value of an adjustment of the world, in SI."""
     experiment, ((name, value),) = settings.experiment, fields.items()
     scenario = experiment.scenario.adjusted(name, value)
     return replace(settings, experiment=replace(experiment, scenario=scenario))
 
 
-def _impeded(place: Place) -> Callable[[Settings, Mapping[str, Any]], Settings]:
-    def write(settings: Settings, fields: Mapping[str, Any]) -> Settings:
-        impedance = replace(place.read(settings.table), **fields)
-        return settings.with_table(place.write(settings.table, impedance))
-
-    return write
+def _impeded(place: Place, settings: Settings, fields: Fields) -> Settings:
+    impedance = replace(place.read(settings.table), **fields)
+    return settings.with_table(place.write(settings.table, impedance))
 
 
-def _monitored(side: Side, joint: JointName) -> Callable[[Settings, Mapping[str, Any]], Settings]:
-    def write(settings: Settings, fields: Mapping[str, Any]) -> Settings:
-        item = replace(settings.monitor[side, joint], **fields)
-        return replace(settings, monitor={**settings.monitor, (side, joint): item})
-
-    return write
+def _monitored(place: tuple[Side, JointName], settings: Settings, fields: Fields) -> Settings:
+    item = replace(settings.monitor[place], **fields)
+    return replace(settings, monitor={**settings.monitor, place: item})

@@ -1,12 +1,12 @@
 """From the journal of a live walk to its run folder, at the end of the walk or whenever somebody looks."""
 
-import csv
-import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import pandas as pd
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiment_file import experiment_from_mapping
@@ -109,14 +109,14 @@ def complete_all(
         def step(name: str, which: str = which) -> None:
             tell({"kind": "writing", "step": f"{which}{name}"})
 
-        message = {"kind": "folder", "folder": str(journal), "summary": {}, "failed": ""}
         try:
             done = complete(journal, pictures=pictures and journal == there[-1], on_step=step)
+            if done is not None:
+                folder, summary = str(done.folder), done.summary
+                tell({"kind": "folder", "folder": folder, "summary": summary, "failed": ""})
         except RunDirectoryError as error:
-            tell({**message, "failed": " ".join(str(error).split())})
-            continue
-        if done is not None:
-            tell({**message, "folder": str(done.folder), "summary": done.summary})
+            failed = " ".join(str(error).split())
+            tell({"kind": "folder", "folder": str(journal), "summary": {}, "failed": failed})
 
 
 def changes_csv(changes: Iterable[AppliedChange]) -> str:
@@ -124,12 +124,9 @@ def changes_csv(changes: Iterable[AppliedChange]) -> str:
 
     Returns one line per change: its first tick, who, what, and the values before and after.
     """
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, CHANGE_COLUMNS, lineterminator="\n", extrasaction="ignore")
-    writer.writeheader()
-    for change in changes:
-        writer.writerow({**change.note, "tick": change.tick, "time_s": f"{change.tick * TICK:.3f}"})
-    return buffer.getvalue()
+    rows = [{**change.note, "tick": change.tick, "time_s": f"{change.tick * TICK:.3f}"} for change in changes]
+    table = pd.DataFrame(rows, columns=CHANGE_COLUMNS, dtype=object)
+    return table.to_csv(index=False, lineterminator="\n")
 
 
 def recover(records: Path) -> Iterator[str]:

@@ -20,6 +20,7 @@ import numpy as np
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
+from twin_gait.live.handle import begin
 from twin_gait.live.protocol import dump
 from twin_gait.live.stepping import LiveWalk, SteppedRun, as_run
 from twin_gait.measures.leg_record import LegRecord, leg_record
@@ -165,12 +166,8 @@ def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:
 
 def main() -> int:
     """Read the set-up, then requests, until the input ends."""
-    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # the end of the input ends us
     os.nice(NICENESS)
-    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # whatever else is printed must not run into the messages
-    setup = json.loads(sys.stdin.readline() or "null")
+    setup, output = begin(signal.SIGINT, signal.SIGHUP, signal.SIGTERM)
     if setup is None:
         return 0
     problem = build_problem(experiment_from_mapping(setup["document"], "experiment", Path()))

@@ -1,12 +1,15 @@
-"""A process of a live session as its parent holds it: commands with answers, frames, and its end."""
+"""A process of a live session: as its parent holds it, with answers, frames and its end, and as it begins."""
 
 import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any
+from concurrent.futures import Future
+from typing import IO, Any
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.live.protocol import MessageRefused, dump
@@ -16,15 +19,6 @@ END_TIME = 300.0  # [s]; time to write the run folder of the longest session
 FRAME = '{"kind":"frame"'  # how the line of a frame begins
 
 Answer = Mapping[str, Any]
-
-
-class _Pending:
-    """A command that waits for its answer."""
-
-    def __init__(self, then: Callable[[Answer], None]) -> None:
-        self.then = then
-        self.answered = threading.Event()
-        self.answer: Answer = {}
 
 
 def _nobody(told: Any) -> None:
@@ -51,7 +45,7 @@ class LoopProcess:
         self._on_frame, self._on_message, self._on_end = on_frame, on_message, on_end
         self._process: subprocess.Popen[str] | None = None
         self._thread: threading.Thread | None = None
-        self._pending: dict[int, _Pending] = {}
+        self._pending: dict[int, Future[Answer]] = {}
         self._serial = 0
         self._lock = threading.Lock()
 
@@ -97,37 +91,40 @@ class LoopProcess:
 
     # ------------------------------------------------------------------ commands
 
-    def command(self, command: Mapping[str, Any], then: Callable[[Answer], None] = _nobody) -> _Pending:
-        """Send a command. Raises ParameterError if the process is gone, or has not been started."""
+    def command(self, command: Mapping[str, Any]) -> Future[Answer]:
+        """Send a command; its answer is on the way.
+
+        Raises ParameterError if the process is gone, or has not been started.
+        """
         if self._process is None:
             raise ParameterError("the walk has not begun yet")
         with self._lock:
             self._serial += 1
             serial = self._serial
-            pending = self._pending[serial] = _Pending(then)
+            coming = self._pending[serial] = Future()
         try:
             self._send({**command, "serial": serial})
         except (OSError, ValueError) as error:
             self._pending.pop(serial, None)
             raise ParameterError("the walk has ended") from error
-        return pending
+        return coming
 
     def ask(self, command: Mapping[str, Any]) -> Answer:
         """Send a command and wait for the answer, with the errors of :meth:`answer`."""
         return self.answer(self.command(command))
 
-    def answer(self, pending: _Pending) -> Answer:
+    def answer(self, coming: Future[Answer]) -> Answer:
         """Wait for the answer to a command.
 
         Raises ParameterError if the process is gone. Raises MessageRefused if it refuses the command.
         """
-        if not pending.answered.wait(ANSWER_TIME):
-            raise ParameterError(f"the walk has not answered for {ANSWER_TIME:g} s")
-        if not pending.answer:
-            raise ParameterError("the walk has ended")
-        if pending.answer["refused"]:
-            raise MessageRefused(pending.answer["refused"])
-        return pending.answer
+        try:
+            answer = coming.result(ANSWER_TIME)
+        except TimeoutError:
+            raise ParameterError(f"the walk has not answered for {ANSWER_TIME:g} s") from None
+        if answer["refused"]:
+            raise MessageRefused(answer["refused"])
+        return answer
 
     def _send(self, data: Mapping[str, Any]) -> None:
         assert self._process is not None and self._process.stdin is not None  # start() opened them
@@ -144,11 +141,21 @@ class LoopProcess:
             message = json.loads(line)
             if message["kind"] != "answer":
                 self._on_message(message)
-            elif (pending := self._pending.pop(message["serial"], None)) is not None:
-                pending.answer = message
-                pending.then(message)
-                pending.answered.set()
+            elif (coming := self._pending.pop(message["serial"], None)) is not None:
+                coming.set_result(message)
         self._on_end(self._process.wait())
-        for pending in list(self._pending.values()):
-            pending.answered.set()
+        for coming in list(self._pending.values()):
+            coming.set_exception(ParameterError("the walk has ended"))
         self._pending.clear()
+
+
+def begin(*ignored: signal.Signals) -> tuple[Any, IO[str]]:
+    """Begin as such a process: what it is set up with, None if nobody wants it, and where it answers.
+
+    ``ignored``: signals that a terminal sends to the parent too, which ends the process in order.
+    """
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # whatever else is printed must not run into the messages
+    return json.loads(sys.stdin.readline() or "null"), output

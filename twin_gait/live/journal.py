@@ -223,7 +223,5 @@ def _pieces(stream: Any) -> Iterator[Piece]:
             batch, metadata = stream.read_next_batch_with_custom_metadata()
         except (StopIteration, OSError, pa.ArrowException):  # the end, or where the writer was killed
             return
-        rows = np.empty((batch.num_rows, batch.num_columns))
-        for place, column in enumerate(batch.columns):
-            rows[:, place] = column.to_numpy()
+        rows = np.column_stack([column.to_numpy() for column in batch.columns])
         yield Piece.from_dict(json.loads(metadata[_NEWS]), rows)

@@ -145,7 +145,7 @@ class LiveLoop:
         left = min(BLOCK_TICKS, self._longest - first)
         self._walk.advance(left - 1)
         q = self._run.q
-        rows = self._run.advance(1)
+        self._run.advance(1)
         if self._tells_rows:
             self._send_rows(first)
         self.clock.finished(self._now())
@@ -153,7 +153,7 @@ class LiveLoop:
         # A look at the last row is always possible, and the page has yet to be shown what was not traced.
         self._run.forget_rows(min(self._kept.tick, self._traced) - 1)
         if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
-            self._send_frame(q, rows)
+            self._send_frame(q)
 
     def _stand(self) -> None:
         self.clock.pause()
@@ -181,13 +181,12 @@ class LiveLoop:
 
     # ------------------------------------------------------------------ frames
 
-    def _send_frame(self, q: np.ndarray | None = None, rows: np.ndarray | None = None) -> None:
+    def _send_frame(self, q: np.ndarray | None = None) -> None:
         """Send the last row of the log with the coordinates that belong to it."""
         run = self._run
-        if rows is None or len(rows) == 0:
-            rows = run.rows(max(run.tick - 1, 0))
-        self._last_frame = self._now()
         tick = max(run.tick - 1, 0)
+        rows = run.rows(tick)
+        self._last_frame = self._now()
         frame = Frame(
             tick=tick, time_s=tick * TICK, status=str(self.status),
             q=tuple((run.q if q is None else q).tolist()),

@@ -37,13 +37,8 @@ class EventBook:
         """Add an event. ``tick`` of the event, if it is not the last that is known."""
         with self._lock:
             self.serial += 1
-            event = Event(
-                serial=self.serial,
-                response=response,
-                text=text,
-                tick=self.tick if tick is None else tick,
-                **rest,
-            )
+            at = self.tick if tick is None else tick
+            event = Event(serial=self.serial, response=response, text=text, tick=at, **rest)
             self._events.append(event)
         if self.recorder is not None:
             self.recorder.event(event)

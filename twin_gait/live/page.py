@@ -81,9 +81,9 @@ class LivePage:
         number, text = self._session.news.frame
         if number != self._number:
             self._number = number
-            self.show(Frame.from_dict(json.loads(text)))
+            self._show(Frame.from_dict(json.loads(text)))
 
-    def show(self, frame: Frame) -> None:
+    def _show(self, frame: Frame) -> None:
         """Show a moment on all pages."""
         if frame.log:  # empty before the first tick
             belt_speed = self._belt_speed * self._belt_share(frame)

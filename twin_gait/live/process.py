@@ -7,7 +7,6 @@ writes its run folder and is gone. Nothing that it is sent is ever executed or u
 
 import contextlib
 import json
-import os
 import signal
 import sys
 import threading
@@ -20,6 +19,7 @@ from typing import IO, Any
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.live.finishing import complete_all
+from twin_gait.live.handle import begin
 from twin_gait.live.journal import Journal, Piece, next_free
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
 from twin_gait.live.protocol import dump
@@ -40,22 +40,17 @@ class Sender:
         """Start the thread."""
         self._stream = stream
         self._messages: deque[Mapping[str, Any]] = deque()
-        self._passing: dict[str, deque[Mapping[str, Any]]] = {
-            kind: deque(maxlen=MOST_TRACES) for kind in ("trace", "rows")
+        self._passing = {
+            kind: deque[Mapping[str, Any]](maxlen=most)
+            for kind, most in (("trace", MOST_TRACES), ("rows", MOST_TRACES), ("frame", 1))
         }
-        self._frame: Mapping[str, Any] | None = None
         self._awake, self._closed = threading.Event(), False
         self._thread = threading.Thread(target=self._write, name="sender", daemon=True)
         self._thread.start()
 
     def send(self, message: Mapping[str, Any]) -> None:
         """Take a message; returns at once."""
-        if message["kind"] == "frame":
-            self._frame = message
-        elif message["kind"] in self._passing:
-            self._passing[message["kind"]].append(message)
-        else:
-            self._messages.append(message)
+        self._passing.get(message["kind"], self._messages).append(message)
         self._awake.set()
 
     def close(self, timeout: float = 5.0) -> None:
@@ -70,14 +65,9 @@ class Sender:
                 self._awake.wait()
                 self._awake.clear()
                 closing = self._closed
-                while self._messages:
-                    self._stream.write(dump(self._messages.popleft()) + "\n")
-                for messages in self._passing.values():
+                for messages in (self._messages, *self._passing.values()):
                     while messages:
                         self._stream.write(dump(messages.popleft()) + "\n")
-                frame, self._frame = self._frame, None
-                if frame is not None:
-                    self._stream.write(dump(frame) + "\n")
                 self._stream.flush()
                 if closing:
                     return
@@ -146,13 +136,7 @@ def main() -> int:
 
     Returns exit status: 0, or 2 if the set-up cannot be used.
     """
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(
-            number, signal.SIG_IGN
-        )  # a terminal sends them to the parent too, which ends us in order
-    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # whatever else is printed must not run into the messages
-    setup = json.loads(sys.stdin.readline() or "null")
+    setup, output = begin(signal.SIGINT, signal.SIGHUP)
     if setup is None:
         return 0
     sender = Sender(output)

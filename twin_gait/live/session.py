@@ -255,7 +255,7 @@ class LiveSession:
         else:
             note = {"user": message.user, "subject": str(message.action), "text": "a new walk"}
             answer = self._loop.ask({"command": "restart", "note": note})
-            self._tell_answer(message, "a new walk from the start", answer)
+            self._tell_applied(message, "a new walk from the start", answer)
 
     def _do_directly(self, message: DoAction) -> None:
         values, text = self._actions.values_of(message), str(message.action)
@@ -271,13 +271,14 @@ class LiveSession:
             command["fault"] = str(self._actions.fault_of(values))
             text = f"fault {command['fault'].partition('@')[0]}"
         command["note"] = {"user": message.user, "subject": str(message.action), "text": text}
-        self._loop.command(command, lambda answer: self._tell_answer(message, text, answer))
+        self._loop.command(command).add_done_callback(
+            lambda answered: self._guarded(
+                message, lambda: self._tell_applied(message, text, self._loop.answer(answered))
+            )
+        )
 
-    def _tell_answer(self, message: DoAction, text: str, answer: Mapping[str, Any]) -> None:
-        if answer["refused"]:
-            self._refuse(message, answer["refused"])
-        else:
-            self._emit(Response.APPLIED, message, answer.get("text", text), tick=answer["tick"])
+    def _tell_applied(self, message: DoAction, text: str, answer: Mapping[str, Any]) -> None:
+        self._emit(Response.APPLIED, message, answer.get("text", text), tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""

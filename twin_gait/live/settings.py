@@ -129,23 +129,19 @@ class LoopNumbers:
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
     """Lay settings out as numbers. Returns the numbers, table scaled and damping ratios resolved."""
-    walk = build_problem(settings.experiment)
-    driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
+    walk, walking = build_problem(settings.experiment), settings.mode is Mode.WALK
+    driven = walk if walking else build_problem(settings.driving)
     world, pelvis = walk.world, walk.world.model.pelvis_index
+    belt_speed = world.belt.cruise if walking else 0.0  # without a gait it would carry the feet away
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
         comparisons=walk.program.comparisons,
         target_torque=target_torques(settings, walk),
-        belt_speed=None if world.contact is None else _belt_speed(settings, walk),
+        belt_speed=None if world.contact is None else belt_speed,
         support_force=None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
         held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
-        watching=settings.mode is Mode.WALK,
+        watching=walking,
     )
-
-
-def _belt_speed(settings: Settings, problem: Problem) -> float:
-    """Speed of the belt in [m] / [s]: without a gait it would carry the feet away."""
-    return problem.world.belt.cruise if settings.mode is Mode.WALK else 0.0
 
 
 def target_torques(settings: Settings, problem: Problem) -> list[float]:
@@ -203,22 +199,21 @@ class Place:
         parts = (self.phase, self.joint) if self.side is None else (self.side, self.phase, self.joint)
         return ".".join(parts)
 
+    def _phases(self, table: GaitTable) -> Mapping[str, PhaseParameters]:
+        return table.phases if self.side is None else table.side_phases[self.side]
+
     def read(self, table: GaitTable) -> JointImpedance:
         """What a table has there."""
-        phases = table.phases if self.side is None else table.side_phases[self.side]
-        return phases[self.phase].joints[self.joint]
+        return self._phases(table)[self.phase].joints[self.joint]
 
     def write(self, table: GaitTable, impedance: JointImpedance) -> GaitTable:
         """The table with another impedance there."""
-        if self.side is None:
-            return replace(table, phases={**table.phases, self.phase: self._changed(table.phases, impedance)})
-        own = table.side_phases[self.side]
-        own = {**own, self.phase: self._changed(own, impedance)}
-        return replace(table, side_phases={**table.side_phases, self.side: own})
-
-    def _changed(self, phases: Mapping[str, PhaseParameters], impedance: JointImpedance) -> PhaseParameters:
+        phases = self._phases(table)
         phase = phases[self.phase]
-        return replace(phase, joints={**phase.joints, self.joint: impedance})
+        changed = {**phases, self.phase: replace(phase, joints={**phase.joints, self.joint: impedance})}
+        if self.side is None:
+            return replace(table, phases=changed)
+        return replace(table, side_phases={**table.side_phases, self.side: changed})
 
 
 def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:

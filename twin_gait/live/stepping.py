@@ -25,7 +25,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
+from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import Run, RunStatus, log_table
@@ -164,13 +164,6 @@ class SteppedRun:
         """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds."""
         self._log = [(begin, rows) for begin, rows in self._log if begin + len(rows) > before]
 
-    def result(self, *, interrupted: bool = False) -> EngineResult:
-        """The walk so far as an engine hands it back; one that has not ended can be marked as interrupted."""
-        status, reason = self._engine.ending(self.tick)
-        if interrupted and status is RunStatus.COMPLETED:
-            status, reason = RunStatus.INTERRUPTED, stopped_reason(self.tick)
-        return EngineResult(self.rows(), self._engine.phase_switches(), status, reason, self._engine.trip())
-
     def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far."""
         return self._engine.phase_switches(first)
@@ -199,7 +192,13 @@ class SteppedRun:
         self._watching, self.held_phase = moment["watching"], moment["held"]
         self._released_at = 0 if moment["released"] else None
 
-    def _fade(self, name: str, target: np.ndarray | float, ticks: int) -> None:
+    def fade(self, name: str, target: np.ndarray | float, ticks: int = FADE_TICKS) -> None:
+        """Let numbers fade to others by the minimum-jerk law, in some ticks or, with 0, at once.
+
+        ``name``: ``target_torque`` in [N m], added to the commands, shape ``(n_joints,)``; ``belt_speed`` in
+        [m] / [s], 0 to stop, with a profile that between its ramps; ``support_force`` in [N], where the
+        pelvis hangs in one.
+        """
         values = self._values[name]
         shaped = np.broadcast_to(target, values.shape).tolist()
         self._fades[name] = Fade(values.tolist(), shaped, self.tick, ticks)
@@ -210,27 +209,13 @@ class SteppedRun:
         They fade by the minimum-jerk law, in all phases at once, also in one whose own fade is over.
         """
         by_joint = rows[..., :-1].reshape(*rows.shape[:2], -1, COLUMNS_PER_JOINT).swapaxes(1, 2)
-        self._fade("setpoints", by_joint.reshape(self._values["setpoints"].shape), fade_ticks)
-        self._fade("gravity_shares", rows[..., -1], fade_ticks)
+        self.fade("setpoints", by_joint.reshape(self._values["setpoints"].shape), fade_ticks)
+        self.fade("gravity_shares", rows[..., -1], fade_ticks)
 
     def set_comparisons(self, comparisons: Sequence[Comparison]) -> None:
         """Give the guards other thresholds, at once."""
         given = [entries(comparison) for comparison in comparisons]
         self._values["comparisons"][: len(given)] = given  # the record has room for more
-
-    def set_target_torque(self, torque: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
-        """Add other torques to the commands, in [N m], shape ``(n_joints,)``."""
-        self._fade("target_torque", torque, fade_ticks)
-
-    def set_belt_speed(self, speed: float, *, fade_ticks: int = FADE_TICKS) -> None:
-        """Let the belt run at another speed in [m] / [s], 0 to stop; with a profile, between its ramps."""
-        self._fade("belt_speed", speed, fade_ticks)
-
-    def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:
-        """Let the support carry another weight in [N]; a ParameterError if the pelvis hangs in none."""
-        if "support_force" not in self._values:
-            raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
-        self._fade("support_force", force, fade_ticks)
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint of ``problem.joints`` for some ticks, in [N m], positive towards flexion."""
@@ -432,7 +417,7 @@ class LiveWalk:
         waits = bool(self.run.waiting())
         if waits != self._belt_waits and self._belt_speed is not None:
             self._belt_waits = waits
-            self.run.set_belt_speed(0.0 if waits else self._belt_speed, fade_ticks=BELT_TICKS)
+            self.run.fade("belt_speed", 0.0 if waits else self._belt_speed, BELT_TICKS)
         return self.run.advance(ticks)
 
     def restart(self) -> None:
@@ -440,20 +425,20 @@ class LiveWalk:
         self.run.restart()
         self._belt_waits = False
         if self._belt_speed is not None:
-            self.run.set_belt_speed(self._belt_speed, fade_ticks=0)
+            self.run.fade("belt_speed", self._belt_speed, 0)
 
     def set(self, numbers: Mapping[str, Any]) -> None:
         """Let new settings fade in."""
         run = self.run
         run.set_phase_rows(np.array(numbers["phase_rows"]))
         run.set_comparisons([Comparison(**entries) for entries in numbers["comparisons"]])
-        run.set_target_torque(np.array(numbers["target_torque"]))
+        run.fade("target_torque", np.array(numbers["target_torque"]))
         if numbers["support_force"] is not None:
-            run.set_support_force(numbers["support_force"])
+            run.fade("support_force", numbers["support_force"])
         if numbers["belt_speed"] is not None:
             self._belt_speed = numbers["belt_speed"]
             if not self._belt_waits:
-                run.set_belt_speed(numbers["belt_speed"])
+                run.fade("belt_speed", numbers["belt_speed"])
         run.watch_phases(numbers["watching"])
         if numbers["held_phase"] != run.held_phase:
             run.hold_phase(numbers["held_phase"])

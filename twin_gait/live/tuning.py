@@ -1,6 +1,6 @@
 """Changes of live settings: held to the rules of ``twin-gait check``, handed to the walk, or tried ahead."""
 
-from typing import NamedTuple
+from collections.abc import Iterable
 
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Finding, Rule, Severity, waive
@@ -38,18 +38,7 @@ Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transitio
 Known = frozenset[Place]  # errors that are there already, and so are not the fault of a change
 
 
-class Checked(NamedTuple):
-    """What refuses some settings."""
-
-    errors: tuple[Finding, ...]
-
-    @property
-    def places(self) -> Known:
-        """Rule and place of every error."""
-        return frozenset(place_of(item) for item in self.errors)
-
-
-def check_settings(settings: Settings, known: Known = frozenset()) -> Checked:
+def check_settings(settings: Settings, known: Known = frozenset()) -> tuple[Finding, ...]:
     """Hold settings to the rules whose errors make them unsafe, up to the first with an error that is new."""
     case = build_case(settings.driving.table, settings.driving)
     errors: list[Finding] = []
@@ -57,12 +46,12 @@ def check_settings(settings: Settings, known: Known = frozenset()) -> Checked:
         errors += [item for item in rule(case) if item.severity is Severity.ERROR]
         if any(place_of(item) not in known for item in errors):
             break
-    return Checked(tuple(errors))
+    return tuple(errors)
 
 
-def refusal(checked: Checked, known: Known) -> str:
+def refusal(errors: Iterable[Finding], known: Known) -> str:
     """Why settings are refused, in one sentence; empty if they are not."""
-    new = [item for item in checked.errors if place_of(item) not in known]
+    new = [item for item in errors if place_of(item) not in known]
     return f"{described(new[0])}; {new[0].suggestion}" if new else ""
 
 
@@ -79,6 +68,11 @@ def place_of(finding: Finding) -> Place:
     """What tells one finding from another."""
     side = None if finding.side is None else str(finding.side)
     return finding.rule, finding.phase, finding.transition, side
+
+
+def places_of(errors: Iterable[Finding]) -> Known:
+    """What tells each of some errors from others."""
+    return frozenset(map(place_of, errors))
 
 
 def described(finding: Finding) -> str:
@@ -104,7 +98,7 @@ class Tuning:
         self._numbers = loop_numbers(self.settings)
         self._known: Known = frozenset()
         self._warned: dict[Place, str] = {}
-        self._tried: tuple[Settings, Known, Checked] | None = None  # what was checked last
+        self._tried: tuple[Settings, Known, tuple[Finding, ...]] | None = None  # what was checked last
         self._forecaster = LoopProcess("forecast")
 
     @property
@@ -114,10 +108,10 @@ class Tuning:
 
     def check_first(self) -> None:
         """Check what the session begins with."""
-        checked = check_settings(self.settings)
-        self._known, self._warned = checked.places, warnings(self.settings)
-        if checked.errors:
-            found = tuple(described(item) for item in checked.errors)
+        errors = check_settings(self.settings)
+        self._known, self._warned = places_of(errors), warnings(self.settings)
+        if errors:
+            found = tuple(map(described, errors))
             text = "the check finds errors in what the session begins with"
             self._book.emit(Response.NOTE, text, warnings=found)
 
@@ -156,7 +150,7 @@ class Tuning:
     ) -> None:
         """Check new settings, hand them to the walk, and tell what they do."""
         checking = settings.driving != self.settings.driving
-        known = self._check(settings).places if checking else self._known
+        known = places_of(self._check(settings)) if checking else self._known
         numbers, text = loop_numbers(settings), _told(name, before, value)
         change = {"subject": name, "before": before, "value": value}
         new_table = settings.table != self.settings.table
@@ -182,7 +176,7 @@ class Tuning:
             if new:
                 self._book.emit(Response.NOTE, "the check warns", warnings=new)
 
-    def _check(self, settings: Settings) -> Checked:
+    def _check(self, settings: Settings) -> tuple[Finding, ...]:
         """Hold settings to the rules; those that have just been tried have been held to them."""
         if self._tried is None or self._tried[:2] != (settings, self._known):
             self._tried = (settings, self._known, check_settings(settings, self._known))

@@ -67,14 +67,11 @@ def replay(
     """
     _check_signals(recording, table, body_weight)
     sensors, program, total = SensorParameters(), compile_guards(table), recording.n_ticks
-    fast_gain = first_order_gain(
-        TICK, sensors.fast_time_constant if fast_time_constant is None else fast_time_constant
-    )
-    angles, loads, device = (
-        _angle_rows(recording, table),
-        _load_rows(recording, body_weight),
-        _device_rows(recording),
-    )
+    if fast_time_constant is None:
+        fast_time_constant = sensors.fast_time_constant
+    fast_gain = first_order_gain(TICK, fast_time_constant)
+    angles, loads = _angle_rows(recording, table), _load_rows(recording, body_weight)
+    device = _device_rows(recording)
     encoders = [new_encoder(0.0, 0.0, sensors.window) for _ in range(angles.shape[1])]
     starts = [_start(recording, table, side, start_phases or {}) for side in recording.sides]
     machines = [
@@ -92,15 +89,11 @@ def replay(
         times = [machine.time_in_phase(tick) for machine in machines]
         before = [machine.phase_index for machine in machines]
         of_device = {name: float(values[tick]) for name, values in device.items()}
-        legs = [
-            LegSignals(
-                tuple(encoder.angle for encoder in encoders[leg * width : (leg + 1) * width]),
-                tuple(encoder.velocity_fast for encoder in encoders[leg * width : (leg + 1) * width]),
-                float(loads[tick, leg]),
-                **of_device,
-            )
-            for leg in range(len(machines))
-        ]
+        legs = []
+        for leg in range(len(machines)):
+            own = encoders[leg * width : (leg + 1) * width]
+            turned, turning = tuple(item.angle for item in own), tuple(item.velocity_fast for item in own)
+            legs.append(LegSignals(turned, turning, float(loads[tick, leg]), **of_device))
         for leg, machine in enumerate(machines):
             others = len(legs) - 1 - leg
             other = legs[others] if len(legs) == 2 else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -76,27 +77,8 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
     message names file, column and the way out.
     """
-    table = read_table(path)
     log_format = log_format or LogFormat()
-    convention = _convention(table, log_format)
-    time = table.numbers(_time_column(table, log_format))
-    angles = _angles(table, log_format, convention)
-    loads, phases = {}, {}
-    for side in angles:
-        load = log_format.columns.get(_load_key(side), f"{side}_foot_normal_force_N")
-        if load in table or _load_key(side) in log_format.columns:
-            loads[side] = table.numbers(load)
-        phase = log_format.columns.get(_phase_key(side), f"{side}_phase")
-        if phase in table or _phase_key(side) in log_format.columns:
-            phases[side] = table.words(phase)
-    device = {}
-    for key, signal in _OF_DEVICE.items():
-        column = log_format.columns.get(key, signal.column)
-        if column in table or key in log_format.columns:
-            turns = signal.column.endswith("_rad")
-            values = _radians(table, log_format, convention, column) if turns else table.numbers(column)
-            device[signal.name] = values
-    return at_ticks(table.source, time, angles, loads, phases, device)
+    return _Reader(read_table(path), log_format).recording()
 
 
 def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recording:
@@ -112,87 +94,85 @@ def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recordi
     )
 
 
-def _convention(table: LogTable, log_format: LogFormat) -> Convention:
-    convention = log_format.convention
-    if convention is None:
-        if table.opensim:
-            raise ParameterFileError(
-                table.source,
-                "convention",
+@dataclass(frozen=True)
+class _Reader:
+    """A log file, and how to read it."""
+
+    table: LogTable
+    log_format: LogFormat
+
+    def recording(self) -> Recording:
+        """The walk."""
+        table, convention = self.table, self._convention()
+        time = table.numbers(self._column(TIME, *_TIME_COLUMNS) or TIME)
+        angles = self._angles(convention)
+        loads, phases, device = {}, {}, {}
+        for side in angles:
+            load = self._column(_load_key(side), f"{side}_foot_normal_force_N")
+            if load is not None:
+                loads[side] = table.numbers(load)
+            phase = self._column(_phase_key(side), f"{side}_phase")
+            if phase is not None:
+                phases[side] = table.words(phase)
+        for key, signal in _OF_DEVICE.items():
+            column = self._column(key, signal.column)
+            if column is not None:
+                turns = signal.column.endswith("_rad")
+                device[signal.name] = self._radians(convention, column) if turns else table.numbers(column)
+        return at_ticks(table.source, time, angles, loads, phases, device)
+
+    def _column(self, quantity: str, *usual: str) -> str | None:
+        """The column that was named for a quantity, or else the first of its usual ones that there is."""
+        present = (name for name in usual if name in self.table)
+        return self.log_format.columns.get(quantity) or next(present, None)
+
+    def _convention(self) -> Convention:
+        log_format, source = self.log_format, self.table.source
+        if log_format.convention is None and self.table.opensim:
+            text = (
                 "OpenSim's models differ in the sign of the knee: add --convention opensim_gait2392 "
-                "(flexion negative) or rajagopal (flexion positive)",
+                "(flexion negative) or rajagopal (flexion positive)"
             )
-        convention = HOUSE
-    if not convention.columns and not log_format.columns:
-        raise ParameterFileError(
-            table.source,
-            "convention",
-            f"{convention.name} has no column names of its own: give --columns right_knee_angle=NAME,…",
-        )
-    return replace(convention, offsets=log_format.offsets) if log_format.offsets else convention
+            raise ParameterFileError(source, "convention", text)
+        convention = log_format.convention or HOUSE
+        if not convention.columns and not log_format.columns:
+            text = f"{convention.name} has no column names of its own: give --columns right_knee_angle=NAME,…"
+            raise ParameterFileError(source, "convention", text)
+        return replace(convention, offsets=log_format.offsets) if log_format.offsets else convention
 
+    def _angles(self, convention: Convention) -> dict[Side, dict[str, np.ndarray]]:
+        angles: dict[Side, dict[str, np.ndarray]] = {}
+        for side, joint in product(Side, JointName):
+            key, own = _angle_key(side, joint), convention.columns.get((side, joint))
+            usual = [] if own is None else [own]
+            if convention.name == HOUSE.name:
+                # The controller saw the measured angle; a log of another device may have degrees.
+                usual = [f"{side}_{joint}_measured_angle_rad", *usual, f"{key}_deg"]
+            column = self._column(key, *usual)
+            if column is not None:
+                values = self._radians(convention, column)
+                angles.setdefault(side, {})[str(joint)] = convention.to_house(joint, values)
+        if not angles:
+            asked = ", ".join(convention.columns.values()) or "the given columns"
+            way_out = "name the columns with --columns, or choose one of --convention"
+            text = f"has none of {asked}; {way_out} {', '.join(CONVENTIONS)}"
+            raise ParameterFileError(self.table.source, "", text)
+        return angles
 
-def _time_column(table: LogTable, log_format: LogFormat) -> str:
-    if TIME in log_format.columns:
-        return log_format.columns[TIME]
-    return next((name for name in _TIME_COLUMNS if name in table), TIME)
+    def _radians(self, convention: Convention, column: str) -> np.ndarray:
+        values = self.table.numbers(column)
+        return np.radians(values) if self._unit(convention, column) == DEGREES else values
 
-
-def _angles(
-    table: LogTable, log_format: LogFormat, convention: Convention
-) -> dict[Side, dict[str, np.ndarray]]:
-    angles: dict[Side, dict[str, np.ndarray]] = {}
-    for side in Side:
-        for joint in JointName:
-            column = _angle_column(table, log_format, convention, side, joint)
-            if column is None:
-                continue
-            values = _radians(table, log_format, convention, column)
-            angles.setdefault(side, {})[str(joint)] = convention.to_house(joint, values)
-    if not angles:
-        asked = ", ".join(convention.columns.values()) or "the given columns"
-        raise ParameterFileError(
-            table.source,
-            "",
-            f"has none of {asked}; name the columns with --columns, or choose one of --convention "
-            f"{', '.join(CONVENTIONS)}",
-        )
-    return angles
-
-
-def _radians(table: LogTable, log_format: LogFormat, convention: Convention, column: str) -> np.ndarray:
-    values = table.numbers(column)
-    return np.radians(values) if _unit(table, log_format, convention, column) == DEGREES else values
-
-
-def _angle_column(
-    table: LogTable, log_format: LogFormat, convention: Convention, side: Side, joint: JointName
-) -> str | None:
-    key = _angle_key(side, joint)
-    if key in log_format.columns:
-        return log_format.columns[key]
-    names = [convention.columns.get((side, joint))]
-    if convention.name == HOUSE.name:
-        # The controller saw the measured angle; a log of another device may have degrees.
-        names = [f"{side}_{joint}_measured_angle_rad", *names, f"{key}_deg"]
-    return next((name for name in names if name is not None and name in table), None)
-
-
-def _unit(table: LogTable, log_format: LogFormat, convention: Convention, column: str) -> str:
-    """Unit of a column: what its name says, then the file, then the user, then the convention."""
-    lower = column.lower()
-    stated = next((unit for ending, unit in _UNIT_ENDINGS.items() if lower.endswith(ending)), table.unit)
-    if stated is not None:
-        if log_format.units not in (None, stated):
-            raise ParameterFileError(
-                table.source,
-                column,
-                f"is in {stated} by name or header; leave --units {log_format.units} out",
-            )
-        return stated
-    unit = log_format.units or convention.unit
-    if unit is None:
-        raise ParameterFileError(
-            table.source, column, "does not say its unit: add --units deg or --units rad"
-        )
-    return unit
+    def _unit(self, convention: Convention, column: str) -> str:
+        """Unit of a column: what its name says, then the file, then the user, then the convention."""
+        table, asked = self.table, self.log_format.units
+        endings = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
+        stated = next(endings, table.unit)
+        if stated is not None and asked not in (None, stated):
+            text = f"is in {stated} by name or header; leave --units {asked} out"
+            raise ParameterFileError(table.source, column, text)
+        unit = stated or asked or convention.unit
+        if unit is None:
+            text = "does not say its unit: add --units deg or --units rad"
+            raise ParameterFileError(table.source, column, text)
+        return unit

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.signal import find_peaks
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import LONGEST_RUN
@@ -21,6 +22,7 @@ FURTHEST_BACKWARDS = np.radians(-30.0)
 LARGEST_ANGLE = np.pi  # [rad]; beyond it degrees were taken for radians
 LARGEST_LOAD = 1e5  # [N]
 LATEST = 1e12  # [s]; seconds since 1970 are fine, nanoseconds are not
+Resample = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,19 @@ class Recording:
         """Time of each tick in [s], shape ``(n,)``."""
         return self.start + np.arange(self.n_ticks) * TICK
 
+    def each(self, numbers: Resample, names: Resample) -> Recording:
+        """The walk with something done to all its numbers, and to the names of its phases."""
+        return replace(
+            self,
+            angles={
+                side: {joint: numbers(item) for joint, item in joints.items()}
+                for side, joints in self.angles.items()
+            },
+            loads={side: numbers(values) for side, values in self.loads.items()},
+            phases={side: names(values) for side, values in self.phases.items()},
+            device={name: numbers(values) for name, values in self.device.items()},
+        )
+
 
 def at_ticks(
     source: str,
@@ -75,26 +90,19 @@ def at_ticks(
     _check_angles(source, angles)
     for side, load in loads.items():
         if np.abs(load).max() > LARGEST_LOAD:
-            raise ParameterFileError(
-                source, f"{side} foot", f"is loaded with {np.abs(load).max():.3g} N; expected newtons"
-            )
+            text = f"is loaded with {np.abs(load).max():.3g} N; expected newtons"
+            raise ParameterFileError(source, f"{side} foot", text)
+    recorded = Recording(source, float(time[0]), angles, loads, phases, device)
     grid = time[0] + np.arange(round((time[-1] - time[0]) / TICK) + 1) * TICK
     if len(grid) == len(time) and np.abs(time - grid).max() <= SAME_INSTANT:
-        return Recording(source, float(time[0]), angles, loads, phases, device)
+        return recorded
     grid = grid[grid <= time[-1] + SAME_INSTANT]
     held = np.clip(np.searchsorted(time, grid + SAME_INSTANT, side="right") - 1, 0, len(time) - 1)
 
     def smooth(values: np.ndarray) -> np.ndarray:
         return np.asarray(PchipInterpolator(time, values)(np.minimum(grid, time[-1])))
 
-    return Recording(
-        source,
-        float(time[0]),
-        {side: {joint: smooth(item) for joint, item in joints.items()} for side, joints in angles.items()},
-        {side: smooth(values) for side, values in loads.items()},
-        {side: values[held] for side, values in phases.items()},
-        {name: smooth(values) for name, values in device.items()},
-    )
+    return recorded.each(smooth, lambda names: names[held])
 
 
 def _check_time(source: str, time: np.ndarray) -> None:
@@ -105,18 +113,12 @@ def _check_time(source: str, time: np.ndarray) -> None:
     steps = np.diff(time)
     if (steps < SAME_INSTANT).any():
         row = int(np.flatnonzero(steps < SAME_INSTANT)[0])
-        raise ParameterFileError(
-            source, "time", f"must ascend, but {time[row + 1]:g} s follows {time[row]:g} s in row {row + 2}"
-        )
+        text = f"must ascend, but {time[row + 1]:g} s follows {time[row]:g} s in row {row + 2}"
+        raise ParameterFileError(source, "time", text)
     duration = time[-1] - time[0]
-    if duration > LONGEST_RUN:
-        raise ParameterFileError(
-            source,
-            "time",
-            f"spans {duration:g} s; expected seconds and at most {LONGEST_RUN:g} of them: convert or cut it",
-        )
-    if duration < TICK:
-        raise ParameterFileError(source, "time", f"spans {duration:g} s; expected at least {TICK:g}")
+    if not TICK <= duration <= LONGEST_RUN:
+        text = f"expected seconds, at least {TICK:g} and at most {LONGEST_RUN:g}: convert or cut it"
+        raise ParameterFileError(source, "time", f"spans {duration:g} s; {text}")
 
 
 def _check_angles(source: str, angles: Mapping[Side, Mapping[str, np.ndarray]]) -> None:
@@ -124,18 +126,14 @@ def _check_angles(source: str, angles: Mapping[Side, Mapping[str, np.ndarray]]) 
         for joint, values in joints.items():
             largest = np.abs(values).max()
             if largest > LARGEST_ANGLE:
-                raise ParameterFileError(
-                    source,
-                    f"{side} {joint}",
-                    f"reaches {np.degrees(largest):.4g} deg; are the --units of the log right?",
-                )
+                text = f"reaches {np.degrees(largest):.4g} deg; are the --units of the log right?"
+                raise ParameterFileError(source, f"{side} {joint}", text)
             if joint == JointName.KNEE and values.min() < FURTHEST_BACKWARDS:
-                raise ParameterFileError(
-                    source,
-                    f"{side} knee",
+                text = (
                     f"bends backwards by {-np.degrees(values.min()):.0f} deg; flexion must come out "
-                    "positive, so choose the --convention and --units of the log",
+                    "positive, so choose the --convention and --units of the log"
                 )
+                raise ParameterFileError(source, f"{side} knee", text)
 
 
 SHORTEST_STRIDE, LONGEST_STRIDE = 0.6, 6.0  # [s]
@@ -155,24 +153,19 @@ def mirrored(recording: Recording, period: float | None = None) -> Recording:
     period = stride_period(recording) if period is None else period
     longest = recording.n_ticks * TICK
     if not (math.isfinite(period) and 2 * TICK <= period <= longest):
-        raise ParameterFileError(
-            recording.source, "mirror", f"expected a stride time of at most {longest:g} s, got {period:g}"
-        )
+        text = f"expected a stride time of at most {longest:g} s, got {period:g}"
+        raise ParameterFileError(recording.source, "mirror", text)
     half = round(0.5 * period / TICK)
-    other = Side.RIGHT if side is Side.LEFT else Side.LEFT
-
-    def both(values: np.ndarray) -> dict[Side, np.ndarray]:
-        pair = {side: values[half:], other: values[:-half]}
-        return {item: pair[item] for item in Side}
-
-    angles: dict[Side, dict[str, np.ndarray]] = {item: {} for item in Side}
-    for joint, values in recording.angles[side].items():
-        for item, part in both(values).items():
-            angles[item][joint] = part
-    loads = both(recording.loads[side]) if recording.loads else {}
-    phases = both(recording.phases[side]) if recording.phases else {}
-    device = {name: values[half:] for name, values in recording.device.items()}
-    return Recording(recording.source, recording.start + half * TICK, angles, loads, phases, device)
+    own = recording.each(lambda values: values[half:], lambda names: names[half:])
+    earlier = recording.each(lambda values: values[:-half], lambda names: names[:-half])
+    of_side = {item: own if item is side else earlier for item in Side}
+    return replace(
+        own,
+        start=recording.start + half * TICK,
+        angles={item: part.angles[side] for item, part in of_side.items()},
+        loads={item: part.loads[side] for item, part in of_side.items() if recording.loads},
+        phases={item: part.phases[side] for item, part in of_side.items() if recording.phases},
+    )
 
 
 def stride_period(recording: Recording) -> float:
@@ -183,25 +176,17 @@ def stride_period(recording: Recording) -> float:
     """
     joints = next(iter(recording.angles.values()))
     signals = [values - values.mean() for values in joints.values()]
-    total = sum(_autocorrelation(values) for values in signals if values.std() > 0.0)
-    if isinstance(total, np.ndarray):
-        first = round(SHORTEST_STRIDE / TICK)
-        end = min(round(LONGEST_STRIDE / TICK), recording.n_ticks // 2)
-        peaks = [
-            lag
-            for lag in range(first, end)
-            if total[lag - 1] < total[lag] >= total[lag + 1] and total[lag] >= LEAST_CORRELATION * total[0]
-        ]
-        if peaks:
-            # Two strides later a walk is just as much like itself: the first good peak is the stride.
-            best = max(float(total[lag]) for lag in peaks)
-            return next(lag for lag in peaks if total[lag] >= NEARLY_BEST * best) * TICK
-    raise ParameterFileError(
-        recording.source,
-        "mirror",
-        f"the angles do not repeat between {SHORTEST_STRIDE:g} and {LONGEST_STRIDE:g} s over two strides; "
-        "state the stride time: --mirror SECONDS",
-    )
+    total = np.atleast_1d(sum(_autocorrelation(values) for values in signals if values.std() > 0.0))
+    first = round(SHORTEST_STRIDE / TICK)
+    end = min(round(LONGEST_STRIDE / TICK), recording.n_ticks // 2)
+    found, _ = find_peaks(total[first - 1 : end + 1], height=LEAST_CORRELATION * total[0])
+    if len(found):
+        # Two strides later a walk is just as much like itself: the first good peak is the stride.
+        peaks = first - 1 + found
+        good = total[peaks] >= NEARLY_BEST * total[peaks].max()
+        return int(peaks[good][0]) * TICK
+    text = f"the angles do not repeat between {SHORTEST_STRIDE:g} and {LONGEST_STRIDE:g} s over two strides"
+    raise ParameterFileError(recording.source, "mirror", f"{text}; state the stride time: --mirror SECONDS")
 
 
 def _autocorrelation(values: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -36,7 +37,6 @@ from twin_gait.vocabulary import JointName, Side
 
 STRIDES = 8
 KOOPMAN, WINTER = "koopman", "winter"
-Curve = Callable[[JointName, np.ndarray], np.ndarray]
 
 
 class NormativeWalk(NamedTuple):
@@ -59,27 +59,19 @@ def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
     ``winter`` for the means of Winter (1991) at natural cadence; ``strides``: how many. Raises ParameterError
     if there is no such walk, or the regression does not reach the speed.
     """
-    curve, joints, speed, cycle_time = _winter() if name == WINTER else _koopman(name)
+    curve: Callable[[JointName, np.ndarray], np.ndarray] = normative_angle
+    joints: tuple[JointName, ...] = WINTER_JOINTS
+    speed, cycle_time = WINTER_SPEED, WINTER_CYCLE_TIME
+    if name != WINTER:
+        speed, height = _speed(name), Patient().height
+        curve = partial(reference_curve, speed=speed, height=height)
+        joints, cycle_time = tuple(JointName), reference_cycle_time(speed, height)
     time = np.arange(round(strides * cycle_time / TICK)) * TICK
     angles = {}
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
         percent = CYCLE * np.mod(time / cycle_time + lead, 1.0)
         angles[side] = {str(joint): curve(joint, percent) for joint in joints}
     return NormativeWalk(Recording(name, 0.0, angles, {}, {}), speed, cycle_time)
-
-
-def _winter() -> tuple[Curve, tuple[JointName, ...], float, float]:
-    return normative_angle, WINTER_JOINTS, WINTER_SPEED, WINTER_CYCLE_TIME
-
-
-def _koopman(name: str) -> tuple[Curve, tuple[JointName, ...], float, float]:
-    speed = _speed(name)
-    height = Patient().height
-
-    def curve(joint: JointName, percent: np.ndarray) -> np.ndarray:
-        return reference_curve(joint, percent, speed=speed, height=height)
-
-    return curve, tuple(JointName), speed, reference_cycle_time(speed, height)
 
 
 def _speed(name: str) -> float:

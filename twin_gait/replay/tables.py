@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,10 @@ from twin_gait.files import read_log_text, read_parquet, require_table_size
 
 _SEPARATORS = ",;\t"
 _LISTED = 12  # columns that a message names
+END_OF_HEADER = "endheader"
+_ROWS, _COLUMNS, _DEGREES = "nrows", "ncolumns", "indegrees"
+_SIMM = {"datarows": _ROWS, "datacolumns": _COLUMNS}
+_UNITS = {"yes": DEGREES, "no": RADIANS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +109,44 @@ def _read_csv(path: Path) -> LogTable:
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     separator = max(_SEPARATORS, key=first.count)
     require_table_size(path, len(lines), first.count(separator) + 1)
+    names, frame = _words(path, text, separator)
+    return LogTable(str(path), names, frame)
+
+
+def _read_storage(path: Path) -> LogTable:
+    lines = [line.strip() for line in read_log_text(path).splitlines()]
+    end = next((number for number, line in enumerate(lines) if line.lower() == END_OF_HEADER), None)
+    if end is None:
+        raise ParameterFileError(path, END_OF_HEADER, "is missing; expected an OpenSim .mot or .sto file")
+    header = _header(lines[:end])
+    names, frame = _words(path, "\n".join(lines[end + 1 :]), r"\s+")
+    short = np.flatnonzero((frame.fillna("") == "").any(axis=1))
+    if len(short):
+        text = f"expected {len(names)} numbers, one a column, and there are fewer"
+        raise ParameterFileError(path, f"row {short[0] + 1}", text)
+    for key, found in ((_ROWS, len(frame)), (_COLUMNS, len(names))):
+        stated = header.get(key, str(found))
+        if _number(stated) != found:
+            text = f"the header says {stated[:40]}, the file has {found}; is it complete?"
+            raise ParameterFileError(path, key, text)
+    degrees = header.get(_DEGREES)
+    if degrees is not None and degrees.lower() not in _UNITS:
+        raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {degrees[:40]!r}")
+    unit = None if degrees is None else _UNITS[degrees.lower()]
+    return LogTable(str(path), names, frame, unit, opensim=True)
+
+
+def _header(lines: list[str]) -> dict[str, str]:
+    header = {}
+    for line in lines:
+        key, _, value = line.partition("=") if "=" in line else line.partition(" ")
+        name = key.strip().lower()
+        header[_SIMM.get(name, name)] = value.strip()
+    return header
+
+
+def _words(path: Path, text: str, separator: str) -> tuple[tuple[str, ...], pd.DataFrame]:
+    """Names of the columns, and their cells as they are written."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
@@ -113,17 +155,11 @@ def _read_csv(path: Path) -> LogTable:
                 skipinitialspace=True, dtype=str, keep_default_na=False,
             )  # fmt: skip
     except (ValueError, TypeError, OverflowError, pd.errors.ParserError, pd.errors.ParserWarning) as error:
-        raise ParameterFileError(path, "", f"is not a CSV table ({_short(error)})") from error
+        raise ParameterFileError(path, "", f"is not a table ({_short(error)})") from error
     if frame.empty:
         raise ParameterFileError(path, "", "is empty; expected a line of column names and rows of numbers")
     names = tuple(str(name).strip() for name in frame.iloc[0])
-    return LogTable(str(path), names, frame.iloc[1:].reset_index(drop=True))
-
-
-def _read_storage(path: Path) -> LogTable:
-    storage = parse_storage(read_log_text(path), str(path))
-    frame = pd.DataFrame(storage.values)
-    return LogTable(str(path), storage.names, frame, storage.unit, opensim=True)
+    return names, frame.iloc[1:].reset_index(drop=True)
 
 
 def _number(item: Any) -> float:
@@ -136,84 +172,3 @@ def _number(item: Any) -> float:
 
 def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:100]
-
-
-END_OF_HEADER = "endheader"
-_ROWS, _COLUMNS, _DEGREES = "nrows", "ncolumns", "indegrees"
-_SIMM = {"datarows": _ROWS, "datacolumns": _COLUMNS}
-_UNITS = {"yes": DEGREES, "no": RADIANS}
-
-
-class Storage(NamedTuple):
-    """Content of a motion file."""
-
-    names: tuple[str, ...]  # of the columns, in order
-    values: np.ndarray  # shape ``(n_rows, n_columns)``
-    unit: str | None  # of the angles, ``deg`` or ``rad``; None if the header does not say
-
-
-def parse_storage(text: str, source: str) -> Storage:
-    """Parse a motion file."""
-    lines = [line.strip() for line in text.splitlines()]
-    end = next((number for number, line in enumerate(lines) if line.lower() == END_OF_HEADER), None)
-    if end is None:
-        raise ParameterFileError(source, END_OF_HEADER, "is missing; expected an OpenSim .mot or .sto file")
-    header = _header(lines[:end])
-    body = [(number, line) for number, line in enumerate(lines[end + 1 :], start=end + 2) if line]
-    if not body:
-        raise ParameterFileError(source, "", "has no line of column names below endheader")
-    names = tuple(body[0][1].split())
-    rows = [_row(line, number, len(names), source) for number, line in body[1:]]
-    _check_size(source, header, _ROWS, len(rows))
-    _check_size(source, header, _COLUMNS, len(names))
-    values = np.array(rows, dtype=float).reshape(len(rows), len(names))
-    return Storage(names, values, _unit(header, source))
-
-
-def _header(lines: list[str]) -> dict[str, str]:
-    header = {}
-    for line in lines:
-        key, _, value = line.partition("=") if "=" in line else line.partition(" ")
-        name = key.strip().lower()
-        header[_SIMM.get(name, name)] = value.strip()
-    return header
-
-
-def _row(line: str, number: int, width: int, source: str) -> list[float]:
-    words = line.split()
-    if len(words) != width:
-        raise ParameterFileError(
-            source, f"line {number}", f"expected {width} numbers, one a column, got {len(words)}"
-        )
-    try:
-        return [float(word) for word in words]
-    except ValueError as error:
-        wrong = next(word for word in words if not _is_number(word))
-        raise ParameterFileError(source, f"line {number}", f"expected numbers, got {wrong[:40]!r}") from error
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _check_size(source: str, header: dict[str, str], key: str, found: int) -> None:
-    stated = header.get(key)
-    if stated is None:
-        return
-    if not _is_number(stated) or not math.isfinite(float(stated)) or float(stated) != found:
-        raise ParameterFileError(
-            source, key, f"the header says {stated[:40]}, the file has {found}; is it complete?"
-        )
-
-
-def _unit(header: dict[str, str], source: str) -> str | None:
-    stated = header.get(_DEGREES)
-    if stated is None:
-        return None
-    if stated.lower() not in _UNITS:
-        raise ParameterFileError(source, "inDegrees", f"expected yes or no, got {stated[:40]!r}")
-    return _UNITS[stated.lower()]

@@ -62,8 +62,7 @@ def agreement(result: Replay) -> dict[Side, Agreement]:
 def _compare(replayed: np.ndarray, recorded: np.ndarray, names: tuple[str, ...]) -> Agreement:
     further = sorted(set(recorded.tolist()) - set(names))
     rows = (*names, *further)
-    place = {name: index for index, name in enumerate(rows)}
-    codes = np.array([place[name] for name in recorded.tolist()], dtype=int)
+    codes = pd.Index(rows).get_indexer(recorded)
     confusion = np.zeros((len(rows), len(names)), dtype=int)
     np.add.at(confusion, (codes, replayed), 1)
     lags = {
@@ -97,13 +96,8 @@ def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
     """Orders of phases that a stride may have."""
     if not table.cycles:
         return {tuple(range(len(table.phases)))}
-    first = table.phase_names[0]
-    rotated = [
-        (*cycle[cycle.index(first) :], *cycle[: cycle.index(first)])
-        for cycle in table.cycles
-        if first in cycle
-    ]
-    return {tuple(table.phase_index(phase) for phase in cycle) for cycle in rotated}
+    cycles = [tuple(map(table.phase_index, cycle)) for cycle in table.cycles]
+    return {cycle[cycle.index(0) :] + cycle[: cycle.index(0)] for cycle in cycles if 0 in cycle}
 
 
 def stride_phases(phases: np.ndarray) -> list[StridePhases]:
