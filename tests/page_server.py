@@ -7,18 +7,18 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from twin_gait.viewer.server import PageServer
+from twin_gait.viewer.server import SceneServer
 
 
 @contextmanager
-def served(page: str, port: int = 0) -> Iterator[PageServer]:
+def served(page: str, port: int = 0) -> Iterator[SceneServer]:
     """Serve a page; a server belongs to the loop that it is made in."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
 
-    async def made() -> PageServer:
-        return PageServer(page, first_port=port)
+    async def made() -> SceneServer:
+        return SceneServer(page, first_port=port)
 
     server = asyncio.run_coroutine_threadsafe(made(), loop).result(10.0)
     try:

@@ -7,9 +7,11 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from hypothesis import given, settings
@@ -27,6 +29,7 @@ from twin_gait.viewer.live_figure import LiveWindow
 from twin_gait.viewer.server import (
     LONGEST_MESSAGE,
     MOST_WAITING,
+    Allowance,
     LiveServer,
     Outbox,
     is_loopback,
@@ -48,6 +51,7 @@ class Listener:
             first_port=0,
             on_message=self._hear,
             on_stop=self._stop,
+            refusal=lambda reason: {"kind": "event", "response": "refused", "text": reason},
             greeting=lambda: [{"kind": "state", "number": 1}],
             scene=self.window.everything,
         )
@@ -162,6 +166,7 @@ def test_another_origin_gets_no_socket(path: str, headers: dict[str, str]) -> No
         filled = {name: value.format(port=port, other=port + 1) for name, value in headers.items()}
         with pytest.raises(HTTPClientError, match="403"):
             await listener.connect(path, **filled)
+        assert listener.server.refused == 1
         assert not listener.server.pages and not listener.server.views
 
     with_listener(scene)
@@ -209,6 +214,7 @@ def test_nothing_answers_without_the_token_of_this_start(wrong: str) -> None:
         for path in ("/socket", "/panel"):
             with pytest.raises(HTTPClientError, match="403"):
                 await listener.connect(path, key=key)
+        assert listener.server.refused == 8
         assert not listener.stops and not listener.server.pages and not listener.server.views
 
     with_listener(scene)
@@ -271,7 +277,7 @@ def test_taken_port_gives_way_to_the_next() -> None:
         taken = listener.server.port
         second = LiveServer(
             PAGE, first_port=taken, on_message=lambda panel, text: None, on_stop=lambda: None,
-            greeting=lambda: [], scene=lambda: [],
+            refusal=lambda reason: {}, greeting=lambda: [], scene=lambda: [],
         )  # fmt: skip
         try:
             assert taken < second.port < taken + 100
@@ -288,7 +294,7 @@ def test_no_free_port_is_one_line_with_the_way_out() -> None:
         with pytest.raises(ViewerError, match=r"cannot be served: .*; give another --port") as caught:
             LiveServer(
                 PAGE, first_port=65535, on_message=lambda panel, text: None, on_stop=lambda: None,
-                greeting=lambda: [], scene=lambda: [],
+                refusal=lambda reason: {}, greeting=lambda: [], scene=lambda: [],
             )  # fmt: skip
         assert "\n" not in str(caught.value)
 
@@ -339,6 +345,64 @@ def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.Mo
     with_listener(scene)
 
 
+FEW_FILES = """
+import asyncio, os, resource, sys
+resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))
+from twin_gait.viewer.server import LiveServer
+
+async def run():
+    server = LiveServer("page", first_port=0, on_message=print, on_stop=print, refusal=dict, greeting=list,
+                        scene=list)
+    print(server.url, flush=True)
+    loop, taken = asyncio.get_running_loop(), []
+    while line := await loop.run_in_executor(None, sys.stdin.readline):
+        try:
+            while line == "take all files\\n":
+                taken.append(os.open(os.devnull, os.O_RDONLY))
+        except OSError:
+            pass
+        if line == "give them back\\n":
+            for number in taken:
+                os.close(number)
+        print("done", flush=True)
+
+asyncio.run(run())
+"""
+
+
+@pytest.mark.parametrize("files_taken", [False, True])
+def test_many_callers_cost_no_words_and_leave_files_to_the_program(files_taken: bool) -> None:
+    """130 of them at ``ulimit -n 128`` gave 23 MB of traces in seconds."""
+    with subprocess.Popen(
+        [sys.executable, "-c", FEW_FILES], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        assert process.stdin and process.stdout and process.stderr
+
+        def tell(line: str) -> None:
+            print(line, file=process.stdin, flush=True)
+            assert process.stdout.readline() == "done\n"
+
+        url = process.stdout.readline().strip()
+        port = urlsplit(url).port
+        if files_taken:
+            tell("take all files")
+        # While nobody is let in, no more than 128 may wait at the door.
+        callers = [socket.create_connection(("127.0.0.1", port)) for _ in range(100 if files_taken else 130)]
+        time.sleep(1.0)
+        if not files_taken:
+            inside = [caller for caller in callers if not hung_up(caller, 0.01)]
+            assert len(inside) == 64  # half of the files
+        for caller in callers:
+            caller.close()
+        if files_taken:
+            tell("give them back")
+        page = urllib.request.urlopen(url, timeout=5.0).read()
+        _, said = process.communicate()
+    assert page == b"page"
+    assert said == ""
+
+
 # ---------------------------------------------------------------------- what is said
 
 
@@ -350,6 +414,17 @@ def test_message_is_handed_on_as_it_came() -> None:
             await panel.write_message(text)
             assert (await told(panel, "heard"))["text"] == text
         assert len(listener.heard) == 5
+
+    with_listener(scene)
+
+
+def test_bytes_are_refused_and_the_socket_stays() -> None:
+    async def scene(listener: Listener) -> None:
+        panel = await listener.connect("/panel")
+        await panel.write_message(b"\x81\xa4kind", binary=True)
+        assert (await told(panel, "event"))["text"] == "message: expected text, got bytes"
+        await panel.write_message("after")
+        assert (await told(panel, "heard"))["text"] == "after"
 
     with_listener(scene)
 
@@ -368,6 +443,32 @@ def test_oversized_message_ends_its_socket_and_no_other() -> None:
         assert listener.heard == ["still here"]
 
     with_listener(scene)
+
+
+def test_flood_is_refused_and_others_are_heard() -> None:
+    async def scene(listener: Listener) -> None:
+        other = await listener.connect("/panel")
+        flood = frozen_page(listener, "/panel")
+        await until(lambda: len(listener.server.pages) == 2)
+        # Text frames with a mask of zeros, as many as a second of nothing else could bring.
+        flood.sendall(3000 * (b"\x81\x85\0\0\0\0" + b"flood"))
+        await until(lambda: listener.server.refused + len(listener.heard) == 3000)
+        assert 400 <= len(listener.heard) < 3000
+        await other.write_message("hello")
+        assert (await told(other, "heard"))["text"] == "hello"
+        flood.close()
+
+    with_listener(scene)
+
+
+def test_allowance_is_a_rate_with_a_reserve() -> None:
+    now = [0.0]
+    allowance = Allowance(clock=lambda: now[0])
+    assert sum(allowance.take() for _ in range(1000)) == 400
+    now[0] = 1.0
+    assert sum(allowance.take() for _ in range(1000)) == 200
+    now[0] = 1000.0
+    assert sum(allowance.take() for _ in range(1000)) == 400
 
 
 def test_socket_of_the_scene_does_not_listen() -> None:

@@ -588,11 +588,11 @@ from pathlib import Path
 for name in ("zmq", "IPython", "pyngrok"):
     sys.modules[name] = None  # importing it is an error
 import asyncio
-from twin_gait.viewer.server import PageServer
+from twin_gait.viewer.server import SceneServer
 from twin_gait.viewer.animation import urdf_page
 
 async def main():
-    server = PageServer(urdf_page("twin.urdf"), first_port=0)
+    server = SceneServer(urdf_page("twin.urdf"), first_port=0)
     own = {os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()}
     rows = [line.split() for table in ("tcp", "tcp6") for line in Path(f"/proc/net/{table}").open()]
     open_ports = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in own]

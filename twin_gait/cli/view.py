@@ -119,10 +119,10 @@ def serve(page: str, port: int = options.FIRST_PORT, *, fragment: str = "", brow
     """Serve a page until Ctrl-C; gives the exit status."""
     import asyncio
 
-    from twin_gait.viewer.server import PageServer
+    from twin_gait.viewer.server import SceneServer
 
     async def serving() -> None:
-        server = PageServer(page, first_port=port)
+        server = SceneServer(page, first_port=port)
         try:
             announce(f"{server.url}{fragment}", browser=browser)
             await asyncio.Event().wait()

@@ -14,8 +14,10 @@ from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import (
     Action,
     DoAction,
+    Event,
     Frame,
     MessageRefused,
+    Response,
     State,
     id_of,
     read_message,
@@ -64,7 +66,8 @@ class LivePage:
         )  # fmt: skip
         self.server = LiveServer(
             live_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
-            greeting=self._greeting, scene=self.figure.window.everything,
+            refusal=lambda reason: self._refusal(reason).to_dict(), greeting=self._greeting,
+            scene=self.figure.window.everything,
         )  # fmt: skip
 
     @property
@@ -142,7 +145,7 @@ class LivePage:
         if self._short is not None:
             yield self._short
 
-    def _hear(self, panel: Panel, text: str | bytes) -> None:
+    def _hear(self, panel: Panel, text: str) -> None:
         try:
             message = read_message(text)
         except MessageRefused as error:
@@ -152,3 +155,7 @@ class LivePage:
 
     def _stop(self) -> None:
         self._session.submit(DoAction(id="stop", user=self._user, action=Action.STOP))
+
+    def _refusal(self, reason: str) -> Event:
+        tick = 0 if self._short is None else int(self._short["tick"])
+        return Event(serial=0, response=Response.REFUSED, text=reason, tick=tick)

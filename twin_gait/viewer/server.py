@@ -1,4 +1,4 @@
-"""Web server of a page, and of a live scene: on this machine, for whoever has the token of this start.
+"""Web server of a page and of its scene: on the loopback interface, for whoever has the token of this start.
 
 The protocol work is tornado's. ``/`` is the page, complete with meshcat's viewer, and ``/socket`` brings the
 scene to it in the commands of that viewer. The name of the machine and the origin keep other sites out; the
@@ -10,14 +10,16 @@ from __future__ import annotations
 import asyncio
 import hmac
 import json
+import resource
 import secrets
 import socket
+import time
 from collections.abc import Awaitable, Callable, Hashable, Iterable, Mapping
 from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
-from tornado.iostream import StreamClosedError
+from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -25,6 +27,8 @@ from twin_gait.exceptions import ViewerError
 
 LOOPBACK = "127.0.0.1"
 PORTS_TRIED = 100
+MOST_CONNECTIONS = 256  # a page has three
+_RETRY = 0.5  # [s] until a process that has no files left looks again whether somebody waits
 Change = tuple[Hashable, bytes]
 MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
 Item = TypeVar("Item")
@@ -33,6 +37,8 @@ LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
 # a lower limit and answer.
 LONGEST_MESSAGE = 65536  # [B]
 MOST_SOCKETS = 64
+MESSAGES_PER_SECOND = 200.0
+_BURST = 400.0
 PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request
 _LONGEST_HEADER = 16384  # [B]
 _FAREWELL = 0.05  # [s] in which a page may answer that it has heard of the end
@@ -42,8 +48,8 @@ Message = Mapping[str, Any]
 def bind_loopback(first_port: int) -> socket.socket:
     """Listen on the loopback interface.
 
-    ``first_port``: if it is taken the next one is tried; 0 lets the system choose. Raises ViewerError if no
-    port is free.
+    ``first_port``: if it is taken the next one is tried; 0 lets the system choose. Raises OSError if no port
+    is free.
     """
     tried = [0] if first_port == 0 else range(first_port, min(first_port + PORTS_TRIED, 65536))
     for port in tried:
@@ -53,9 +59,58 @@ def bind_loopback(first_port: int) -> socket.socket:
             continue
         listener.setblocking(False)
         return listener
-    raise ViewerError(
-        f"the page cannot be served: no free port from {first_port} to {tried[-1]}; give another --port"
-    )
+    raise OSError(f"no free port from {first_port} to {tried[-1]}")
+
+
+class Door:
+    """Lets callers in while there is room and hangs up on the others, in the running event loop.
+
+    Asyncio and tornado log a trace each time that they look at a caller whom a process without free files
+    cannot take, thousands of times a second.
+    """
+
+    def __init__(self, listener: socket.socket, welcome: Callable[[socket.socket, Any], None]) -> None:
+        """Open.
+
+        ``listener`` of :func:`bind_loopback`; belongs to the door from now on; ``welcome``: takes the socket
+        of a caller, which does not block, and its address.
+        """
+        self._listener, self._welcome = listener, welcome
+        self._inside: list[socket.socket] = []
+        self._loop = asyncio.get_running_loop()
+        self._open()
+
+    def close(self) -> None:
+        """Let nobody in any more."""
+        self._loop.remove_reader(self._listener)
+        self._listener.close()
+
+    def _open(self) -> None:
+        if self._listener.fileno() >= 0:
+            self._loop.add_reader(self._listener, self._answer)
+
+    def _answer(self) -> None:
+        try:
+            caller, address = self._listener.accept()
+        except (BlockingIOError, ConnectionAbortedError):
+            return
+        except OSError:  # no files left
+            self._loop.remove_reader(self._listener)
+            self._loop.call_later(_RETRY, self._open)
+            return
+        self._inside = [other for other in self._inside if other.fileno() >= 0]
+        if len(self._inside) >= most_connections():
+            caller.close()
+            return
+        caller.setblocking(False)
+        self._inside.append(caller)
+        self._welcome(caller, address)
+
+
+def most_connections() -> int:
+    """How many callers may be in at a time: at most half of the files that this process may open."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return MOST_CONNECTIONS if limit == resource.RLIM_INFINITY else min(MOST_CONNECTIONS, limit // 2)
 
 
 class Outbox(Generic[Item]):
@@ -120,6 +175,26 @@ def is_own_page(origin: str | None, host: str) -> bool:
     return origin is not None and is_loopback(host) and origin.lower() == f"http://{host.lower()}"
 
 
+class Allowance:
+    """How much a page may still say: so many messages a second, with a reserve for bursts."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Start with the whole reserve. ``clock``: time in [s]."""
+        self._clock = clock
+        self._left = _BURST
+        self._since = clock()
+
+    def take(self) -> bool:
+        """Take one message off; False if there is none left."""
+        now = self._clock()
+        self._left = min(_BURST, self._left + MESSAGES_PER_SECOND * (now - self._since))
+        self._since = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
 class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
     """Answers only requests that name this machine and have the token; says in one line why not."""
 
@@ -131,16 +206,21 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         """Refuse what comes from another site or another user."""
         origin = self.request.headers.get("Origin")
         if not is_loopback(self.request.host):
-            raise HTTPError(403, "this server answers under the names of this machine only")
+            self.refuse("this server answers under the names of this machine only")
         if origin is not None and not is_own_page(origin, self.request.host):
-            raise HTTPError(403, "this server answers its own pages only")
+            self.refuse("this server answers its own pages only")
         if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
-            raise HTTPError(403, "open the printed address: it holds the token of this start")
+            self.refuse("open the address that the program has printed: it holds the token of this start")
+
+    def refuse(self, reason: str) -> None:
+        """Answer with status 403. Raises HTTPError: Always."""
+        self.server.refused += 1
+        raise HTTPError(403, reason)
 
     def require_own_page(self) -> None:
         """Refuse what does not say that it comes from our own page."""
         if not is_own_page(self.request.headers.get("Origin"), self.request.host):
-            raise HTTPError(403, "this server answers its own pages only")
+            self.refuse("this server answers its own pages only")
 
     def set_default_headers(self) -> None:
         """Keep the page out of other pages and out of caches."""
@@ -182,6 +262,7 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         super().prepare()
         self.require_own_page()
         if len(self.server.sockets()) >= MOST_SOCKETS:
+            self.server.refused += 1
             raise HTTPError(503, "too many pages are open; close one")
 
     def check_origin(self, origin: str) -> bool:
@@ -204,18 +285,25 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         return True
 
 
-class PageServer:
-    """Serves a page; belongs to one event loop: make it, and call it, inside of it."""
+class SceneServer:
+    """Serves a page and its scene; belongs to one event loop: make it, and call it, inside of it."""
 
-    def __init__(self, page: str, *, first_port: int) -> None:
+    def __init__(
+        self, page: str, *, first_port: int, scene: Callable[[], Iterable[Change]] = lambda: ()
+    ) -> None:
         """Listen.
 
-        ``first_port``: if it is taken the next one is tried; 0 lets the system choose. Raises ViewerError if
-        no port is free.
+        ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``scene``: packed
+        commands for a scene that has just been opened. Raises ViewerError if no port is free.
         """
-        self.page = page
+        self.page, self.scene = page, scene
+        self.views: set[SceneSocket] = set()  # open scenes
+        self.refused = 0  # requests and messages
         self._token = secrets.token_hex(24)  # of this start
-        listener = bind_loopback(first_port)
+        try:
+            listener = bind_loopback(first_port)
+        except OSError as error:
+            raise ViewerError(f"the page cannot be served: {error}; give another --port") from error
         self.port = int(listener.getsockname()[1])
         self.url = f"http://{LOOPBACK}:{self.port}/?token={self._token}"
         owner = {"server": self}
@@ -233,7 +321,15 @@ class PageServer:
             idle_connection_timeout=PATIENCE,
             body_timeout=PATIENCE,
         )
-        self._http.add_socket(listener)
+        self._door = Door(
+            listener, lambda caller, address: self._http.handle_stream(IOStream(caller), address)
+        )
+
+    def show(self, changes: Iterable[Change]) -> None:
+        """Bring changes of the scene to all pages."""
+        changes = list(changes)
+        for view in self.views:
+            view.post(changes)
 
     def knows(self, token: bytes) -> bool:
         """Whether a token is that of this start; how long it takes tells nothing of it."""
@@ -241,11 +337,11 @@ class PageServer:
 
     def sockets(self) -> set[Any]:
         """Open web sockets."""
-        return set()
+        return set(self.views)
 
     async def close(self) -> None:
         """Stop listening and close all sockets, those of frozen pages too."""
-        self._http.stop()
+        self._door.close()
         open_pages = self.sockets()
         for page in open_pages:
             page.close(1001, "the program has ended")
@@ -256,7 +352,7 @@ class PageServer:
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
         """Paths and who answers them."""
-        return [(r"/", PageHandler)]
+        return [(r"/", PageHandler), (r"/socket", SceneSocket)]
 
 
 class PageHandler(Guarded):
@@ -266,55 +362,6 @@ class PageHandler(Guarded):
         """Answer with the page."""
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.write(self.server.page)
-
-
-class LiveServer(PageServer):
-    """Serves the live page with its scene and its panel."""
-
-    def __init__(
-        self,
-        page: str,
-        *,
-        first_port: int,
-        on_message: Callable[[Panel, str | bytes], None],
-        on_stop: Callable[[], None],
-        greeting: Callable[[], Iterable[Message]],
-        scene: Callable[[], Iterable[Change]],
-    ) -> None:
-        """Listen.
-
-        ``first_port``: as for :class:`PageServer`; ``on_message``: called with what a page says, which may be
-        anything; ``on_stop``: called when a page asks to stop without its socket; ``greeting`` and ``scene``:
-        messages for a panel, and packed commands for a scene, that have just been opened. Raises ViewerError
-        if no port is free.
-        """
-        self.on_message, self.on_stop = on_message, on_stop
-        self.greeting, self.scene = greeting, scene
-        self.views: set[SceneSocket] = set()  # open scenes
-        self.pages: set[Panel] = set()  # open panels
-        super().__init__(page, first_port=first_port)
-
-    def show(self, changes: Iterable[Change]) -> None:
-        """Bring changes of the scene to all pages."""
-        changes = list(changes)
-        for view in self.views:
-            view.outbox.post(changes)
-
-    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell all panels something.
-
-        ``key``: a later message of the same key makes this one needless; None keeps every one.
-        """
-        for panel in self.pages:
-            panel.tell(message, key=key)
-
-    def sockets(self) -> set[Any]:
-        """Open web sockets."""
-        return self.views | self.pages
-
-    def routes(self) -> list[tuple[str, type[RequestHandler]]]:
-        """Paths and who answers them."""
-        return [*super().routes(), (r"/socket", SceneSocket), (r"/panel", Panel), (r"/stop", StopHandler)]
 
 
 class SceneSocket(GuardedSocket):
@@ -330,7 +377,11 @@ class SceneSocket(GuardedSocket):
         self._drawn = asyncio.Event()
         self.outbox = Outbox(self._write)
         self.server.views.add(self)
-        self.outbox.post(self.server.scene())
+        self.post(self.server.scene())
+
+    def post(self, changes: Iterable[Change]) -> None:
+        """Send changes as soon as the page takes them."""
+        self.outbox.post(changes)
 
     def on_message(self, message: str | bytes) -> None:
         """Take it that the page has drawn what came, whatever it says."""
@@ -347,35 +398,49 @@ class SceneSocket(GuardedSocket):
             await self._drawn.wait()
 
 
-class Panel(GuardedSocket):
-    """Talks with the panel of a page."""
+class LiveServer(SceneServer):
+    """Serves the live page."""
 
-    def open(self) -> None:
-        """Send what the panel has to know."""
-        self.set_nodelay(True)
-        self.outbox = Outbox(self._write)
-        self._count = 0
-        self.server.pages.add(self)
-        for message in self.server.greeting():
-            self.tell(message)
+    def __init__(
+        self,
+        page: str,
+        *,
+        first_port: int,
+        on_message: Callable[[Panel, str], None],
+        on_stop: Callable[[], None],
+        refusal: Callable[[str], Message],
+        greeting: Callable[[], Iterable[Message]],
+        scene: Callable[[], Iterable[Change]],
+    ) -> None:
+        """Listen.
+
+        ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``on_message``: called
+        with what a page says, which may be any text; ``on_stop``: called when a page asks to stop without its
+        socket; ``refusal``: makes the answer to what is refused here, of the reason; ``greeting`` and
+        ``scene``: messages for a panel, and packed commands for a scene, that have just been opened. Raises
+        ViewerError if no port is free.
+        """
+        self.on_message, self.on_stop = on_message, on_stop
+        self.refusal, self.greeting = refusal, greeting
+        self.pages: set[Panel] = set()  # open panels
+        super().__init__(page, first_port=first_port, scene=scene)
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell this panel something as soon as the page takes it; ``key`` as for :meth:`LiveServer.tell`."""
-        self._count += 1
+        """Tell all panels something.
+
+        ``key``: a later message of the same key makes this one needless; None keeps every one.
+        """
         text = json.dumps(message, allow_nan=False)
-        self.outbox.post([(self._count if key is None else ("last", key), text)])
+        for panel in self.pages:
+            panel.post_text(text, key)
 
-    def on_message(self, message: str | bytes) -> None:
-        """Hand on what the page says."""
-        self.server.on_message(self, message)
+    def sockets(self) -> set[Any]:
+        """Open web sockets."""
+        return super().sockets() | self.pages
 
-    def on_close(self) -> None:
-        """Forget the page."""
-        self.server.pages.discard(self)
-
-    async def _write(self, batch: list[str]) -> None:
-        # One message for the batch: a list of what was told.
-        await self.write_or_leave(f"[{','.join(batch)}]", binary=False)
+    def routes(self) -> list[tuple[str, type[RequestHandler]]]:
+        """Paths and who answers them."""
+        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", Panel)]
 
 
 class StopHandler(Guarded):
@@ -386,3 +451,51 @@ class StopHandler(Guarded):
         self.require_own_page()
         self.server.on_stop()
         self.write("stopped\n")
+
+
+class Panel(GuardedSocket):
+    """Talks with the panel of a page."""
+
+    def open(self) -> None:
+        """Send what the panel has to know."""
+        self.set_nodelay(True)
+        self.outbox = Outbox(self._write)
+        self._allowance = Allowance()
+        self._count = 0
+        self.server.pages.add(self)
+        for message in self.server.greeting():
+            self.tell(message)
+
+    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
+        """Tell this panel something.
+
+        ``key``: a later message of the same key makes this one needless; None keeps every one.
+        """
+        self.post_text(json.dumps(message, allow_nan=False), key)
+
+    def post_text(self, text: str, key: Hashable | None) -> None:
+        """Send a message as soon as the page takes it."""
+        self._count += 1
+        self.outbox.post([(self._count if key is None else ("last", key), text)])
+
+    def on_message(self, message: str | bytes) -> None:
+        """Hand on what the page says."""
+        if isinstance(message, bytes):
+            self.refuse_message("message: expected text, got bytes")
+        elif not self._allowance.take():
+            self.refuse_message("message: too many in a second; wait a moment")
+        else:
+            self.server.on_message(self, message)
+
+    def refuse_message(self, reason: str) -> None:
+        """Answer that a message was refused."""
+        self.server.refused += 1
+        self.tell(self.server.refusal(reason), key=reason)
+
+    def on_close(self) -> None:
+        """Forget the page."""
+        self.server.pages.discard(self)
+
+    async def _write(self, batch: list[str]) -> None:
+        # One message for the batch: a list of what was told.
+        await self.write_or_leave(f"[{','.join(batch)}]", binary=False)
