@@ -14,7 +14,7 @@ from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import all_signal_names, signal_scale
+from twin_gait.gait.signals import all_signal_names, signal_of, signal_scale
 
 NAMES = all_signal_names(JOINTS)
 PHASES = ("stance", "swing")
@@ -34,7 +34,7 @@ def signals_of(**known: float) -> dict[str, float]:
 
 
 def same_unit(name: str) -> list[str]:
-    return [other for other in NAMES if signal_scale(other) == signal_scale(name) and other != name]
+    return [other for other in NAMES if signal_of(other).unit == signal_of(name).unit and other != name]
 
 
 @st.composite
