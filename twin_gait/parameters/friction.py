@@ -207,7 +207,7 @@ class LuGreFriction(StribeckFriction):
     bristle_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
 
 
-FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction  # of a joint of the plant
+FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction  # of a joint
 
 # Table 3.1 of the thesis, as printed. The knee's a, b and c are all negative there: the same law
 # as (1.743, 3.193, 0.2031). In both joints a < b, which the Simscape block that the law comes from
