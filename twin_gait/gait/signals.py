@@ -216,7 +216,7 @@ def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSign
 
 def values_of_leg(leg: LegSignals, time_in_phase: float) -> list[float]:
     """Signals of a leg in the order of :func:`signal_names`, in SI."""
-    columns = [getattr(leg, signal.field) for signal in JOINT_SIGNALS]
+    columns = [getattr(leg, signal.field) or (signal.first,) * len(leg.angles) for signal in JOINT_SIGNALS]
     values = [value for joint in zip(*columns, strict=True) for value in joint]
     return values + [getattr(leg, signal.field) if signal.field else time_in_phase for signal in LEG_SIGNALS]
 
