@@ -371,3 +371,11 @@ def test_opensim_finds_our_joint_moments(exported):
     for name in ours.columns[1:]:
         error = np.sqrt(np.mean(np.square(found[name] - ours[name])))
         assert error < MOMENT_TOLERANCE, name
+
+
+def test_a_free_trunk_is_refused(tmp_path):
+    """Arms, crutches and the pitch of the trunk would be missing from what OpenSim balances."""
+    run = simulate(load_experiment("overground", ["duration_s=0.5"]).experiment)
+    with pytest.raises(ParameterError, match=r"overground: a trunk that pitches.*take --format mot"):
+        export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392)
+    assert not list(tmp_path.iterdir())

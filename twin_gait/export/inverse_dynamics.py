@@ -66,11 +66,14 @@ def export_inverse_dynamics(
 
     ``folder``: an existing, empty folder. ``convention``: names and signs of the coordinates. ``device``:
     whether bodies and motion are the device's where braces bind the wearer to it. Raises ParameterError if
-    the convention has no column names of its own, or the log is too short.
+    the convention has no column names of its own, the log is too short, or the trunk is free.
     """
     if len(run.log) < 2:
         raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")
     world = run.experiment.build_world()
+    if world.model.pitch_index is not None:
+        left_out = "a trunk that pitches, its arms and crutches are not in what OpenSim would be given"
+        raise ParameterError(f"{run.experiment.name}: {left_out}; take --format mot for the joint angles")
     time = {"time": run.log["time_s"].to_numpy(dtype=float)}
     motion = {
         **time,
