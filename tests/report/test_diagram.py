@@ -613,7 +613,7 @@ def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> No
     with pytest.raises(TwinGaitError, match=r"moonwalk.*: neither a file nor one of .*treadmill"):
         twin_gait_diagram("moonwalk")
     broken = tmp_path / "broken.yaml"
-    broken.write_text("schema_version: 1\njoints: [hip]\nphases: {}\n")
+    broken.write_text("schema_version: 1\njoints: [hip]\nphases: {}\ntransitions: []\n")
     with pytest.raises(TwinGaitError, match=r"broken\.yaml: phases") as caught:
         twin_gait_diagram(str(broken), "--out", str(tmp_path / "never"))
     assert len(str(caught.value).splitlines()) == 1
