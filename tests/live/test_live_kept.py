@@ -203,7 +203,7 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     )
     assert f"\n{changed.tick}," in (tmp_path / "run" / "live_changes.csv").read_text()
     (entry,) = list_sessions(database)
-    assert (entry.status, entry.folders) == ("died", (str(tmp_path / "run"),))
+    assert (entry.status, entry.folders) == ("died", [str(tmp_path / "run")])
     assert any("died" in item["text"] for item in read_session(database, entry.id)["log"])
 
 
