@@ -1,7 +1,6 @@
 """What an identification leaves behind: the document, parameter files, samples and figures in a folder."""
 
 import contextlib
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -15,7 +14,7 @@ from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
-from twin_gait.files import write_atomically
+from twin_gait.files import write_atomically, write_json
 from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
@@ -65,8 +64,7 @@ def write_identification(
     document: dict[str, Any] = _plain(_identification_document(result, joint))
     document["parameter_files"] = {file: model for file, (model, _) in laws.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
-        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-        write_atomically(staging / DOCUMENT_FILE, f"{text}\n")
+        write_json(staging / DOCUMENT_FILE, document)
         write_atomically(staging / SAMPLES_FILE, _samples_csv(result))
         for file, (model, law) in laws.items():
             assert joint is not None  # without one there are no laws

@@ -6,7 +6,6 @@ from .drives import GYROSCOPE_NOISE as GYROSCOPE_NOISE
 from .drives import HARD_TORQUE_LIMIT as HARD_TORQUE_LIMIT
 from .drives import HIP_ACTUATOR as HIP_ACTUATOR
 from .drives import KNEE_ACTUATOR as KNEE_ACTUATOR
-from .drives import LOADED_EFFICIENCY as LOADED_EFFICIENCY
 from .drives import STATED_AUTONOMY as STATED_AUTONOMY
 from .drives import ActuatorParameters as ActuatorParameters
 from .drives import BatteryParameters as BatteryParameters

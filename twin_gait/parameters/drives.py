@@ -12,10 +12,6 @@ from twin_gait.vocabulary import JointName, Side
 # Below it a gear that is driven backwards locks itself, and its load does not settle (core.plant.gear_load).
 LEAST_EFFICIENCY = 0.5
 EFFICIENCIES = quantities.Range(LEAST_EFFICIENCY, 1.0, words=f"{LEAST_EFFICIENCY:g} to 1")
-# Of the CSD-25-100 under load, without what it loses without one. Its catalogue has 0.78 at 500 1/min, 25 °C
-# and 47 N m: 13.3 N m lost of 60.3, of which equation (3.1) says 4.2 (knee) to 5.2 (hip) at that speed, so
-# that 9 N m are the load's. A geared servo has 0.852 (Duclusaud et al. 2025). Not measured on TWIN.
-LOADED_EFFICIENCY = 0.85
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.files import finite_or_none, write_atomically
+from twin_gait.files import finite_or_none, write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
 from twin_gait.replay.figure import joints_of, replay_figure
@@ -183,8 +182,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     with staged_directory(target, REPLAY, force=force) as staging:
         write_atomically(staging / PHASES_FILE, _phases_csv(result))
         write_atomically(staging / SWITCHES_FILE, replayed_switches_csv(result))
-        summary = json.dumps(summarise_replay(result), indent=2, ensure_ascii=False, allow_nan=False)
-        write_atomically(staging / SUMMARY_FILE, f"{summary}\n")
+        write_json(staging / SUMMARY_FILE, summarise_replay(result))
         if pictures:
             (staging / FIGURE).parent.mkdir()
             save(replay_figure(result), staging / FIGURE)
