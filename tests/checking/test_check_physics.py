@@ -264,7 +264,7 @@ def test_left_over_friction_is_the_hump_less_the_compensated_share():
 
 
 def test_left_over_friction_of_bristles_is_what_they_break_away_at():
-    """In the direction that holds more: F_s and the offset, less the compensator at the same speed."""
+    """In the direction that holds more: T_b and the offset, less the compensator at the same speed."""
     law = "{law: lugre, coulomb_friction_Nm: 3, breakaway_torque_Nm: 4.5, stribeck_velocity_rad_per_s: 0.05, "
     law += "bristle_stiffness_Nm_per_rad: 1800, offset_Nm: -0.5}"
     _, leg = holding(f"plant.friction.knee={law}", "plant.friction_ratio={hip: 1, knee: 1}")

@@ -280,7 +280,7 @@ BRISTLES = LuGreFriction(
 
 
 def test_bristles_at_rest_are_a_spring_and_sliding_ones_a_damper():
-    """At rest σ0 with σ1 and the lesser F_v; far beyond the Stribeck velocity the lesser F_v alone."""
+    """At rest σ0 with σ1 and the lesser d; far beyond the Stribeck velocity the lesser d alone."""
     assert friction_stiffness(BRISTLES, 0.0) == 1800.0
     assert friction_stiffness(BRISTLES, 1.0) == 0.0 == friction_stiffness(KNEE_FRICTION, 0.0)
     assert friction_slope(BRISTLES, 0.0) == pytest.approx(50.0 + 0.5 * (2.0 + 1.2), rel=1e-9)

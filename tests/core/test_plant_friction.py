@@ -125,7 +125,7 @@ def test_the_torque_of_a_harder_pull_is_less_until_it_is_viscous() -> None:
 
 @given(st.lists(st.floats(1e-6, 0.01), min_size=1, max_size=30), st.floats(0.001, 9.0))
 def test_dahls_torque_is_exponential_in_the_way_however_it_is_gone(ways: list[float], speed: float) -> None:
-    """F = F_c (1 - exp(-σ0 x / F_c)) along any way in one direction, in any steps and at any speed."""
+    """F = T_c (1 - exp(-σ0 x / T_c)) along any way in one direction, in any steps and at any speed."""
     friction, z = DAHL.in_plant(), 0.0
     for way in ways:
         z = advanced_deflection(friction, way, speed, z)
@@ -142,7 +142,7 @@ def test_lugre_without_damping_and_stribeck_effect_is_dahls_model() -> None:
 
 @pytest.mark.parametrize("amplitude", [0.0005, 0.005, 0.05])
 def test_dahls_loop_takes_the_energy_of_the_closed_form(amplitude: float) -> None:
-    """A loop between ±A takes 4 F_c (A - F_c/σ0 tanh(σ0 A / F_c)), at any rate."""
+    """A loop between ±A takes 4 T_c (A - T_c/σ0 tanh(σ0 A / T_c)), at any rate."""
     s = 600.0 * amplitude / 3.0
     expected = 4.0 * 3.0 * (amplitude - 3.0 / 600.0 * math.tanh(s))
     for rate in (0.1, 3.0):

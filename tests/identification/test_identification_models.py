@@ -148,7 +148,7 @@ def test_lugre_slides_as_stribeck_friction():
 
 
 def test_dahl_loop_of_small_motion_is_the_closed_form():
-    """From rest in one direction: F = F_c (1 - exp(-σ0 x / F_c))."""
+    """From rest in one direction: F = T_c (1 - exp(-σ0 x / T_c))."""
     x = np.linspace(0.0, 0.01, 500)
     w = np.gradient(x, 0.01)
     z, forces, law = 0.0, [], 300.0

@@ -12,7 +12,8 @@ from twin_gait.live.forecast import HORIZON, LEAST, foresee
 from twin_gait.live.protocol import Response
 from twin_gait.live.session import LiveSession
 from twin_gait.live.settings import loop_numbers
-from twin_gait.live.stepping import LiveWalk, SteppedRun
+from twin_gait.live.stepping import SteppedRun
+from twin_gait.live.walk import LiveWalk
 from twin_gait.simulation.run import RunStatus
 
 # Of the default treadmill walk: each ends it within seconds, and the check has nothing against any of them.

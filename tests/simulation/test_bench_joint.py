@@ -541,7 +541,7 @@ def pulled(torque: float) -> BenchRun:
 
 
 def test_joint_with_bristles_springs_back_until_it_breaks_away() -> None:
-    # A way x one way bends the bristles by z = F_s/σ0 [1 - exp(-σ0 x / F_s)], and at rest σ0 z is the torque.
+    # A way x one way bends the bristles by z = T_b/σ0 [1 - exp(-σ0 x / T_b)], and at rest σ0 z is the torque.
     moved = pulled(1.0).column("motor_angle_rad")[-1] - math.pi / 2
     assert_allclose(moved, -4.0 / 2000.0 * math.log(1.0 - 1.0 / 4.0), rtol=2e-3)
     held, away = pulled(3.6), pulled(4.2)

@@ -64,7 +64,7 @@ def knee(found: Run) -> np.ndarray:
 @pytest.mark.parametrize(("share", "moves"), [(0.97, False), (1.03, True)])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_joint_breaks_away_at_its_breakaway_torque(share: float, moves: bool, sign: float) -> None:
-    """A weak spring pulls slowly; below break-away the bristles yield by x = -F_s/σ0 ln(1 - T/F_s)."""
+    """A weak spring pulls slowly; below break-away the bristles yield by x = -T_b/σ0 ln(1 - T/T_b)."""
     spring = 10.0
     yields = -BREAKAWAY / STIFFNESS * math.log1p(-0.97)
     amplitude = sign * (share * BREAKAWAY / spring + yields)
@@ -191,7 +191,7 @@ DAHL = LuGreFriction(coulomb_friction=3.0, bristle_stiffness=1500.0)
 
 
 def test_bristles_of_the_joint_bench_bend_by_the_closed_form_of_dahl() -> None:
-    """Pushed along from rest: F = F_c (1 - exp(-σ0 x / F_c)), whatever the speed on the way."""
+    """Pushed along from rest: F = T_c (1 - exp(-σ0 x / T_c)), whatever the speed on the way."""
     push = ImposedMotionParameters(amplitude=0.02, frequency=0.5)
     friction = BenchFriction(law=DAHL)
     test = bench_joint(JointName.KNEE, friction=friction, gravity=0.0, imposed_motion=push, duration=0.9)

@@ -30,12 +30,12 @@ class PlantFriction:
     """
 
     law: int = FRICTIONLESS  # ``FRICTIONLESS``, ``ROTATIONAL``, ``ASYMMETRIC`` or ``BRISTLE``.
-    breakaway_torque: float = 0.0  # a of (3.1), F_s of the others, in [N m].
-    coulomb_friction: float = 0.0  # b of (3.1), F_c of the others, in [N m].
-    stribeck_velocity: float = 1.0  # c of (3.1), ω_s of the others, in [rad] / [s], not zero.
-    # d of (3.1) in [N m s] / [rad]; F_v+ of the others, in [N m] at 1 rad/s.
+    breakaway_torque: float = 0.0  # T_b, a of (3.1), in [N m].
+    coulomb_friction: float = 0.0  # T_c, b of (3.1), in [N m].
+    stribeck_velocity: float = 1.0  # ω_c, c of (3.1), of the others ω_st, in [rad] / [s], not zero.
+    # d of (3.1) in [N m s] / [rad]; d_+ of the others, in [N m] at 1 rad/s.
     viscous_friction_forward: float = 0.0
-    viscous_friction_backward: float = 0.0  # F_v- in [N m] at 1 rad/s.
+    viscous_friction_backward: float = 0.0  # d_- in [N m] at 1 rad/s.
     gear_efficiency: float = 1.0  # η under load, beside all that; 1 for a gear without such losses.
     offset: float = 0.0  # T_0 in [N m].
     transition_velocity: float = 1.0  # ω_t in [rad] / [s], above 0.
@@ -128,15 +128,15 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
 
     ``ROTATIONAL`` is (3.1) with the losses of the gear, :func:`geared_friction_torque`. ``ASYMMETRIC`` is
     :func:`twin_gait.core.friction_models.asymmetric_torque`, ``BRISTLE`` LuGre's model with directions
-    (Dahl's with :math:`F_s = F_c`, :math:`\sigma_1 = 0`) and the deflection z in [rad]:
+    (Dahl's with :math:`T_b = T_c`, :math:`\sigma_1 = 0`) and the deflection z in [rad]:
 
     .. math::
 
-        T_0 + \left\{\begin{array}{l} g_l\,\tanh(\omega/\omega_t) \\
-        \sigma_0 z + \sigma_1 \dot z \end{array}\right\} + F_v^{\pm}|\omega|^\alpha\,\mathrm{sgn}\,\omega
+        T_0 + \left\{\begin{array}{l} h_l\,\tanh(\omega/\omega_t) \\
+        \sigma_0 z + \sigma_1 \dot z \end{array}\right\} + d_\pm|\omega|^\alpha\,\mathrm{sgn}\,\omega
 
-    with the Stribeck curve :math:`g_l = g(\omega)`. All lose :func:`gear_loss_torque` beside it, with
-    :math:`\omega_t = c/10` of (3.1); of bristles it raises the level, :math:`g_l = g(\omega) + |T_l|`.
+    with the Stribeck curve :math:`h_l = h(\omega)`. All lose :func:`gear_loss_torque` beside it, with
+    :math:`\omega_t = \omega_c/10` of (3.1); of bristles it raises the level, :math:`h_l = h(\omega) + |T_l|`.
     """
     rotational = rotational_torque(friction, velocity, load)
     return whole_friction_torque(friction, rotational, velocity, deflection, load)

@@ -6,9 +6,9 @@ velocities and exponents enter non-linearly. They are written without branches o
 :func:`chosen` instead, so that the identification runs these very functions over arrays
 (:mod:`twin_gait.identification.laws`).
 
-Of all laws: velocity ω in [rad] / [s]; ``coulomb`` F_c and ``breakaway`` F_s in [N m]; ``viscous`` F_v in
-[N m s] / [rad]; ``stribeck_velocity`` ω_s and ``transition_velocity`` ω_t in [rad] / [s], above 0;
-``deflection`` z of the bristles in [rad], their ``stiffness`` σ0 in [N m] / [rad], and their ``level`` g in
+Of all laws: velocity ω in [rad] / [s]; ``coulomb`` T_c and ``breakaway`` T_b in [N m]; ``viscous`` d in
+[N m s] / [rad]; ``stribeck_velocity`` ω_st and ``transition_velocity`` ω_t in [rad] / [s], above 0;
+``deflection`` z of the bristles in [rad], their ``stiffness`` σ0 in [N m] / [rad], and their ``level`` h in
 [N m], above 0.
 """
 
@@ -31,14 +31,14 @@ def sign_of(velocity: float) -> float:
 
 
 def coulomb_viscous_torque(velocity: float, coulomb: float, viscous: float) -> float:
-    r"""Coulomb and viscous friction, thesis (1.1): :math:`F_c\,\mathrm{sgn}\,\omega + F_v\,\omega`."""
+    r"""Coulomb and viscous friction, thesis (1.1): :math:`T_c\,\mathrm{sgn}\,\omega + d\,\omega`."""
     return coulomb * sign_of(velocity) + viscous * velocity
 
 
 def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float, steepness: float) -> float:
-    r"""TWIN's old model, equation (2.5) of the thesis: :math:`F_v\,\omega + F_s \tanh(k\,\omega)`.
+    r"""TWIN's old model, equation (2.5) of the thesis: :math:`d\,\omega + T_c \tanh(\kappa\,\omega)`.
 
-    F_s is ``coulomb``, and k the ``steepness`` in [s] / [rad]; 40 in the firmware.
+    T_c (F_s there) is ``coulomb``, and κ the ``steepness`` in [s] / [rad]; 40 in the firmware.
     """
     return coulomb * hyperbolic_tangent(steepness * velocity) + viscous * velocity
 
@@ -48,7 +48,7 @@ def stribeck_level(
 ) -> float:
     r"""Magnitude of the friction without its viscous part, with the exponent δ.
 
-    :math:`g(\omega) = F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}`.
+    :math:`h(\omega) = T_c + (T_b - T_c)\,e^{-|\omega/\omega_{st}|^\delta}`.
     """
     return coulomb + (breakaway - coulomb) * exponential(-(abs(velocity / stribeck_velocity) ** exponent))
 
@@ -63,7 +63,7 @@ def stribeck_torque(
 ) -> float:
     r"""Stribeck friction, equation (1.2) of the thesis, with an exponent δ that is often 2.
 
-    :math:`[F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}]\,\mathrm{sgn}\,\omega + F_v\,\omega`.
+    :math:`[T_c + (T_b - T_c)\,e^{-|\omega/\omega_{st}|^\delta}]\,\mathrm{sgn}\,\omega + d\,\omega`.
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, exponent)
     return level * sign_of(velocity) + viscous * velocity
@@ -81,12 +81,12 @@ def two_velocity_torque(
 
     .. math::
 
-        \sqrt{2e}\,(T_{brk}-T_C)\,e^{-(\omega/\omega_{St})^2}\frac{\omega}{\omega_{St}}
-        + T_C \tanh\frac{\omega}{\omega_{Coul}} + f\,\omega
+        \sqrt{2e}\,(T_b-T_c)\,e^{-(\omega/\omega_1)^2}\frac{\omega}{\omega_1}
+        + T_c \tanh\frac{\omega}{\omega_2} + d\,\omega
 
-    With :math:`\omega_{St} = c` and :math:`\omega_{Coul} = c/10` it is equation (3.1),
+    With :math:`\omega_1 = \omega_c` and :math:`\omega_2 = \omega_c/10` it is equation (3.1),
     :func:`twin_gait.core.friction.rotational_friction_torque`; with
-    :math:`\omega_{St} = \sqrt2\,\omega_{brk}` and :math:`\omega_{Coul} = \omega_{brk}/10`, the Rotational
+    :math:`\omega_1 = \sqrt2\,\omega_b` and :math:`\omega_2 = \omega_b/10`, the Rotational
     Friction block of Simscape. Neither velocity may be 0.
     """
     x = velocity / stribeck_velocity
@@ -109,8 +109,8 @@ def conditioned_torque(
 
     .. math::
 
-        [F_c + F_l |T_L| + F_T (\vartheta - \vartheta_0)] \tanh\frac{\omega}{\omega_t}
-        + [F_v + F_{vT} (\vartheta - \vartheta_0)]\,\omega
+        [T_c + c_l |T_L| + c_\vartheta (\vartheta - \vartheta_0)] \tanh\frac{\omega}{\omega_t}
+        + [d + d_\vartheta (\vartheta - \vartheta_0)]\,\omega
 
     to first order about :math:`\vartheta_0 = 25` °C; ``load`` is T_L in [N m], either sign. The load term is
     that of Duclusaud et al. (2025).
@@ -124,7 +124,7 @@ def conditioned_torque(
 def directional_viscous_torque(velocity: float, forward: float, backward: float, exponent: float) -> float:
     r"""Viscous friction of its own in each direction, with a power of the speed in [rad] / [s].
 
-    :math:`F_v^{\pm}\,|\omega|^\alpha\,\mathrm{sgn}\,\omega` with ``forward`` and ``backward`` in [N m] at 1
+    :math:`d_\pm\,|\omega|^\alpha\,\mathrm{sgn}\,\omega` with ``forward`` and ``backward`` in [N m] at 1
     rad/s: grease thins as it is sheared, and measured exponents of harmonic drives often lie below 1.
     """
     power = abs(velocity) ** exponent
@@ -145,9 +145,9 @@ def asymmetric_torque(
 ) -> float:
     r"""Stribeck friction with an offset and a viscous friction of its own in each direction.
 
-    :math:`T_0 + g(\omega)\tanh(\omega/\omega_t) + F_v^{\pm}|\omega|^\alpha\,\mathrm{sgn}\,\omega`, with
-    :math:`g` of :func:`stribeck_level`. The Coulomb friction is :math:`F_c + T_0` forwards and
-    :math:`F_c - T_0` backwards: a difference in it and an offset are one and the same.
+    :math:`T_0 + h(\omega)\tanh(\omega/\omega_t) + d_\pm|\omega|^\alpha\,\mathrm{sgn}\,\omega`, with
+    :math:`h` of :func:`stribeck_level`. The Coulomb friction is :math:`T_c + T_0` forwards and
+    :math:`T_c - T_0` backwards: a difference in it and an offset are one and the same.
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, stribeck_exponent)
     viscous = directional_viscous_torque(velocity, forward, backward, viscous_exponent)
@@ -166,7 +166,7 @@ def ripple_torque(angle: float, cosine: float, sine: float, order: float) -> flo
 def bristle_rate(velocity: float, deflection: float, level: float, stiffness: float) -> float:
     r"""Rate in [rad] / [s] of the bristle deflection of Dahl (1968) and LuGre (Canudas de Wit et al. 1995).
 
-    :math:`\dot z = \omega - \sigma_0 \frac{|\omega|}{g(\omega)}\,z` with the Coulomb friction for g in Dahl's
+    :math:`\dot z = \omega - \sigma_0 \frac{|\omega|}{h(\omega)}\,z` with the Coulomb friction for h in Dahl's
     model (exponent 1) and :func:`stribeck_level` in LuGre's.
     """
     return velocity - stiffness * abs(velocity) / level * deflection

@@ -44,7 +44,7 @@ _STRIBECK_SHAPE = Shape(low=1e-3, high=10.0, scale=usual_speed)
 _STRIBECK_EXPONENT, _VISCOUS_EXPONENT = Shape(low=0.4, high=10.0), Shape(low=0.1, high=3.0)
 _STEEPNESS_SHAPE = Shape(low=1.0, high=1e4, scale=slowness)
 _RIPPLE_SHAPE = Shape(low=1.0, high=60.0, scale=spans_in_a_turn)
-# σ0/F_c: the inverse of the deflection at which the bristles slide; F_s/F_c.
+# σ0/T_c: the inverse of the deflection at which the bristles slide; T_b/T_c.
 _BRISTLE_SHAPE = Shape(low=1e-5, high=1e5, scale=fineness)
 _BREAKAWAY_RATIO = Shape(low=0.1, high=10.0, physical_low=1.0)
 # Parameters that are positive and uncertain by a factor: their intervals are those of the logarithm.
@@ -125,20 +125,20 @@ def _model(
     return add
 
 
-@_model("F_c sgn ω + F_v ω", (_COULOMB, _VISCOUS), "++")
+@_model("T_c sgn ω + d ω", (_COULOMB, _VISCOUS), "++")
 def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous."""
     return coulomb_viscous_torque(samples.velocity, *beta)
 
 
-@_model("F_s tanh(k ω) + F_v ω", (_COULOMB, _VISCOUS, _STEEPNESS), "++", _STEEPNESS_SHAPE)
+@_model("T_c tanh(κ ω) + d ω", (_COULOMB, _VISCOUS, _STEEPNESS), "++", _STEEPNESS_SHAPE)
 def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous; shape: steepness."""
     return coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
 
 
 @_model(
-    "[F_c + (F_s − F_c) exp(−|ω/ω_s|^δ)] sgn ω + F_v ω",
+    "[T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω",
     (_BREAKAWAY, _COULOMB, _VISCOUS, _STRIBECK, _EXPONENTS[0]),
     "+++", _STRIBECK_SHAPE, _STRIBECK_EXPONENT, public=breakaway_first,
 )  # fmt: skip
@@ -148,7 +148,7 @@ def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
 
 
 @_model(
-    "√(2e) (a − b) exp(−(ω/c)²) ω/c + b tanh(10 ω/c) + d ω",
+    "√(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω",
     _ROTATIONAL, "+++", _STRIBECK_SHAPE, public=breakaway_first,
 )  # fmt: skip
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -157,8 +157,8 @@ def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarra
 
 
 @_model(
-    "√(2e) (T_brk − T_C) exp(−(ω/ω_St)²) ω/ω_St + T_C tanh(ω/ω_Coul) + f ω, "
-    "ω_St = √2 ω_brk, ω_Coul = ω_brk/10",
+    "√(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, "
+    "ω_1 = √2 ω_b, ω_2 = ω_b/10",
     _ROTATIONAL, "+++", _STRIBECK_SHAPE, public=breakaway_first,
 )  # fmt: skip
 def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -185,7 +185,7 @@ def _conditioned(
 
 
 @_model(
-    "(F_c + F_l |T_L|) tanh(ω/ω_t) + F_v ω",
+    "(T_c + c_l |T_L|) tanh(ω/ω_t) + d ω",
     (_COULOMB, _VISCOUS, _PER_LOAD, _TRANSITION), "+++", _TRANSITION_SHAPE, needs="load",
 )  # fmt: skip
 def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -194,7 +194,7 @@ def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.nd
 
 
 @_model(
-    "(F_c + F_T Δϑ) tanh(ω/ω_t) + (F_v + F_vT Δϑ) ω, Δϑ = ϑ − 25 °C",
+    "(T_c + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C",
     (_COULOMB, _VISCOUS, *_PER_KELVIN, _TRANSITION), "++±±", _TRANSITION_SHAPE, needs="temperature",
 )  # fmt: skip
 def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -203,7 +203,7 @@ def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -
 
 
 @_model(
-    "(F_c + F_l |T_L| + F_T Δϑ) tanh(ω/ω_t) + (F_v + F_vT Δϑ) ω, Δϑ = ϑ − 25 °C",
+    "(T_c + c_l |T_L| + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C",
     (_COULOMB, _VISCOUS, _PER_LOAD, *_PER_KELVIN, _TRANSITION), "+++±±", _TRANSITION_SHAPE,
     needs="load temperature",
 )  # fmt: skip
@@ -213,7 +213,7 @@ def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarr
 
 
 @_model(
-    "T_0 + F_c tanh(ω/ω_t) + F_v± ω",
+    "T_0 + T_c tanh(ω/ω_t) + d± ω",
     (_COULOMB, *_BOTH_WAYS, _OFFSET, _TRANSITION), "+++±", _TRANSITION_SHAPE, two_way=True,
 )  # fmt: skip
 def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -223,7 +223,7 @@ def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarra
 
 
 @_model(
-    "T_0 + [F_c + (F_s − F_c) exp(−|ω/ω_s|^δ)] tanh(ω/ω_t) + F_v± |ω|^α sgn ω",
+    "T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω",
     (_BREAKAWAY, _COULOMB, *_BOTH_WAYS, _OFFSET, _TRANSITION, _STRIBECK, *_EXPONENTS), "++++±",
     _TRANSITION_SHAPE, _STRIBECK_SHAPE, _STRIBECK_EXPONENT, _VISCOUS_EXPONENT,
     public=breakaway_first, two_way=True,
@@ -235,7 +235,7 @@ def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> 
 
 
 @_model(
-    "F_c tanh(ω/ω_t) + F_v ω + T_0 + C cos nθ + S sin nθ",
+    "T_c tanh(ω/ω_t) + d ω + T_0 + C cos nθ + S sin nθ",
     (_COULOMB, _VISCOUS, _OFFSET, "ripple_cosine_Nm", "ripple_sine_Nm", _TRANSITION, _RIPPLE), "++±±±",
     _TRANSITION_SHAPE, _RIPPLE_SHAPE, needs="angle", two_way=True,
 )  # fmt: skip
@@ -247,7 +247,7 @@ def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.n
 
 
 @_model(
-    "σ0 z + F_v ω, ż = ω − σ0 |ω| z / F_c",
+    "σ0 z + d ω, ż = ω − σ0 |ω| z / T_c",
     (_COULOMB, _VISCOUS, _BRISTLE_STIFFNESS), "++", _BRISTLE_SHAPE,
     public=dahl_reported, needs="period", dynamic=True,
 )  # fmt: skip
@@ -258,7 +258,7 @@ def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
 
 
 @_model(
-    "σ0 z + σ1 ż + F_v ω, ż = ω − σ0 |ω| z / g, g = F_c + (F_s − F_c) exp(−(ω/ω_s)²)",
+    "σ0 z + σ1 ż + d ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−(ω/ω_st)²)",
     (_BREAKAWAY, _COULOMB, _BRISTLE_DAMPING, _VISCOUS, _BRISTLE_STIFFNESS, _STRIBECK), "+++",
     _BRISTLE_SHAPE, _BREAKAWAY_RATIO, _STRIBECK_SHAPE, public=lugre_reported, needs="period", dynamic=True,
 )  # fmt: skip
@@ -269,7 +269,7 @@ def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
 
 
 @_model(
-    "T_0 + σ0 z + σ1 ż + F_v± |ω|^α sgn ω, ż = ω − σ0 |ω| z / g, g = F_c + (F_s − F_c) exp(−|ω/ω_s|^δ)",
+    "T_0 + σ0 z + σ1 ż + d± |ω|^α sgn ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)",
     (_BREAKAWAY, _COULOMB, _BRISTLE_DAMPING, *_BOTH_WAYS, _OFFSET,
      _BRISTLE_STIFFNESS, _STRIBECK, *_EXPONENTS),
     "++++±", _BRISTLE_SHAPE, _BREAKAWAY_RATIO, _STRIBECK_SHAPE, _STRIBECK_EXPONENT, _VISCOUS_EXPONENT,
@@ -315,7 +315,7 @@ def bristle_deflection(
     left of another start is :func:`remembered_start`.
 
     ``velocity``: in [rad] / [s], shape ``(n,)`` as the next three. ``period``: since the sample before in
-    [s]. ``fresh``: where a test starts; true at the first sample. ``level``: g of
+    [s]. ``fresh``: where a test starts; true at the first sample. ``level``: h of
     :func:`twin_gait.core.friction_models.bristle_rate` in [N m]. ``stiffness``: σ0 in [N m] / [rad].
     """
     return np.asarray(_loop()(velocity, period, fresh, level, stiffness))

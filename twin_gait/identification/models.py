@@ -39,13 +39,13 @@ def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     return missing
 
 
-_STIFF = 1e6  # σ0/F_c at which a bristle slides at once: the static law
+_STIFF = 1e6  # σ0/T_c at which a bristle slides at once: the static law
 _ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction changes: the law with sgn ω
 _Rule = Callable[[np.ndarray, np.ndarray], tuple[list[float], list[float]]]
 
 
 def _ratio(excess: float, coulomb: float) -> float:
-    """F_s/F_c as far as LuGre's bounds have room for it."""
+    """T_b/T_c as far as LuGre's bounds have room for it."""
     return float(np.clip(1.0 + excess / coulomb, 0.1, 10.0)) if coulomb else 1.0
 
 

@@ -15,7 +15,7 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import AppliedChange, Content, Piece, locked, next_free, read_journal, walk_of
 from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
-from twin_gait.live.stepping import as_run
+from twin_gait.live.walk import as_run
 from twin_gait.runs.folders import journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
 from twin_gait.simulation.engine import log_layout

@@ -22,7 +22,8 @@ from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.handle import begin
 from twin_gait.live.protocol import dump
-from twin_gait.live.stepping import LiveWalk, SteppedRun, as_run
+from twin_gait.live.stepping import SteppedRun
+from twin_gait.live.walk import LiveWalk, as_run
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side

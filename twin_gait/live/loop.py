@@ -18,7 +18,8 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.journal import AppliedChange, Piece
 from twin_gait.live.protocol import Frame
 from twin_gait.live.realtime import BLOCK_TICKS, PERIOD, BlockClock
-from twin_gait.live.stepping import Asking, LiveWalk, SteppedRun
+from twin_gait.live.stepping import Asking, SteppedRun
+from twin_gait.live.walk import LiveWalk
 from twin_gait.simulation.run import RunStatus
 from twin_gait.viewer.motion import extremes, leg_columns
 from twin_gait.viewer.page import event_entries

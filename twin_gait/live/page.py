@@ -22,11 +22,11 @@ from twin_gait.live.protocol import (
     id_of,
     read_message,
 )
+from twin_gait.live.server import LiveServer, Panel
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.page import About, live_page
-from twin_gait.viewer.server import LiveServer, Panel
 from twin_gait.worlds.scenario import BELT_SPEED
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second

@@ -14,21 +14,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.control import Trip
-from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
+from twin_gait.live.fading import Fade, arrive, fade_anew
 from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import entries
-from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.run import RunStatus, log_table
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -344,110 +343,3 @@ class SteppedRun:
         self.tick, self._log, self._injected, self._fades = 0, [], [], {}
         self._push_ends[:] = NEVER
         self.hold_phase(self.held_phase)
-
-
-class Fade(NamedTuple):
-    """Numbers on their way to others by the minimum-jerk law; JSON takes it as it is."""
-
-    start: list[Any]  # what they were, as nested lists
-    target: list[Any]  # what they come to, likewise
-    first: int  # first tick of the fade
-    ticks: int  # its length; 0 for a change at once
-
-    def write(self, tick: int, values: np.ndarray) -> bool:
-        """Write what they are in a tick; True if they are not there yet. ``values`` are changed in place."""
-        if tick - self.first + 1 >= self.ticks:
-            values[...] = self.target
-            return False
-        share = blend_share((tick - self.first + 1) / self.ticks, BLEND_MINIMUM_JERK)
-        values[...] = blend(np.array(self.start), np.array(self.target), share)  # type: ignore[arg-type]
-        return True
-
-
-def arrive(episode: np.void, chosen: np.ndarray) -> None:
-    """Give the chosen legs the parameters of their phases; ``episode`` is changed in place."""
-    controller = episode["controller"]
-    joints = controller["joints"].reshape(len(chosen), -1)
-    for leg, own, wanted in zip(controller["legs"], joints, chosen, strict=True):
-        if wanted:
-            own["blended"] = own["setpoints"][:, leg["phase"]]
-            leg["gravity"] = leg["gravity_shares"][leg["phase"]]
-
-
-def fade_anew(episode: np.void) -> None:
-    """Let every leg fade from its present parameters; ``episode`` is changed in place."""
-    joints, legs = episode["controller"]["joints"], episode["controller"]["legs"]
-    joints["blend_start"], legs["gravity_start"] = joints["blended"], legs["gravity"]
-
-
-BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
-
-
-def as_run(problem: Problem, experiment: Experiment, result: Any, wall_s: float = 0.0) -> Run:
-    """What was walked as a run like any other; ``result`` of an engine, or a piece of a live walk."""
-    return Run(
-        experiment=experiment,
-        table=problem.table,
-        log=log_table(result.rows, log_layout(problem), problem.table),
-        switches=result.switches,
-        status=result.status,
-        reason=result.reason,
-        wall_s=wall_s,
-        body_weight=problem.world.body_weight,
-        trip=result.trip,
-    )
-
-
-class LiveWalk:
-    """Advances a run and lets settings fade in.
-
-    Attributes:
-        run: The run.
-    """
-
-    def __init__(self, run: SteppedRun) -> None:
-        """Begin with the settings of the run's own problem."""
-        self.run = run
-        world = run.problem.world
-        self._belt_speed: float | None = None if world.contact is None else world.belt.cruise
-        self._belt_waits = False
-
-    def advance(self, ticks: int) -> np.ndarray:
-        """Run some ticks; the belt stands while a leg waits for its step, else it would carry it away."""
-        waits = bool(self.run.waiting())
-        if waits != self._belt_waits and self._belt_speed is not None:
-            self._belt_waits = waits
-            self.run.fade("belt_speed", 0.0 if waits else self._belt_speed, BELT_TICKS)
-        return self.run.advance(ticks)
-
-    def restart(self) -> None:
-        """Go back to tick 0 with the present settings."""
-        self.run.restart()
-        self._belt_waits = False
-        if self._belt_speed is not None:
-            self.run.fade("belt_speed", self._belt_speed, 0)
-
-    def set(self, numbers: Mapping[str, Any]) -> None:
-        """Let new settings fade in."""
-        run = self.run
-        run.set_phase_rows(np.array(numbers["phase_rows"]))
-        run.set_comparisons([Comparison(**entries) for entries in numbers["comparisons"]])
-        run.fade("target_torque", np.array(numbers["target_torque"]))
-        if numbers["support_force"] is not None:
-            run.fade("support_force", numbers["support_force"])
-        if numbers["belt_speed"] is not None:
-            self._belt_speed = numbers["belt_speed"]
-            if not self._belt_waits:
-                run.fade("belt_speed", numbers["belt_speed"])
-        run.watch_phases(numbers["watching"])
-        if numbers["held_phase"] != run.held_phase:
-            run.hold_phase(numbers["held_phase"])
-
-    def moment(self) -> dict[str, Any]:
-        """The present moment, from which another walk of the same experiment can go on."""
-        return {"run": self.run.moment(), "belt_speed": self._belt_speed, "belt_waits": self._belt_waits}
-
-    def go_on_from(self, moment: Mapping[str, Any]) -> None:
-        """Take over a moment of another walk of the same experiment."""
-        self.run.go_on_from(moment["run"])
-        self._belt_speed, self._belt_waits = moment["belt_speed"], moment["belt_waits"]

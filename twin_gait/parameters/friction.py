@@ -102,16 +102,16 @@ NO_FRICTION = FrictionParameters(
 class StribeckFriction(quantities.Parameters):
     """What laws with a Stribeck curve and directions of their own have in common.
 
-    The Coulomb friction is F_c + T_0 forwards and F_c - T_0 backwards: a difference in it and an offset are
+    The Coulomb friction is T_c + T_0 forwards and T_c - T_0 backwards: a difference in it and an offset are
     one and the same.
 
     Attributes:
-        coulomb_friction: F_c in [N m].
-        breakaway_torque: F_s in [N m]; None for F_c, without a Stribeck effect.
-        stribeck_velocity: ω_s in [rad] / [s]; None where there is no break-away torque.
+        coulomb_friction: T_c in [N m].
+        breakaway_torque: T_b in [N m]; None for T_c, without a Stribeck effect.
+        stribeck_velocity: ω_st in [rad] / [s]; None where there is no break-away torque.
         stribeck_exponent: δ, often 2.
-        viscous_friction_forward: F_v+ in [N m] at 1 rad/s.
-        viscous_friction_backward: F_v- in [N m] at 1 rad/s.
+        viscous_friction_forward: d_+ in [N m] at 1 rad/s.
+        viscous_friction_backward: d_- in [N m] at 1 rad/s.
         viscous_exponent: α, 1 for linear friction.
         offset: T_0 in [N m].
     """
@@ -176,7 +176,7 @@ class StribeckFriction(quantities.Parameters):
 class AsymmetricFriction(StribeckFriction):
     """A static law of its own in each direction, :func:`twin_gait.core.friction_models.asymmetric_torque`.
 
-    A static law does not hold a joint: it creeps, with an offset by itself at ω_t artanh(T_0 / F_s).
+    A static law does not hold a joint: it creeps, with an offset by itself at ω_t artanh(T_0 / T_b).
 
     Attributes:
         transition_velocity: ω_t in [rad] / [s], within which the direction changes.

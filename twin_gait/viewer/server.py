@@ -9,13 +9,9 @@ from __future__ import annotations
 
 import asyncio
 import hmac
-import json
-import resource
 import secrets
-import socket
-import time
-from collections.abc import Awaitable, Callable, Hashable, Iterable, Mapping
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable, Hashable, Iterable
+from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
@@ -24,134 +20,17 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from twin_gait.exceptions import ViewerError
+from twin_gait.viewer.connections import LOOPBACK, Acceptor, Outbox, bind_loopback
 
-LOOPBACK = "127.0.0.1"
-PORTS_TRIED = 100
-MOST_CONNECTIONS = 256  # a page has three
-_RETRY = 0.5  # [s] until a process that has no files left looks again whether somebody waits
 Change = tuple[Hashable, bytes]
-MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
-Item = TypeVar("Item")
 LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
 # What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
 # a lower limit and answer.
 LONGEST_MESSAGE = 65536  # [B]
 MOST_SOCKETS = 64
-MESSAGES_PER_SECOND = 200.0
-_BURST = 400.0
 PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request
 _LONGEST_HEADER = 16384  # [B]
 _FAREWELL = 0.05  # [s] in which a page may answer that it has heard of the end
-Message = Mapping[str, Any]
-
-
-def bind_loopback(first_port: int) -> socket.socket:
-    """Listen on the loopback interface.
-
-    ``first_port``: if it is taken the next one is tried; 0 lets the system choose. Raises OSError if no port
-    is free.
-    """
-    tried = [0] if first_port == 0 else range(first_port, min(first_port + PORTS_TRIED, 65536))
-    for port in tried:
-        try:
-            listener = socket.create_server((LOOPBACK, port), backlog=128)
-        except OSError:
-            continue
-        listener.setblocking(False)
-        return listener
-    raise OSError(f"no free port from {first_port} to {tried[-1]}")
-
-
-class Door:
-    """Lets callers in while there is room and hangs up on the others, in the running event loop.
-
-    Asyncio and tornado log a trace each time that they look at a caller whom a process without free files
-    cannot take, thousands of times a second.
-    """
-
-    def __init__(self, listener: socket.socket, welcome: Callable[[socket.socket, Any], None]) -> None:
-        """Open.
-
-        ``listener`` of :func:`bind_loopback`; belongs to the door from now on; ``welcome``: takes the socket
-        of a caller, which does not block, and its address.
-        """
-        self._listener, self._welcome = listener, welcome
-        self._inside: list[socket.socket] = []
-        self._loop = asyncio.get_running_loop()
-        self._open()
-
-    def close(self) -> None:
-        """Let nobody in any more."""
-        self._loop.remove_reader(self._listener)
-        self._listener.close()
-
-    def _open(self) -> None:
-        if self._listener.fileno() >= 0:
-            self._loop.add_reader(self._listener, self._answer)
-
-    def _answer(self) -> None:
-        try:
-            caller, address = self._listener.accept()
-        except (BlockingIOError, ConnectionAbortedError):
-            return
-        except OSError:  # no files left
-            self._loop.remove_reader(self._listener)
-            self._loop.call_later(_RETRY, self._open)
-            return
-        self._inside = [other for other in self._inside if other.fileno() >= 0]
-        if len(self._inside) >= most_connections():
-            caller.close()
-            return
-        caller.setblocking(False)
-        self._inside.append(caller)
-        self._welcome(caller, address)
-
-
-def most_connections() -> int:
-    """How many callers may be in at a time: at most half of the files that this process may open."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return MOST_CONNECTIONS if limit == resource.RLIM_INFINITY else min(MOST_CONNECTIONS, limit // 2)
-
-
-class Outbox(Generic[Item]):
-    """Sends to one page, one batch at a time.
-
-    While a batch is on its way, what comes is kept under its key, and a newer item takes the place of an
-    older one of the same key. A page that has stopped reading therefore costs a bounded memory and no time.
-    """
-
-    def __init__(self, write: Callable[[list[Item]], Awaitable[None]]) -> None:
-        """Start empty.
-
-        ``write``: writes one batch; what it returns ends when the network has taken the batch.
-        """
-        self._write = write
-        self._waiting: dict[Hashable, Item] = {}
-        self._sending: asyncio.Task[None] | None = None
-
-    def __len__(self) -> int:
-        """How many items wait."""
-        return len(self._waiting)
-
-    def post(self, items: Iterable[tuple[Hashable, Item]]) -> None:
-        """Send items as soon as the page takes them; returns at once, inside of an event loop."""
-        for key, item in items:
-            self._waiting.pop(key, None)  # a newer one comes last
-            self._waiting[key] = item
-        while len(self._waiting) > MOST_WAITING:
-            del self._waiting[next(iter(self._waiting))]
-        if self._sending is None or self._sending.done():
-            self._sending = asyncio.get_running_loop().create_task(self._send())
-
-    async def ended(self) -> None:
-        """Wait until nothing is on its way."""
-        if self._sending is not None:
-            await self._sending
-
-    async def _send(self) -> None:
-        while self._waiting:
-            batch, self._waiting = list(self._waiting.values()), {}
-            await self._write(batch)
 
 
 def is_loopback(host: str) -> bool:
@@ -173,26 +52,6 @@ def is_own_page(origin: str | None, host: str) -> bool:
     ``Host`` header.
     """
     return origin is not None and is_loopback(host) and origin.lower() == f"http://{host.lower()}"
-
-
-class Allowance:
-    """How much a page may still say: so many messages a second, with a reserve for bursts."""
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start with the whole reserve. ``clock``: time in [s]."""
-        self._clock = clock
-        self._left = _BURST
-        self._since = clock()
-
-    def take(self) -> bool:
-        """Take one message off; False if there is none left."""
-        now = self._clock()
-        self._left = min(_BURST, self._left + MESSAGES_PER_SECOND * (now - self._since))
-        self._since = now
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
 
 
 class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
@@ -321,7 +180,7 @@ class SceneServer:
             idle_connection_timeout=PATIENCE,
             body_timeout=PATIENCE,
         )
-        self._door = Door(
+        self._acceptor = Acceptor(
             listener, lambda caller, address: self._http.handle_stream(IOStream(caller), address)
         )
 
@@ -341,7 +200,7 @@ class SceneServer:
 
     async def close(self) -> None:
         """Stop listening and close all sockets, those of frozen pages too."""
-        self._door.close()
+        self._acceptor.close()
         open_pages = self.sockets()
         for page in open_pages:
             page.close(1001, "the program has ended")
@@ -396,106 +255,3 @@ class SceneSocket(GuardedSocket):
         self._drawn.clear()
         if await self.write_or_leave(b"".join(batch), binary=True):
             await self._drawn.wait()
-
-
-class LiveServer(SceneServer):
-    """Serves the live page."""
-
-    def __init__(
-        self,
-        page: str,
-        *,
-        first_port: int,
-        on_message: Callable[[Panel, str], None],
-        on_stop: Callable[[], None],
-        refusal: Callable[[str], Message],
-        greeting: Callable[[], Iterable[Message]],
-        scene: Callable[[], Iterable[Change]],
-    ) -> None:
-        """Listen.
-
-        ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``on_message``: called
-        with what a page says, which may be any text; ``on_stop``: called when a page asks to stop without its
-        socket; ``refusal``: makes the answer to what is refused here, of the reason; ``greeting`` and
-        ``scene``: messages for a panel, and packed commands for a scene, that have just been opened. Raises
-        ViewerError if no port is free.
-        """
-        self.on_message, self.on_stop = on_message, on_stop
-        self.refusal, self.greeting = refusal, greeting
-        self.pages: set[Panel] = set()  # open panels
-        super().__init__(page, first_port=first_port, scene=scene)
-
-    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell all panels something.
-
-        ``key``: a later message of the same key makes this one needless; None keeps every one.
-        """
-        text = json.dumps(message, allow_nan=False)
-        for panel in self.pages:
-            panel.post_text(text, key)
-
-    def sockets(self) -> set[Any]:
-        """Open web sockets."""
-        return super().sockets() | self.pages
-
-    def routes(self) -> list[tuple[str, type[RequestHandler]]]:
-        """Paths and who answers them."""
-        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", Panel)]
-
-
-class StopHandler(Guarded):
-    """The way to stop when the socket of a page is not open."""
-
-    def post(self) -> None:
-        """Stop."""
-        self.require_own_page()
-        self.server.on_stop()
-        self.write("stopped\n")
-
-
-class Panel(GuardedSocket):
-    """Talks with the panel of a page."""
-
-    def open(self) -> None:
-        """Send what the panel has to know."""
-        self.set_nodelay(True)
-        self.outbox = Outbox(self._write)
-        self._allowance = Allowance()
-        self._count = 0
-        self.server.pages.add(self)
-        for message in self.server.greeting():
-            self.tell(message)
-
-    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell this panel something.
-
-        ``key``: a later message of the same key makes this one needless; None keeps every one.
-        """
-        self.post_text(json.dumps(message, allow_nan=False), key)
-
-    def post_text(self, text: str, key: Hashable | None) -> None:
-        """Send a message as soon as the page takes it."""
-        self._count += 1
-        self.outbox.post([(self._count if key is None else ("last", key), text)])
-
-    def on_message(self, message: str | bytes) -> None:
-        """Hand on what the page says."""
-        if isinstance(message, bytes):
-            self.refuse_message("message: expected text, got bytes")
-        elif not self._allowance.take():
-            self.refuse_message("message: too many in a second; wait a moment")
-        else:
-            self.server.on_message(self, message)
-
-    def refuse_message(self, reason: str) -> None:
-        """Answer that a message was refused."""
-        self.server.refused += 1
-        self.tell(self.server.refusal(reason), key=reason)
-
-    def on_close(self) -> None:
-        """Forget the page."""
-        self.server.pages.discard(self)
-
-    async def _write(self, batch: list[str]) -> None:
-        # One message for the batch: a list of what was told.
-        await self.write_or_leave(f"[{','.join(batch)}]", binary=False)

@@ -266,9 +266,9 @@ class OldFrictionModel(quantities.Parameters):
     """TWIN's old friction model, equation (2.5) of the thesis.
 
     Attributes:
-        coulomb: F_s in [N m]; an assumption, the Coulomb friction of the knee in table 3.1.
-        viscous: F_v in [N m s] / [rad]; likewise.
-        steepness: In [s] / [rad]; 40 in the thesis.
+        coulomb: T_c in [N m], F_s in the thesis; an assumption, b of table 3.1 for the knee.
+        viscous: d (there F_v) in [N m s] / [rad]; likewise.
+        steepness: κ in [s] / [rad]; 40 in the thesis.
     """
 
     coulomb: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 3.193

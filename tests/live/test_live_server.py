@@ -23,18 +23,12 @@ from tornado.websocket import websocket_connect
 from twin_gait.cli import main
 from twin_gait.exceptions import ViewerError
 from twin_gait.files import write_atomically
+from twin_gait.live.server import LiveServer, RateLimit
 from twin_gait.viewer import server as scene_server
 from twin_gait.viewer.commands import set_object, set_property
+from twin_gait.viewer.connections import MOST_WAITING, Outbox
 from twin_gait.viewer.live_figure import LiveWindow
-from twin_gait.viewer.server import (
-    LONGEST_MESSAGE,
-    MOST_WAITING,
-    Allowance,
-    LiveServer,
-    Outbox,
-    is_loopback,
-    is_own_page,
-)
+from twin_gait.viewer.server import LONGEST_MESSAGE, is_loopback, is_own_page
 
 PAGE = "<!DOCTYPE html><title>page</title>"
 
@@ -348,7 +342,7 @@ def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.Mo
 FEW_FILES = """
 import asyncio, os, resource, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))
-from twin_gait.viewer.server import LiveServer
+from twin_gait.live.server import LiveServer
 
 async def run():
     server = LiveServer("page", first_port=0, on_message=print, on_stop=print, refusal=dict, greeting=list,
@@ -461,14 +455,14 @@ def test_flood_is_refused_and_others_are_heard() -> None:
     with_listener(scene)
 
 
-def test_allowance_is_a_rate_with_a_reserve() -> None:
+def test_limit_is_a_rate_with_a_reserve() -> None:
     now = [0.0]
-    allowance = Allowance(clock=lambda: now[0])
-    assert sum(allowance.take() for _ in range(1000)) == 400
+    limit = RateLimit(clock=lambda: now[0])
+    assert sum(limit.take() for _ in range(1000)) == 400
     now[0] = 1.0
-    assert sum(allowance.take() for _ in range(1000)) == 200
+    assert sum(limit.take() for _ in range(1000)) == 200
     now[0] = 1000.0
-    assert sum(allowance.take() for _ in range(1000)) == 400
+    assert sum(limit.take() for _ in range(1000)) == 400
 
 
 def test_socket_of_the_scene_does_not_listen() -> None:
