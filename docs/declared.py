@@ -18,6 +18,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 
+class NotInstalled(Exception):
+    """A distribution whose metadata is wanted is not here."""
+
+
 def fields(path: str) -> list[dict[str, Any]]:
     """Fields of a dataclass or named tuple with the comments beside them."""
     module, _, name = path.rpartition(".")
@@ -179,7 +183,7 @@ def licences(extra: str) -> list[dict[str, Any]]:
         try:
             rows.append({"package": f"`{name}`", "licence": licence_of(metadata.metadata(name))})
         except metadata.PackageNotFoundError:
-            raise ValueError(f"{name}: not installed; its licence is not known here") from None
+            raise NotInstalled(f"{name} is not installed, so its licence is not known here") from None
     return rows
 
 

@@ -58,6 +58,8 @@ class Vectors:
             return generator.uniform(0.0, 1.0, self.count)
         if name == "trunk.pitch_deg":  # the pelvis is guided
             return np.zeros(self.count)
+        if name.rsplit(".", 2)[-2] not in TWIN:  # no guard here reads it
+            return np.zeros(self.count)
         low, high, speed = TWIN[name.rsplit(".", 2)[-2]]
         return generator.uniform(*((low, high) if quantity == "angle_deg" else (-speed, speed)), self.count)
 

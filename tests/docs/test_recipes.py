@@ -74,6 +74,38 @@ def test_a_recipe_does_what_its_page_says(name, tree, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+NEARBY = (
+    "gait",
+    "worlds",
+    "configuration",
+    "checking/test_counterexamples.py",
+    "simulation/test_signals_in_engines.py",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["signal", "leg_signal", "world"])
+def test_only_the_tests_that_a_page_names_mind_its_recipe(name, tree):
+    """All others go by what is declared."""
+    place = tree(name)
+    for part in ("tests", "examples", "docs"):
+        shutil.copytree(ROOT / part, place / part, ignore=shutil.ignore_patterns("__pycache__", "_build"))
+    for part in ("pyproject.toml", "README.md", "CHANGELOG.md"):
+        shutil.copy(ROOT / part, place / part)
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "2", "-m", "not slow", "-p", "no:cacheprovider"]
+    done = subprocess.run(
+        [*command, *(f"tests/{part}" for part in NEARBY)],
+        cwd=place,
+        env={**os.environ, "PYTHONPATH": str(place)},
+        capture_output=True,
+        text=True,
+    )
+    assert " passed" in done.stdout, done.stdout + done.stderr
+    failed = set(re.findall(r"^(?:FAILED|ERROR) ([\w/.]+)", done.stdout, flags=re.MULTILINE))
+    named = set(re.findall(r"`(tests/[\w/.]+\.py)`", (RECIPES / f"{name}.md").read_text(encoding="utf-8")))
+    assert failed == named, done.stdout
+
+
 def test_the_index_counts_the_files_of_every_recipe():
     rows = re.findall(
         r"^\| \[.*\]\((\w+)\.md\) \| (\d+) \|$", (RECIPES / "index.md").read_text(), flags=re.MULTILINE

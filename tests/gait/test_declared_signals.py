@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, fields
+from dataclasses import astuple, fields, replace
 
 import pytest
 from table_builder import JOINTS, transition, two_phase_table
@@ -11,12 +11,14 @@ from table_builder import JOINTS, transition, two_phase_table
 from twin_gait.control.gait_controller import Device
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError, MeasurementError
-from twin_gait.gait import GaitStateMachine, LegSignals, compile_guards
+from twin_gait.gait import GaitStateMachine, LegSignals, compile_guards, signals
 from twin_gait.gait.guards import parse_guard
 from twin_gait.gait.machine import signal_list
 from twin_gait.gait.signals import (
     ANGLE,
     DEVICE_SIGNALS,
+    JOINT_SIGNALS,
+    LEG_SIGNALS,
     LOAD,
     SIGNALS,
     STEP,
@@ -34,13 +36,19 @@ from twin_gait.gait.signals import (
 from twin_gait.vocabulary import Side
 
 NAMES = all_signal_names(JOINTS)
-LEG = (ANGLE, VELOCITY, ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)
+
+
+def test_no_signal_comes_or_goes_unnoticed():
+    """The only test that lists them; others go by the declaration."""
+    assert SIGNALS == (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, TRUNK_PITCH, WALK, STEP)
 
 
 def test_the_list_is_in_the_order_of_the_declaration():
-    assert tuple(map(signal_of, NAMES)) == (*LEG, *LEG, TRUNK_PITCH, WALK, STEP)
-    assert NAMES[12:] == ["trunk.pitch_deg", "walk", "step"]
-    assert [part_of(name) for name in NAMES[:6]] == ["hip", "hip", "knee", "knee", "foot", ""]
+    leg = (*(JOINT_SIGNALS * len(JOINTS)), *LEG_SIGNALS)
+    assert tuple(map(signal_of, NAMES)) == (*leg, *leg, *DEVICE_SIGNALS)
+    parts = {"hip.angle_deg": "hip", "other.knee.velocity_deg_per_s": "knee", "foot.load_bw": "foot"}
+    parts |= {"time_in_phase_s": "", "trunk.pitch_deg": "trunk", "walk": ""}
+    assert set(parts) <= set(NAMES) and {name: part_of(name) for name in parts} == parts
     assert (
         signal_of("noisy.other.knee.angle_deg") is ANGLE
         and signal_of("entry.time_in_phase_s") is TIME_IN_PHASE
@@ -54,8 +62,20 @@ def test_the_record_of_the_device_has_what_is_declared():
 
 def test_nothing_is_measured_at_first():
     first = dict(zip(NAMES, first_signals(JOINTS), strict=True))
-    assert first.pop("walk") == first.pop("step") == 1.0 and first.pop("trunk.pitch_deg") == 0.0
-    assert all(map(math.isnan, first.values()))
+    assert first["walk"] == first["step"] == 1.0 and first["trunk.pitch_deg"] == 0.0
+    unknown = [name for name in NAMES if signal_of(name) in (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)]
+    assert all(math.isnan(first[name]) for name in unknown)
+
+
+def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
+    """Such as ``shank.angle_deg``, which is none of a joint."""
+    shank = replace(LOAD, name="shank.angle_deg", field="shank_angle")
+    monkeypatch.setattr(signals, "SIGNALS", (*SIGNALS, shank))
+    signal_of.cache_clear()
+    try:
+        assert signal_of("other.shank.angle_deg") is shank and signal_of("other.hip.angle_deg") is ANGLE
+    finally:
+        signal_of.cache_clear()
 
 
 def test_every_signal_has_a_field_of_its_own_in_what_a_machine_is_given():

@@ -189,7 +189,8 @@ def random_walk(table: GaitTable, ticks: int, seed: int) -> list[tuple[dict[str,
     rng = np.random.default_rng(seed)
     names = [name for name in signal_names(table.joints) if name != OWN_TIME]
     ranges = {"angle_deg": (-25.0, 60.0), "velocity_deg_per_s": (-80.0, 80.0), "load_bw": (0.0, 1.0)}
-    low, high = np.array([ranges[name.rsplit(".", 1)[-1]] for name in names]).T
+    unread = (0.0, 1.0)  # of a signal that no shipped guard reads, any
+    low, high = np.array([ranges.get(name.rsplit(".", 1)[-1], unread) for name in names]).T
     rows, current = [], rng.uniform(low, high, (2, len(names)))
     for _ in range(ticks):
         change = rng.random((2, len(names))) < 0.02

@@ -33,7 +33,7 @@ def test_no_room_names_a_world():
 
 
 def test_worlds_that_ship_are_found_by_their_kind():
-    assert world_kinds()[:3] == ("bench_leg", "overground", "treadmill")
+    assert {"bench_leg", "overground", "treadmill"} <= set(world_kinds())
     assert world_of("treadmill") is Treadmill and world_of("bench_leg") is BenchLeg
 
 

@@ -27,7 +27,7 @@ frame_walk = frame_walk.world:FrameWalk
 [twin_gait.presets]
 frame_walk = frame_walk
 """
-SHIPPED = ("bench_leg", "overground", "treadmill")
+SHIPPED = world_kinds()
 
 
 def install(folder: Path, name: str, entry_points: str) -> None:
@@ -155,5 +155,5 @@ def test_a_broken_package_of_presets_is_named_and_those_that_ship_do_without(
 
 @pytest.mark.parametrize("kind", ["moon", "null", "5", "[treadmill]"])
 def test_an_unknown_world_is_told_which_there_are(kind):
-    with pytest.raises(TwinGaitError, match=r"scenario\.kind: .*bench_leg, overground, treadmill"):
+    with pytest.raises(TwinGaitError, match=rf"scenario\.kind: .*{', '.join(SHIPPED)}"):
         load_experiment("treadmill", [f"scenario.kind={kind}"])

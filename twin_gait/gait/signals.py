@@ -167,8 +167,8 @@ def first_signals(joints: Sequence[str]) -> list[float]:
 @cache
 def signal_of(name: str) -> Signal:
     """Declaration of a signal by its name in a table, which may have further words in front."""
-    known = (*SIGNALS, LEGS_IN_SWING)
-    return next(signal for signal in known if f".{name}".endswith(f".{signal.name}"))
+    known = (signal for signal in (*SIGNALS, LEGS_IN_SWING) if f".{name}".endswith(f".{signal.name}"))
+    return max(known, key=lambda signal: len(signal.name))  # a leg's name may end in a joint's
 
 
 def part_of(name: str) -> str:
