@@ -33,9 +33,9 @@ class PlantFriction:
     breakaway_torque: float = 0.0  # T_b, a of (3.1), in [N m].
     coulomb_friction: float = 0.0  # T_c, b of (3.1), in [N m].
     stribeck_velocity: float = 1.0  # ω_c, c of (3.1), of the others ω_st, in [rad] / [s], not zero.
-    # d of (3.1) in [N m s] / [rad]; d_+ of the others, in [N m] at 1 rad/s.
+    # d of (3.1) in [N m s] / [rad]; d+ of the others, in [N m] at 1 rad/s.
     viscous_friction_forward: float = 0.0
-    viscous_friction_backward: float = 0.0  # d_- in [N m] at 1 rad/s.
+    viscous_friction_backward: float = 0.0  # d- in [N m] at 1 rad/s.
     gear_efficiency: float = 1.0  # η under load, beside all that; 1 for a gear without such losses.
     offset: float = 0.0  # T_0 in [N m].
     transition_velocity: float = 1.0  # ω_t in [rad] / [s], above 0.

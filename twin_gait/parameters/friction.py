@@ -110,8 +110,8 @@ class StribeckFriction(quantities.Parameters):
         breakaway_torque: T_b in [N m]; None for T_c, without a Stribeck effect.
         stribeck_velocity: ω_st in [rad] / [s]; None where there is no break-away torque.
         stribeck_exponent: δ, often 2.
-        viscous_friction_forward: d_+ in [N m] at 1 rad/s.
-        viscous_friction_backward: d_- in [N m] at 1 rad/s.
+        viscous_friction_forward: d+ in [N m] at 1 rad/s.
+        viscous_friction_backward: d- in [N m] at 1 rad/s.
         viscous_exponent: α, 1 for linear friction.
         offset: T_0 in [N m].
     """
