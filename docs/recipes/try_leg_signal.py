@@ -6,7 +6,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.gait.signals import signal_names
 
 assert "shank.inclination_deg" in signal_names(["hip", "knee"]), (
-    "twin_gait is not this checkout: see the index"
+    "another twin_gait is imported: pip install -e ."
 )
 guarded = """table={extends: treadmill, transitions: [{from: early_stance, to: middle_stance, cause: leans,
     all: ["shank.inclination_deg > 2"]}]}"""

@@ -162,7 +162,7 @@ class Walk:
         state = self.states[:, 0]
         world = replace(problem.world, start_q=state[:n], start_v=state[n:])
         engine = engine_of(replace(problem, world=world))
-        return run_of(engine, engine.run(), 0.0)
+        return run_of(engine.problem, engine.run(), 0.0)
 
     def drift(self, run: Run) -> float:
         """Largest difference of a motor-driven angle of the whole replay from the solution in [deg]."""

@@ -22,7 +22,7 @@ from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
 from twin_gait.live.controls import Actions, Panel
-from twin_gait.live.finishing import run_of
+from twin_gait.live.finishing import walked_run
 from twin_gait.live.journal import walk_of
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import (
@@ -518,7 +518,7 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
     assert told[0]["text"] == "fault: encoder freeze, right knee"
     assert told[1]["text"] == "trip: encoder frozen, right knee"
     assert rig.frames()[0]["events"] == rig.frames()[-1]["events"] == ()
-    kept = run_of(rig.takes[0], bench_problem)
+    kept = walked_run(rig.takes[0], bench_problem)
     assert [event.text for event in kept.events] == [item["text"] for item in told]
     assert [event.time for event in kept.events] == [item["time"] for item in told]
 

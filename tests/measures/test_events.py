@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.live.finishing import run_of
+from twin_gait.live.finishing import walked_run
 from twin_gait.live.journal import AppliedChange, Piece
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from, run_events
@@ -78,7 +78,7 @@ def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tm
         rows=run.rows(), switches=run.switches(), changes=(AppliedChange(730, note),), status=run.status,
         reason=run.reason, trip=run.trip,
     )  # fmt: skip
-    kept = run_of(piece, problem)
+    kept = walked_run(piece, problem)
     fault, trip = kept.events
     assert (fault.kind, fault.time, fault.text) == ("fault", 0.73, "fault: encoder offset, right hip")
     assert trip.time == kept.trip.time >= 0.73

@@ -74,7 +74,7 @@ def run_by_ticks(
     """The run of an engine, tick by tick, whose log is written into ``rows``."""
     began = time.perf_counter()
     done = run_in_chunks(engine.problem, 1, run_tick, progress, None)[0]
-    return run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
+    return run_of(engine.problem, engine.result(done, rows[:done]), time.perf_counter() - began)
 
 
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:

@@ -15,12 +15,12 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import AppliedChange, Content, Piece, locked, next_free, read_journal, walk_of
 from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
-from twin_gait.live.walk import as_run
 from twin_gait.runs.folders import journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
-from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.engine import EngineResult, log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import run_of
 from twin_gait.worlds.faults import parse_fault
 
 CHANGES_FILE = "live_changes.csv"
@@ -63,7 +63,7 @@ def complete(
 def _write(
     content: Content, walk: Piece, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
 ) -> Completed:
-    setup, run = content.setup, run_of(walk, problem)
+    setup, run = content.setup, walked_run(walk, problem)
     folder, force = Path(setup["folder"]), bool(setup["force"])
     if folder.exists() and not force:  # somebody else's; what was walked is not lost for it
         folder = next_free(folder, 2)
@@ -77,7 +77,7 @@ def _write(
     return Completed(folder, summary)
 
 
-def run_of(walk: Piece, problem: Problem) -> Run:
+def walked_run(walk: Piece, problem: Problem) -> Run:
     """A live walk as a run like any other; faults injected from a page are faults of its experiment.
 
     Returns the run, as long as it was walked.
@@ -89,8 +89,9 @@ def run_of(walk: Piece, problem: Problem) -> Run:
         if "fault" in change.note and change.tick < ticks
     ]
     faults = (*(item for item in experiment.faults if item.time < ticks * TICK), *injected)
-    experiment = replace(experiment, duration=round(ticks * TICK, 3), faults=faults)
-    return as_run(problem, experiment, walk, walk.wall_s)
+    walked = replace(problem, experiment=replace(experiment, duration=round(ticks * TICK, 3), faults=faults))
+    result = EngineResult(walk.rows, walk.switches, walk.status, walk.reason, walk.trip)
+    return run_of(walked, result, walk.wall_s)
 
 
 def complete_all(

@@ -23,13 +23,14 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.handle import begin
 from twin_gait.live.protocol import dump
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.walk import LiveWalk, as_run
+from twin_gait.live.walk import LiveWalk
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.simulator import run_of
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.scenario import BELT_SPEED
 
@@ -147,7 +148,8 @@ def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
         experiment = replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
     switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
     # Whatever tripped: the legs are looked at to the end.
-    return as_run(problem, experiment, EngineResult(run.rows(first), switches, run.status, run.reason, None))
+    result = EngineResult(run.rows(first), switches, run.status, run.reason)
+    return run_of(replace(problem, experiment=experiment), result, 0.0)
 
 
 def _records(shown: Run, first: int) -> list[LegRecord]:

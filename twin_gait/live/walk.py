@@ -6,11 +6,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.core.guards import Comparison
-from twin_gait.experiment import Experiment
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.simulation.engine import log_layout
-from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.run import Run, log_table
 
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
 
@@ -68,18 +64,3 @@ class LiveWalk:
         """Take over a moment of another walk of the same experiment."""
         self.run.go_on_from(moment["run"])
         self._belt_speed, self._belt_waits = moment["belt_speed"], moment["belt_waits"]
-
-
-def as_run(problem: Problem, experiment: Experiment, result: Any, wall_s: float = 0.0) -> Run:
-    """What was walked as a run like any other; ``result`` of an engine, or a piece of a live walk."""
-    return Run(
-        experiment=experiment,
-        table=problem.table,
-        log=log_table(result.rows, log_layout(problem), problem.table),
-        switches=result.switches,
-        status=result.status,
-        reason=result.reason,
-        wall_s=wall_s,
-        body_weight=problem.world.body_weight,
-        trip=result.trip,
-    )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from twin_gait.control.controller import Controller, UncompiledControllerError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.engine import EngineResult, log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, log_table
@@ -51,25 +51,21 @@ def simulate(
     engine = engine_of(build_problem(experiment, controller), on_compile)
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
-    return run_of(engine, result, time.perf_counter() - began)
+    return run_of(engine.problem, result, time.perf_counter() - began)
 
 
 def run_of(
-    engine: ReferenceEngine | CompiledEngine,
-    result: EngineResult,
-    wall_s: float,
-    columns: Sequence[int] | None = None,
+    problem: Problem, result: EngineResult, wall_s: float, columns: Sequence[int] | None = None
 ) -> Run:
-    """The run of an engine that has reached its end.
+    """The run of a problem that an engine has brought to its end.
 
     ``result``: what it gave. ``wall_s``: how long it took in [s]. ``columns``: positions of the columns of
     the log that were kept; all by default.
     """
-    problem = engine.problem
     return Run(
         experiment=problem.experiment,
         table=problem.table,
-        log=log_table(result.rows, engine.layout, problem.table, columns),
+        log=log_table(result.rows, log_layout(problem), problem.table, columns),
         switches=result.switches,
         status=result.status,
         reason=result.reason,

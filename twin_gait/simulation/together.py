@@ -185,7 +185,9 @@ def _run(
     except TwinGaitError as error:
         raise EpisodeFailed(first, str(error)) from error
     share = (time.perf_counter() - began) / len(engines)
-    return [run_of(engine, result, share, kept) for engine, result in zip(engines, results, strict=True)]
+    return [
+        run_of(engine.problem, result, share, kept) for engine, result in zip(engines, results, strict=True)
+    ]
 
 
 def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
