@@ -14,8 +14,7 @@ from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
 from twin_gait.simulation.problem import build_problem
 from twin_gait.studies.compare.comparing import compare, find_controllers, varied
 from twin_gait.studies.tune.parts import part_costs, rate_walk
-from twin_gait.studies.tune.state import Settings
-from twin_gait.studies.tune.tune import tune
+from twin_gait.studies.tune.tune import Settings, tune
 from twin_gait.studies.tune.walks import robust_cases
 
 

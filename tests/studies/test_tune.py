@@ -46,9 +46,8 @@ from twin_gait.studies.tune.space import (
     table_with,
     with_own_sides,
 )
-from twin_gait.studies.tune.state import Progress, Settings
-from twin_gait.studies.tune.tune import tune
-from twin_gait.studies.tune.walks import corner_cases, robust_cases, search_cases, weighted_cost
+from twin_gait.studies.tune.tune import Progress, Settings, tune
+from twin_gait.studies.tune.walks import SEARCH_CASES, corner_cases, robust_cases, weighted_cost
 from twin_gait.vocabulary import Side
 
 
@@ -471,7 +470,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
     alone = bowl(nominal, None)
     assert alone is not None
     order = sorted(range(len(nominal)), key=lambda place: nominal_cost(alone[place]))[: stages.RACED]
-    size = len(search_cases(experiment)) - 1
+    size = len(SEARCH_CASES) - 1
     assert len(corners) == size * stages.RACED
     assert all(walk.patient == experiment.patient for walk in nominal)
     assert all(walk.patient != experiment.patient for walk in corners)
@@ -519,4 +518,4 @@ def test_a_mistake_is_told_in_one_line_and_makes_no_folder(
 def test_the_search_walks_corners_of_the_robust_set() -> None:
     nominal = load_experiment("treadmill").experiment
     robust: Iterable[str] = [case.name for case in robust_cases(nominal)]
-    assert {case.name for case in search_cases(nominal)} <= set(robust)
+    assert {case.name for case in SEARCH_CASES} <= set(robust)

@@ -68,9 +68,7 @@ def test_legs_tuned_apart_walk_more_alike_after_a_stroke() -> None:
 
 def asymmetry(experiment: Experiment) -> tuple[float, float]:
     """95 % interval of the mean difference of the legs."""
-    return interval(
-        parts["asymmetry_pct"] for parts in walked(experiment, Case("nominal", lambda walked: walked))
-    )
+    return interval(parts["asymmetry_pct"] for parts in walked(experiment, Case("nominal")))
 
 
 @pytest.mark.parametrize("joint", ["hip", "knee"])

@@ -15,7 +15,7 @@ from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
     from twin_gait.studies.sweep.sweep import SweepResult
-    from twin_gait.studies.tune.state import Progress
+    from twin_gait.studies.tune.tune import Progress
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -149,7 +149,7 @@ def tune(arguments: argparse.Namespace) -> int:
     from twin_gait.runs.folders import check_target
     from twin_gait.studies import Workers
     from twin_gait.studies.tune import outcome, tune
-    from twin_gait.studies.tune.state import Settings
+    from twin_gait.studies.tune.tune import Settings
 
     options.workers_of(arguments)
     experiment, out = options.experiment_of(arguments).experiment, arguments.out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -136,6 +136,15 @@ def picture_bytes(figure: Figure) -> bytes:
     room = io.BytesIO()
     figure.savefig(room, format="png", dpi=RESOLUTION)
     return room.getvalue()
+
+
+def write_pictures(figures: Mapping[str, Figure], folder: Path) -> dict[str, bytes]:
+    """Write figures as PNG under their names into a folder, which may be new; the pictures by name."""
+    folder.mkdir(exist_ok=True)
+    pictures = {name: picture_bytes(figure) for name, figure in figures.items()}
+    for name, picture in pictures.items():
+        write_atomically(folder / f"{name}.png", picture)
+    return pictures
 
 
 def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLUTION) -> Path:

@@ -18,7 +18,6 @@ from twin_gait.report.canvas import (
     amount,
     draw_cycle_curve,
     flexion,
-    picture_bytes,
     put_legend,
     readable,
     style_panel,
@@ -43,16 +42,16 @@ Curves = Mapping[str, Mapping[str, np.ndarray]]
 Outcome = Mapping[str, Any]
 
 
-def page(outcome: Outcome, figures: Mapping[str, Figure]) -> str:
+def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
     """The report as one page that needs no other file.
 
-    ``outcome``: content of ``tune.json``; ``figures`` from :func:`draw_figures`.
+    ``outcome``: content of ``tune.json``; ``pictures``: PNG of what :func:`draw_figures` draws, by its names.
     """
     content = {
         **_content(outcome),
         "title": f"A gait table tuned to {outcome['wearer']}",
         "summary": paragraphs("tune.txt", _content(outcome)),
-        "pictures": {name: picture_bytes(figure) for name, figure in figures.items()},
+        "pictures": pictures,
     }
     return render("tune.html", content)
 

@@ -20,11 +20,7 @@ from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import summary_of_traffic, with_units
-from twin_gait.runs.leg_summary import (
-    reference_error,
-    side_in_brief,
-    summarise_side,
-)
+from twin_gait.runs.leg_summary import reference_error, side_in_brief, summarise_side
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
@@ -33,6 +29,9 @@ from twin_gait.vocabulary import JointName, Side
 # Distributions whose version can change a number of a log, by the name that people know.
 NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
 SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
+# Names of the fields of a WalkPower and of a BatteryUse.
+_POWERS = ("belt_W", "motors_W", "wearer_W", "guide_W", "guide_force_N", "carried_by_belt")
+_BATTERY = ("power_mean_W", "power_peak_W", "power_lowest_W", "energy_J", "continuous_share")
 
 
 @cache
@@ -133,14 +132,7 @@ def _walk(run: Run, skip: int) -> dict[str, Any]:
         return {}
     return {
         "walk_reference": with_units(reference_measures(run.experiment)),
-        "power": {
-            "belt_W": power.belt,
-            "motors_W": power.motors,
-            "wearer_W": power.wearer,
-            "guide_W": power.guide,
-            "guide_force_N": power.guide_force,
-            "carried_by_belt": power.carried_by_belt,
-        },
+        "power": dict(zip(_POWERS, power, strict=True)),
     }
 
 
@@ -148,11 +140,7 @@ def _battery(run: Run) -> dict[str, float]:
     battery = run.experiment.plant.battery
     use = effort.battery_use(run.log["battery_power_W"].to_numpy(), TICK, battery.continuous_power)
     return {
-        "battery_power_mean_W": use.mean,
-        "battery_power_peak_W": use.peak,
-        "battery_power_lowest_W": use.lowest,
-        "battery_energy_J": use.energy,
-        "battery_continuous_share": use.continuous_share,
+        **{f"battery_{name}": value for name, value in zip(_BATTERY, use, strict=True)},
         "battery_capacity_Wh": battery.energy / 3600.0,
         "battery_life_h": effort.battery_life(battery.energy, use.mean) / 3600.0,
         "battery_life_stated_h": STATED_AUTONOMY / 3600.0,
@@ -201,30 +189,19 @@ def interaction_summary(
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
     angle, *_, torque = BRACE_COLUMNS
-    found = {
-        f"{side}_{joint}": _brace(
-            run.log, f"{side}_{joint}_{torque}", f"{side}_{joint}_angle_rad", f"{side}_{joint}_{angle}"
-        )
-        for side in run.sides
-        for joint in JointName
-        if f"{side}_{joint}_{torque}" in run.log
-    }
-    interaction = {
-        name: {
-            "torque_rms_Nm": rms,
-            "torque_peak_Nm": peak,
-            "motion_peak_deg": math.degrees(apart),
-        }
-        for name, (rms, peak, apart) in found.items()
-    }
+    log, interaction = run.log, dict[str, dict[str, float]]()
     for side in run.sides:
+        for place in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
+            rms, peak, apart = _brace(log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}")
+            motion = math.degrees(apart)
+            interaction[place] = {"torque_rms_Nm": rms, "torque_peak_Nm": peak, "motion_peak_deg": motion}
         device = run.leg_record(side, device=True)
         for joint, angles in device.angles.items():
             error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
             interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
     height, _, force = PELVIS_BRACE_COLUMNS
-    if force in run.log:
-        rms, peak, apart = _brace(run.log, force, "pelvis_height_m", height)
+    if force in log:
+        rms, peak, apart = _brace(log, force, "pelvis_height_m", height)
         interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}
     return {"interaction": interaction}
 

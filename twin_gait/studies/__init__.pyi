@@ -16,7 +16,7 @@ from .jobs import JobFailed as JobFailed
 from .jobs import run_jobs as run_jobs
 from .sweep.spec import load_sweep as load_sweep
 from .sweep.sweep import run_sweep as run_sweep
+from .tune.outcome import tuned_table as tuned_table
 from .tune.parts import rate_walk as rate_walk
-from .tune.tune import tuned_table as tuned_table
 from .workers import Workers as Workers
 from .workers import WorkersLost as WorkersLost

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -10,28 +9,19 @@ import pandas as pd
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, strides
-from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.walk import ground_speed
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.report.reference import reference_cycle
-from twin_gait.runs.leg_summary import continuous_current, summarise_side
+from twin_gait.runs.leg_summary import MeasuredLeg, continuous_current
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
 
 Measures = dict[str, float]
-
-
-class _Leg(NamedTuple):
-    """A leg with the strides that count, the ticks that they span, and its part of the run's summary."""
-
-    record: LegRecord
-    strides: np.ndarray
-    span: slice
-    summary: dict[str, Any]
 
 
 def run_measures(run: Run) -> Measures:
@@ -42,43 +32,37 @@ def run_measures(run: Run) -> Measures:
     end = len(run.log) if run.trip is None else run.trip.tick
     walked = run.verdict.outcome is Outcome.WALKED
     found: Measures = {"walked": float(walked), "walked_s": end * TICK}
-    legs = {side: _leg(run, side) for side in run.sides}
-    if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs.values()):
+    legs = [MeasuredLeg(run, record) for record in run.leg_records()]
+    if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs):
         return found
-    for side, leg in legs.items():
-        other = next(item for name, item in legs.items() if name is not side)
-        found |= {f"{side}_{name}": value for name, value in _gait(run, leg, other).items()}
+    for leg, other in zip(legs, reversed(legs), strict=True):
+        side = leg.record.side
+        found |= {f"{side}_{name}": value for name, value in _gait(leg, other).items()}
         for joint in leg.record.angles:
-            measures = {**_shape(run, leg, joint), **_effort(run, leg, joint)}
+            measures = {**_shape(leg, joint), **_effort(leg, joint)}
             found |= {f"{side}_{joint}_{name}": value for name, value in measures.items()}
     return {**found, **_together(run, found)}
 
 
-def _leg(run: Run, side: Side) -> _Leg:
-    record = run.leg_record(side)
-    counted = record.strides()
-    span = slice(int(counted[0, 0]), int(counted[-1, 1])) if len(counted) else slice(0, 0)
-    return _Leg(record, counted, span, summarise_side(run, record, strides.SKIPPED_STRIDES))
-
-
-def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
-    record, contacts, others = leg.record, leg.record.contacts, other.record.contacts
-    assert contacts is not None and others is not None  # there is a belt
-    assert record.loaded is not None and other.record.loaded is not None
-    assert run.walkway is not None  # it carries a share of the weight
-    times = strides.stride_times(leg.strides, TICK)
-    speed = ground_speed(run.log, leg.strides, TICK, run.walkway)
-    strikes = contacts.heel_strikes[contacts.heel_strikes >= leg.span.start]
+def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
+    own, others = leg.record, other.record
+    assert own.contacts is not None and others.contacts is not None  # there is a belt
+    assert own.loaded is not None and others.loaded is not None
+    assert leg.run.walkway is not None  # it carries a share of the weight
+    known, times = leg.by_contact(), strides.stride_times(leg.strides, TICK)
+    speed = ground_speed(leg.run.log, leg.strides, TICK, leg.run.walkway)
+    strikes = own.contacts.heel_strikes
+    steps = strides.step_times(strikes[strikes >= leg.strides[0, 0]], others.contacts.heel_strikes, TICK)
     return {
         "strides": float(len(leg.strides)),
-        "stride_time_s": leg.summary["stride_time_mean_s"],
+        "stride_time_s": known["stride_time_mean_s"],
         "cadence_per_min": strides.cadence(times),
         "stride_length_m": float(strides.stride_lengths(times, speed).mean()),
-        "step_time_s": strides.finite_mean(strides.step_times(strikes, others.heel_strikes, TICK)),
-        "swing_share": leg.summary["swing_share"],
-        "double_support_share": strides.double_support_share(record.loaded, other.record.loaded, leg.strides),
-        "toe_clearance_m": leg.summary["toe_clearance_least_m"],
-        "scuffs": float(leg.summary["scuffs"]),
+        "step_time_s": strides.finite_mean(steps),
+        "swing_share": known["swing_share"],
+        "double_support_share": strides.double_support_share(own.loaded, others.loaded, leg.strides),
+        "toe_clearance_m": known["toe_clearance_least_m"],
+        "scuffs": float(known["scuffs"]),
     }
 
 
@@ -94,29 +78,28 @@ def _mean_speed(run: Run) -> float:
     return walking.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
 
 
-def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
+def _shape(leg: MeasuredLeg, joint: JointName) -> Measures:
     """Range of motion, deviation from healthy gait, smoothness."""
     cycles = np.degrees(strides.normalise_strides(leg.record.angles[joint], leg.strides))
-    reference, known = reference_cycle(run.experiment, joint), leg.summary["joints"][joint]
+    reference = reference_cycle(leg.run.experiment, joint)
     koopman = math.nan if reference is None else gait_variable_score(cycles, np.degrees(reference))
     return {
-        "range_of_motion_deg": known["range_of_motion_deg"],
+        "range_of_motion_deg": leg.motion(joint)["range_of_motion_deg"],
         "gvs_koopman_deg": koopman,
         # The logarithm is after Balasubramanian et al. (2015); nearer to 0 is smoother.
-        "smoothness": -math.log(known["jerk_dimensionless"]),
+        "smoothness": -math.log(leg.jerk(joint)["jerk_dimensionless"]),
     }
 
 
-def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
+def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     """Torques, work and current of a joint over the strides that count."""
-    side, span = leg.record.side, leg.span
-    log, actuator = run.log.iloc[span], run.experiment.plant.actuators[joint]
-    name = f"{side}_{joint}"
+    run, side = leg.run, leg.record.side
+    span = slice(int(leg.strides[0, 0]), int(leg.strides[-1, 1]))
+    actuator = run.experiment.plant.actuators[joint]
+    device = _device_torque(run.log.iloc[span], f"{side}_{joint}", actuator.armature)
     # What acts on the wearer works on their own motion, which with braces is not that of the device.
-    velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
-    device = _device_torque(log, name, actuator.armature)
-    own = voluntary_torque(run, side, joint)[span]
-    current = effort.load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current(actuator))
+    velocity, own = leg.wearer_velocity(joint)[span], voluntary_torque(run, side, joint)[span]
+    current = effort.load(leg.column(joint, "measured_current_A")[span], continuous_current(actuator))
     return {
         "interaction_rms_Nm": effort.root_mean_square(device),
         "effort_rms_Nm": effort.root_mean_square(own),

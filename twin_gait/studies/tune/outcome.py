@@ -1,29 +1,32 @@
-"""The folder of a tuning: ``table.yaml``, ``tune.json``, ``report.html`` and the figures."""
+"""What comes of a tuning: the table that is chosen, and its folder with numbers, report and figures."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from twin_gait import __version__
-from twin_gait.checking.check import counts
+from twin_gait.checking.check import build_case, check, counts
+from twin_gait.checking.finding import Severity
 from twin_gait.configuration.documents import dump_yaml
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically, write_json
+from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
-from twin_gait.report.canvas import picture_bytes
+from twin_gait.report.canvas import write_pictures
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, part_costs
-from twin_gait.studies.tune.state import Finalist, Settings, Tuning
-from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import check_walker, search_cases, standing, table_of, walker
+from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
+from twin_gait.studies.tune.walks import SEARCH_CASES, check_walker, standing, table_of, walker
+from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
@@ -31,6 +34,56 @@ TUNING = FolderKind("a tuning", OUTCOME_FILE)
 _REFERENCE = "Koopman et al. (2014) at {:.3g} km/h, from foot contact to foot contact"
 # A part that changes by less than this share of its goal counts as unchanged.
 SAME = 0.05
+
+
+class Chosen(NamedTuple):
+    """The table that is written."""
+
+    finalist: Finalist  # it
+    counts: dict[str, int]  # what the whole check finds in it
+    refused: int  # finalists before it that the check found errors in
+
+
+def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
+    """Take the best finalist whose table passes every error rule of the check, or ParameterError."""
+    for refused, finalist in enumerate(tuning.ranked):
+        findings = check(build_case(table_of(finalist.table), experiment))
+        if not any(item.severity is Severity.ERROR for item in findings):
+            return Chosen(finalist, counts(findings), refused)
+    raise ParameterError(
+        f"table {experiment.table.name}: no candidate passes twin-gait check, nor does the table itself; "
+        "mend its errors first"
+    )
+
+
+def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **settings: Any) -> GaitTable:
+    """The gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
+
+    Args:
+        experiment: A wearer who walks on the ground, and the table that is to be bettered.
+        workers: Processes or a cluster that execute the walks; the calling process if None.
+        **settings: Those of :class:`twin_gait.studies.tune.tune.Settings`: ``minutes`` for everything
+            (3), or ``generations`` of the search, with which the result does not depend on the machine's
+            speed; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
+
+    Raises:
+        ParameterError: If there is nothing to tune, or no table passes the check.
+    """
+    tuning = tune(experiment, Settings(**settings), workers=workers)
+    assert tuning is not None  # nobody stops it
+    return table_of(choose(tuning, experiment).finalist.table)
+
+
+def final_table(finalist: Finalist, experiment: Experiment, wearer: str) -> dict[str, Any]:
+    """Document of the table, with a name and a description of its own."""
+    start = experiment.table.name
+    origin = (
+        f"The table {start} as it was: the search found nothing better for {wearer}."
+        if finalist.points is None
+        else f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; "
+        "nothing here was measured on a person."
+    )
+    return {**finalist.table, "name": f"{start}_tuned", "description": origin}
 
 
 def write_tuning(
@@ -48,15 +101,12 @@ def write_tuning(
     RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
     """
     chosen = choose(tuning, experiment)
-    table = final_table(chosen, experiment, wearer)
+    table = final_table(chosen.finalist, experiment, wearer)
     result = outcome(tuning, chosen, experiment, settings, wearer)
     curves = gait_curves(tuning.before.table, table, experiment, settings)
-    figures = draw_figures(result, curves)
     with staged_directory(directory, TUNING, force=force) as staging:
-        (staging / FIGURES_FOLDER).mkdir()
-        for name, figure in figures.items():
-            write_atomically(staging / FIGURES_FOLDER / f"{name}.png", picture_bytes(figure))
-        write_atomically(staging / REPORT_FILE, page(result, figures))
+        pictures = write_pictures(draw_figures(result, curves), staging / FIGURES_FOLDER)
+        write_atomically(staging / REPORT_FILE, page(result, pictures))
         write_atomically(staging / TABLE_FILE, dump_yaml(table))
         write_json(staging / OUTCOME_FILE, result)
     return result
@@ -92,13 +142,13 @@ def outcome(
             {"case": name, "before": _walk(first), "after": _walk(second)}
             for (name, first), (_, second) in zip(before.walks, after.walks, strict=True)
         ],
-        "trade_offs": _trade_offs(tuning, after, experiment),
+        "trade_offs": _trade_offs(tuning, after),
         "parameters": _parameters(tuning, after),
         "convergence": {
             "best": [item.cost for item in generations],
             "median": [item.median for item in generations],
         },
-        "check": {**counts(chosen.findings), "refused_before_it": chosen.refused},
+        "check": {**chosen.counts, "refused_before_it": chosen.refused},
         "effort": {
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
@@ -140,8 +190,8 @@ def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
     for part in before.parts:
         was, now = before.values[part.name], after.values[part.name]
         costs = {"cost_before": first[part.name], "cost_after": second[part.name]}
-        told = verdict(was, now, part.goal)
-        found.append({**asdict(part), "before": was, "after": now, **costs, "verdict": told})
+        told = {"before": was, "after": now, **costs, "verdict": verdict(was, now, part.goal)}
+        found.append({**asdict(part), **told})
     return found
 
 
@@ -154,9 +204,9 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
     return "better" if after < before else "traded"
 
 
-def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict[str, Any]:
+def _trade_offs(tuning: Tuning, after: Finalist) -> dict[str, Any]:
     """Standings of all candidates of the search, and of the table before and the chosen one in its cases."""
-    names = [case.name for case in search_cases(experiment)]
+    names = [case.name for case in SEARCH_CASES]
     before, after_it = (
         standing([walk for name, walk in finalist.walks if name in names])
         for finalist in (tuning.before, after)

@@ -13,8 +13,7 @@ with value x, goal g and weight w of each part. A fall after a share s of the ti
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,18 +22,10 @@ import yaml
 
 from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square
-from twin_gait.measures.leg_record import LegRecord
-from twin_gait.measures.strides import SKIPPED_STRIDES, error_parts, normalise_strides, symmetry_index
+from twin_gait.measures.strides import error_parts, normalise_strides, symmetry_index
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle, reference_measures
-from twin_gait.runs.leg_summary import (
-    by_contact,
-    compared_angles,
-    joint_motion,
-    joint_saturation,
-    reference_error,
-    torque_at_switches,
-)
+from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
 
@@ -66,22 +57,21 @@ _OTHERS, _FREE = (
 )
 
 
-@lru_cache(maxsize=16)
+_ERRORS = {
+    joint: Part(f"{joint}_error_deg", f"{joint} error", "°", goal, 1.0, HELD_TO)
+    for joint, goal in ERROR_GOALS.items()
+}
+_CARRIED_ANKLE = replace(_ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
+
+
 def errors_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
     """The errors of the joints that a table drives, in its order."""
-    return tuple(
-        Part(f"{joint}_error_deg", f"{joint} error", "°", ERROR_GOALS[JointName(joint)], 1.0, HELD_TO)
-        for joint in joints
-    )
+    return tuple(_ERRORS[JointName(joint)] for joint in joints)
 
 
-@lru_cache(maxsize=16)
 def parts_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
     """What a table for these joints is rated by; an ankle that it does not drive counts a little."""
-    ankle = Part("ankle_error_deg", "ankle error", "°", ERROR_GOALS[JointName.ANKLE], 0.25)
-    carried = () if JointName.ANKLE in joints else (ankle,)
-    offset = Part("offset_deg", "offset of a joint", "°", goal=2.5, weight=0.25)
-    return (*errors_of(joints), offset, *carried, *_OTHERS)
+    return (*errors_of(joints), *_OTHERS, *(() if JointName.ANKLE in joints else (_CARRIED_ANKLE,)))
 
 
 def rated_parts(values: Mapping[str, float | None], joints: tuple[str, ...]) -> tuple[Part, ...]:
@@ -91,10 +81,10 @@ def rated_parts(values: Mapping[str, float | None], joints: tuple[str, ...]) -> 
 
 def part_values(run: Run) -> dict[str, float | None]:
     """Value of each part of a walk, none below zero; None where it has too few strides."""
-    legs, walks = run.leg_records(), run.walk_measures()
-    contacts = [by_contact(run, leg, SKIPPED_STRIDES) for leg in legs]
+    legs, walks = [MeasuredLeg(run, record) for record in run.leg_records()], run.walk_measures()
+    contacts = [leg.by_contact() for leg in legs]
     found = [
-        _leg_values(run, leg, contact, walks[leg.side]) for leg, contact in zip(legs, contacts, strict=True)
+        _leg_values(leg, contact, walks[leg.record.side]) for leg, contact in zip(legs, contacts, strict=True)
     ]
     # Of the legs the larger value counts; what is not defined in one is not in both.
     values = {name: float(np.max([0.0, *(leg[name] for leg in found)])) for name in found[0]}
@@ -102,23 +92,23 @@ def part_values(run: Run) -> dict[str, float | None]:
     return {name: finite_or_none(value) for name, value in (values | _free_trunk_values(run)).items()}
 
 
-def _leg_values(run: Run, leg: LegRecord, contact: Mapping[str, Any], walk: WalkMeasures) -> dict[str, float]:
+def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: WalkMeasures) -> dict[str, float]:
     """Parts of one leg: its errors, the ground's forces, the knee under them, contacts and motors.
 
-    ``contact`` is what :func:`by_contact` tells of it. NaN where a number is not defined.
+    ``contact`` is what :meth:`MeasuredLeg.by_contact` tells of it. NaN where a number is not defined.
     """
-    angles, strides = compared_angles(run, leg), contact["strides"] or math.nan
-    healthy = defaultdict(lambda: math.nan, reference_measures(run.experiment))
-    limits = [joint_saturation(run, leg, joint)["saturated_share"] for joint in leg.angles]
-    switches = [torque_at_switches(run, leg, joint, SKIPPED_STRIDES) for joint in leg.angles]
+    joints, strides = list(leg.record.angles), contact["strides"] or math.nan
+    healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
+    limits = [leg.saturation(joint)["saturated_share"] for joint in joints]
+    switches = [leg.torque_at_switches(joint) for joint in joints]
+    errors = {
+        f"{joint}_error_deg": reference_error(leg.run, angles, joint, leg.strides)
+        for joint, angles in leg.compared_angles().items()
+    }
     return {
-        **{
-            f"{joint}_error_deg": reference_error(run, angles[joint], joint, leg.strides())
-            if joint in angles
-            else math.nan
-            for joint in (*leg.angles, JointName.ANKLE)  # driven or not
-        },
-        "offset_deg": float(np.max([abs(_offset(run, leg, joint)) for joint in leg.angles])),
+        "ankle_error_deg": math.nan,
+        **errors,
+        "offset_deg": float(np.max([abs(_offset(leg, joint)) for joint in joints])),
         "knee_at_contact_deg": math.degrees(walk.knee_at_contact),
         "yield_lack_deg": math.degrees(healthy["knee_yield"] - walk.knee_yield),
         "stride_time_error_pct": 100.0 * abs(walk.stride_time / healthy["stride_time"] - 1.0),
@@ -137,12 +127,14 @@ def _leg_values(run: Run, leg: LegRecord, contact: Mapping[str, Any], walk: Walk
     }
 
 
-def _offset(run: Run, leg: LegRecord, joint: JointName) -> float:
+def _offset(leg: MeasuredLeg, joint: JointName) -> float:
     """Mean difference of a joint from healthy walking in [deg]; NaN without strides or reference."""
-    reference = reference_cycle(run.experiment, joint)
+    reference = reference_cycle(leg.run.experiment, joint)
     if reference is None:
         return math.nan
-    return math.degrees(error_parts(normalise_strides(leg.angles[joint], leg.strides()), reference).offset)
+    return math.degrees(
+        error_parts(normalise_strides(leg.record.angles[joint], leg.strides), reference).offset
+    )
 
 
 def _fore_aft(run: Run, walks: Iterable[WalkMeasures]) -> float:
@@ -151,13 +143,12 @@ def _fore_aft(run: Run, walks: Iterable[WalkMeasures]) -> float:
     return 100.0 * abs(sum(walk.fore_aft_force for walk in walks) / run.walkway.carried_weight)
 
 
-def _asymmetry(legs: Sequence[LegRecord], contacts: Sequence[Mapping[str, Any]]) -> float:
+def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]]) -> float:
     """Largest symmetry index in [%], without its sign, of the share of swing and the ranges of the joints."""
-    ranges = [
-        [joint_motion(leg, joint, SKIPPED_STRIDES)["range_of_motion_deg"] for joint in leg.angles]
-        for leg in legs
-    ]
-    left, right = ([contact["swing_share"], *own] for contact, own in zip(contacts, ranges, strict=True))
+    left, right = (
+        [contact["swing_share"], *(leg.motion(joint)["range_of_motion_deg"] for joint in leg.record.angles)]
+        for leg, contact in zip(legs, contacts, strict=True)
+    )
     return 100.0 * float(np.max([abs(symmetry_index(*pair)) for pair in zip(left, right, strict=True)]))
 
 

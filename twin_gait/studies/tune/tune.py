@@ -1,31 +1,30 @@
-"""Tune a gait table to a wearer: search, robust set, and the choice of the table."""
+"""Tune a gait table to a wearer: search, and the robust set over which the best tables are ranked."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.check import build_case, check
-from twin_gait.checking.finding import Finding, Severity
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
+from twin_gait.parameters import require
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.together import compile_ahead
 from twin_gait.studies.jobs import Stop
+from twin_gait.studies.tune import space
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
-from twin_gait.studies.tune.space import editable_document, parameters_of, table_with, with_own_sides
-from twin_gait.studies.tune.state import Finalist, Progress, Settings, Tuning
 from twin_gait.studies.tune.walks import (
+    SEARCH_CASES,
     Case,
     check_walker,
     corner_cases,
     quick_errors,
     robust_cases,
-    search_cases,
     standing,
     table_of,
     walk_all,
@@ -40,6 +39,73 @@ SEARCH_SHARE = 0.75
 SEARCH_WALKS = 1000  # or more, for which loops are compiled
 RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
 FINALISTS = 5  # of the search, beside the table that is to be bettered
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a table is tuned."""
+
+    minutes: float = 3.0  # time for everything; generations under way are finished
+    # of the search; None until the time is over. With a number the result does not depend on the machine's
+    # speed
+    generations: int | None = None
+    seed: int = 0  # of the sensor noise; the search has no chance in it
+    thresholds: bool = True  # whether angle thresholds count
+    blending: bool = True  # whether the duration of the blend counts
+    per_side: bool = False  # whether each leg gets numbers of its own (hemiparesis)
+    # whether the table is for other wearers, supports and belts too, as one that ships is: search and robust
+    # set then have corner_cases in them
+    everyone: bool = False
+    search_duration: float = 14.0  # length of a walk in the search in [s]
+    robust_duration: float = 20.0  # length of a walk of the robust set in [s]
+
+    def __post_init__(self) -> None:
+        generations = self.generations
+        require(0.0 < self.minutes < math.inf, "minutes", "a number above 0", self.minutes)
+        require(generations is None or generations >= 1, "generations", "1 or more", generations)
+        require(self.seed >= 0, "seed", "a whole number of 0 or more", self.seed)
+
+
+class Progress(NamedTuple):
+    """Where a tuning stands."""
+
+    stage: str  # ``compiling``, ``search`` or ``robust set``
+    done: int  # of this stage: walks, or generations
+    total: int | None  # in all, or None while only the time ends it
+    elapsed: float  # in [s]
+    costs: tuple[float, float] | None  # of the table that it began with and of the best so far, once known
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A table that walked the robust set."""
+
+    table: dict[str, Any]  # its document
+    # coordinates of what was searched for; None for the table that it began with
+    points: tuple[float, ...] | None
+    search_cost: float  # in the search
+    walks: tuple[tuple[str, Rating], ...] = ()  # name of the case and result, nominal first
+
+    @property
+    def falls(self) -> int:
+        """Cases in which it fell."""
+        return sum(walk.fell for _, walk in self.walks)
+
+    @property
+    def cost(self) -> float:
+        """Cost over the robust set; the nominal case weighs as much as in the search."""
+        return weighted_cost([walk for _, walk in self.walks])
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """Result of a tuning."""
+
+    parameters: tuple[space.Parameter, ...]  # all numbers that were searched for
+    generations: tuple[Generation, ...]  # of the search; the first is its start
+    before: Finalist  # the table that was to be bettered
+    ranked: tuple[Finalist, ...]  # all finalists, the best first; ``before`` is one of them
+    elapsed: float  # time that it took in [s]
 
 
 class Stopped(Exception):  # not an error: somebody asked for it
@@ -62,13 +128,13 @@ class Stages:
         self._progress = progress or (lambda step: None)
         self._began = time.perf_counter()
         self._experiment = replace(experiment, seed=settings.seed)
-        self._table = editable_document(experiment.table)
-        self._parameters = parameters_of(
+        self._table = space.editable_document(experiment.table)
+        self._parameters = space.parameters_of(
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
         self._generations: list[Generation] = []
         corners = corner_cases() if settings.everyone else ()
-        self._search_cases = (*search_cases(self._experiment), *corners)
+        self._search_cases = (*SEARCH_CASES, *corners)
         self._robust_cases = (*robust_cases(self._experiment), *corners)
 
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
@@ -133,37 +199,31 @@ class Stages:
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
         first, *corners = self._search_cases
-        points = descent.neighbours()
-        tables = [self._table_at(point) for point in points]
-        walks = self._walk(tables, [first])
-        descent.learn(points, [residuals(walk) for (walk,) in walks])
-        steps = descent.steps()
-        dampings = [None] * len(points) + [damping for damping, _ in steps]
-        points += [point for _, point in steps]
-        tables += [self._table_at(point) for _, point in steps]
+        neighbours = descent.neighbours()
+        walks = self._walk([self._table_at(point) for point in neighbours], [first])
+        descent.learn(neighbours, [residuals(walk) for (walk,) in walks])
+        candidates = [*((None, point) for point in neighbours), *descent.steps()]
+        tables = [self._table_at(point) for _, point in candidates]
         walks += self._walk(tables[len(walks) :], [first])
         nominal = [nominal_cost(walk) for (walk,) in walks]
-        raced = sorted(range(len(points)), key=lambda place: (nominal[place], place))[:RACED]
+        raced = sorted(range(len(tables)), key=nominal.__getitem__)[:RACED]
         others = self._walk([tables[place] for place in raced], corners)
         for place, more in zip(raced, others, strict=True):
             walks[place] += more
         costs = {place: weighted_cost(walks[place]) for place in raced}
-        better = (
-            place
-            for place in sorted(costs, key=lambda place: costs[place])
-            if costs[place] < descent.cost
-            and not quick_errors(replace(self._experiment, table=tables[place]))
-        )
-        best = next(better, None)
-        if best is None:
-            descent.stay()
+        for place in sorted(costs, key=costs.__getitem__):
+            better = costs[place] < descent.cost
+            if better and not quick_errors(replace(self._experiment, table=tables[place])):
+                damping, point = candidates[place]
+                descent.go_to(point, costs[place], residuals(walks[place][0]), damping)
+                break
         else:
-            descent.go_to(points[best], costs[best], residuals(walks[best][0]), dampings[best])
+            descent.stay()
         tried = [standing(item) for item in walks]
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
-        return table_of(table_with(self._table, self._parameters, point))
+        return table_of(space.table_with(self._table, self._parameters, point))
 
     def _over(self, descent: Descent) -> bool:
         """Whether the search has come to its end, or had its generations or time; one it always gets."""
@@ -176,20 +236,17 @@ class Stages:
 
     def _finalists(self) -> list[Finalist]:
         """What was to be bettered, and where the search stood, over the robust set."""
-        start = self._generations[0]
-        chosen: list[tuple[tuple[float, ...] | None, float, dict[str, Any]]] = [
-            (None, start.cost, self._table)
-        ]
+        chosen = [Finalist(self._table, None, self._generations[0].cost)]
         for item in leaders(self._generations, FINALISTS):
-            table = table_with(self._table, self._parameters, item.point)
-            if all(table != other for _, _, other in chosen):
-                chosen.append((tuple(item.point), item.cost, table))
+            table = space.table_with(self._table, self._parameters, item.point)
+            if all(table != other.table for other in chosen):
+                chosen.append(Finalist(table, tuple(item.point), item.cost))
         cases = self._robust_cases
-        results = self._walk([table_of(table) for _, _, table in chosen], cases, last=True)
+        results = self._walk([table_of(item.table) for item in chosen], cases, last=True)
         names = [case.name for case in cases]
         return [
-            Finalist(table, points, cost, tuple(zip(names, walks, strict=True)))
-            for (points, cost, table), walks in zip(chosen, results, strict=True)
+            replace(item, walks=tuple(zip(names, walks, strict=True)))
+            for item, walks in zip(chosen, results, strict=True)
         ]
 
 
@@ -231,61 +288,9 @@ def tune(
     if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
         raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
-        experiment = replace(experiment, table=with_own_sides(experiment.table))
+        experiment = replace(experiment, table=space.with_own_sides(experiment.table))
     stages = Stages(experiment, settings, workers or Workers(), progress, should_stop)
     try:
         return stages.everything(on_compile)
     except Stopped:
         return None
-
-
-def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **settings: Any) -> GaitTable:
-    """The gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
-
-    Args:
-        experiment: A wearer who walks on the ground, and the table that is to be bettered.
-        workers: Processes or a cluster that execute the walks; the calling process if None.
-        **settings: Those of :class:`twin_gait.studies.tune.state.Settings`: ``minutes`` for everything
-            (3), or ``generations`` of the search, with which the result does not depend on the machine's
-            speed; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
-
-    Raises:
-        ParameterError: If there is nothing to tune, or no table passes the check.
-    """
-    tuning = tune(experiment, Settings(**settings), workers=workers)
-    assert tuning is not None  # nobody stops it
-    return table_of(choose(tuning, experiment).finalist.table)
-
-
-class Chosen(NamedTuple):
-    """The table that is written."""
-
-    finalist: Finalist  # it
-    findings: tuple[Finding, ...]  # of the whole check
-    refused: int  # finalists before it that the check found errors in
-
-
-def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
-    """Take the best finalist whose table passes every error rule of the check, or ParameterError."""
-    for refused, finalist in enumerate(tuning.ranked):
-        findings = check(build_case(table_of(finalist.table), experiment))
-        if not any(item.severity is Severity.ERROR for item in findings):
-            return Chosen(finalist, tuple(findings), refused)
-    raise ParameterError(
-        f"table {experiment.table.name}: no candidate passes twin-gait check, nor does the table itself; "
-        "mend its errors first"
-    )
-
-
-def final_table(chosen: Chosen, experiment: Experiment, wearer: str) -> dict[str, Any]:
-    """Document of the table, with a name and a description of its own."""
-    start = experiment.table.name
-    origin = (
-        f"The table {start} as it was: the search found nothing better for {wearer}."
-        if chosen.finalist.points is None
-        else f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; "
-        "nothing here was measured on a person."
-    )
-    document = {**chosen.finalist.table, "name": f"{start}_tuned", "description": origin}
-    table_of(document)
-    return document

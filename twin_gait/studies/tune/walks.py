@@ -1,16 +1,15 @@
 """Walks of candidates, what they cost, and the wearers, plants and sensors that they are tried on."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import reduce
-from typing import Any, NamedTuple, Unpack
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Unpack
 
 from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod, PlantParameters
+from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, gait_profile_score
@@ -25,13 +24,7 @@ from twin_gait.worlds import Walking
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
-_QUICK = (
-    *("unreachable_phase", "trap", "ambiguity", "never_opens"),
-    *("both_in_swing", "deadlock", "cannot_leave", "unstable"),
-)
-QUICK_RULES: tuple[Rule, ...] = tuple(
-    rule for module in (graph, exits, leaving, stability) for rule in module.RULES if rule.__name__ in _QUICK
-)
+QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
 # Ends of the names of the columns of a log that the parts are made of, beside time and phases.
 READ = (
     *(*WALK_COLUMNS, "_crutch_normal_force_N"),
@@ -42,7 +35,6 @@ NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the oth
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-NOMINAL = "nominal"
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
 LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
 LOW_EFFICIENCY = 0.75  # of the gears, assumption: as cold grease has it; that of the default walk is 0.85
@@ -58,7 +50,6 @@ CORNERS = (
     (60.0, 1.60, 0.75, 0.85),
     (102.0, 1.62, 0.40, 1.85),
 )
-Change = Callable[[Experiment], Experiment]
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
@@ -73,11 +64,10 @@ def walker(experiment: Experiment, *, duration: float, quick: bool = False) -> E
     return replace(experiment, engine=Engine.COMPILED, integration=integration, duration=duration)
 
 
-def quick_errors(experiment: Experiment) -> tuple[str, ...]:
+def quick_errors(experiment: Experiment) -> set[str]:
     """Errors that the quick rules of the check find in the table of an experiment, by their ids."""
     case = build_case(experiment.table, experiment)
-    found = [finding for rule in QUICK_RULES for finding in rule(case)]
-    return tuple(sorted({item.rule for item in found if item.severity is Severity.ERROR}))
+    return {item.rule for rule in QUICK_RULES for item in rule(case) if item.severity is Severity.ERROR}
 
 
 def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating] | None:
@@ -123,13 +113,6 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
     return NOMINAL_WEIGHT * nominal_cost(nominal) + (1.0 - NOMINAL_WEIGHT) * mean
 
 
-class Case(NamedTuple):
-    """One way in which the world differs from the person and place that a table is tuned for."""
-
-    name: str  # in words
-    change: Change  # what it makes of an experiment, whatever its table
-
-
 def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
     """How an experiment walks, and its wearer; without both it is a ParameterError."""
     walking, patient = experiment.scenario.walking, experiment.patient
@@ -140,38 +123,88 @@ def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
     return walking, patient
 
 
-def search_cases(experiment: Experiment) -> tuple[Case, ...]:
-    """What every candidate walks: as it is (first), and two corners of the robust set."""
-    return (
-        Case(NOMINAL, _nothing),
-        Case(
-            "heavy, rough, empty battery",
-            _all(_mass(experiment, 1.1), _friction(HIGH_FRICTION), _voltage(LOW_VOLTAGE), _noise),
-        ),
-        Case("light, smooth", _all(_mass(experiment, 0.9), _friction(LOW_FRICTION))),
-    )
+@dataclass(frozen=True)
+class Case:
+    """One way in which the world differs from the person and place that a table is tuned for.
+
+    What is None, or 1 of a ratio, stays as it is.
+    """
+
+    name: str  # in words
+    mass_ratio: float = 1.0  # true mass over that which the device goes on assuming
+    friction_ratio: float | None = None  # true friction over the model's
+    efficiency: float | None = None  # of the gears
+    voltage: float | None = None  # of the battery in [V]
+    noise: bool = False  # whether the encoders are noisy
+    wearer: tuple[float, float] | None = None  # mass in [kg] and height in [m], of which the device knows
+    support: float | None = None  # supported share of the weight
+    speed: float | None = None  # of the belt in [m] / [s]
+
+    def change(self, walked: Experiment) -> Experiment:
+        """An experiment in this world, whatever its table."""
+        plant, scenario = walked.plant, walked.scenario
+        if self.friction_ratio is not None:
+            plant = replace(plant, friction_ratio=dict.fromkeys(plant.friction, self.friction_ratio))
+        if self.efficiency is not None:
+            gears = {k: replace(v, gear_efficiency=self.efficiency) for k, v in plant.actuators.items()}
+            plant = replace(plant, actuators=gears)
+        if self.voltage is not None:
+            plant = replace(plant, battery=replace(plant.battery, voltage=self.voltage))
+        if self.support is not None:
+            scenario = scenario.adjusted(SUPPORT_SHARE, self.support)
+        if self.speed is not None:
+            scenario = scenario.adjusted(BELT_SPEED, self.speed)
+        if self.noise:
+            walked = replace(walked, sensors=replace(walked.sensors, ideal=False, angle_noise=ANGLE_NOISE))
+        if self.mass_ratio != 1.0:
+            walked = _weighing(walked, self.mass_ratio)
+        if self.wearer is not None:
+            patient = replace(check_walker(walked)[1], mass=self.wearer[0], height=self.wearer[1])
+            walked = replace(walked, patient=patient, control=replace(walked.control, patient=None))
+        return replace(walked, plant=plant, scenario=scenario)
+
+
+def _weighing(walked: Experiment, ratio: float) -> Experiment:
+    """The true mass changes and nobody tells the device: neither its model nor the table's scaling law."""
+    _, patient = check_walker(walked)
+    table, control = walked.table, replace(walked.control, patient=walked.control.patient or patient)
+    mass = min(HEAVIEST_WEARER, ratio * patient.mass)
+    reference = table.scaling.carried_mass
+    if reference is not None:
+        # The law divides the carried mass, which the scenario knows, by its reference.
+        total = walked.build_world().model.total_mass
+        carried = reference * ((total + mass - patient.mass) / total)
+        table = replace(table, scaling=replace(table.scaling, carried_mass=carried))
+    return replace(walked, patient=replace(patient, mass=mass), control=control, table=table)
+
+
+NOMINAL = Case("nominal")
+SEARCH_CASES = (  # which every candidate walks: as it is (first), and two corners of the robust set
+    NOMINAL,
+    Case("heavy, rough, empty battery", 1.1, HIGH_FRICTION, voltage=LOW_VOLTAGE, noise=True),
+    Case("light, smooth", 0.9, LOW_FRICTION),
+)
 
 
 def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
     """The robust set, which the best candidates walk; the nominal case first."""
-    belts = (
-        Case("belt −10 %", _faster(experiment, 0.9)),
-        Case("belt +10 %", _faster(experiment, 1.1)),
-    )
+    walking, _ = check_walker(experiment)
+    less, more = (min(0.95, max(0.0, walking.support_share + step)) for step in (-0.1, 0.1))
+    belts = Case("belt −10 %", speed=0.9 * walking.speed), Case("belt +10 %", speed=1.1 * walking.speed)
     return (
-        Case(NOMINAL, _nothing),
-        Case("mass −10 %", _mass(experiment, 0.9)),
-        Case("mass +10 %", _mass(experiment, 1.1)),
-        Case(f"friction ratio {LOW_FRICTION:g}", _friction(LOW_FRICTION)),
-        Case(f"friction ratio {HIGH_FRICTION:g}", _friction(HIGH_FRICTION)),
-        Case(f"gear efficiency {LOW_EFFICIENCY:g}", _efficiency(LOW_EFFICIENCY)),
-        Case("support −10 points", _more_support(experiment, -0.1)),
-        Case("support +10 points", _more_support(experiment, 0.1)),
+        NOMINAL,
+        Case("mass −10 %", mass_ratio=0.9),
+        Case("mass +10 %", mass_ratio=1.1),
+        Case(f"friction ratio {LOW_FRICTION:g}", friction_ratio=LOW_FRICTION),
+        Case(f"friction ratio {HIGH_FRICTION:g}", friction_ratio=HIGH_FRICTION),
+        Case(f"gear efficiency {LOW_EFFICIENCY:g}", efficiency=LOW_EFFICIENCY),
+        Case("support −10 points", support=less),
+        Case("support +10 points", support=more),
         *(belts if experiment.scenario.adjusts(BELT_SPEED) else ()),
-        Case(f"bus {LOW_VOLTAGE:g} V", _voltage(LOW_VOLTAGE)),
-        Case(f"bus {HIGH_VOLTAGE:g} V", _voltage(HIGH_VOLTAGE)),
-        Case("sensor noise", _noise),
-        *search_cases(experiment)[1:],
+        Case(f"bus {LOW_VOLTAGE:g} V", voltage=LOW_VOLTAGE),
+        Case(f"bus {HIGH_VOLTAGE:g} V", voltage=HIGH_VOLTAGE),
+        Case("sensor noise", noise=True),
+        *SEARCH_CASES[1:],
     )
 
 
@@ -180,83 +213,9 @@ def corner_cases() -> tuple[Case, ...]:
     return tuple(
         Case(
             f"{mass:g} kg, {height:g} m, {100.0 * share:g} % supported, {speed:g} km/h",
-            _all(_wearer(mass, height), _support(share), _speed(speed / KILOMETRES_PER_HOUR)),
+            wearer=(mass, height),
+            support=share,
+            speed=speed / KILOMETRES_PER_HOUR,
         )
         for mass, height, share, speed in CORNERS
     )
-
-
-def _nothing(walked: Experiment) -> Experiment:
-    return walked
-
-
-def _all(*changes: Change) -> Change:
-    return lambda walked: reduce(lambda changed, change: change(changed), changes, walked)
-
-
-def _mass(experiment: Experiment, factor: float) -> Change:
-    """The true mass changes and nobody tells the device: neither its model nor the table's scaling law."""
-    _, patient = check_walker(experiment)
-    told = patient if experiment.control.patient is None else experiment.control.patient
-    mass = min(HEAVIEST_WEARER, factor * patient.mass)
-    # The law divides the carried mass, which the scenario knows, by its reference.
-    total = experiment.build_world().model.total_mass
-    ratio = (total + mass - patient.mass) / total
-
-    def change(walked: Experiment) -> Experiment:
-        table, control = walked.table, replace(walked.control, patient=told)
-        reference = table.scaling.carried_mass
-        if reference is not None:
-            table = replace(table, scaling=replace(table.scaling, carried_mass=reference * ratio))
-        return replace(walked, patient=replace(patient, mass=mass), control=control, table=table)
-
-    return change
-
-
-def _wearer(mass: float, height: float) -> Change:
-    """Another wearer; the device knows."""
-    return lambda walked: replace(
-        walked,
-        patient=replace(check_walker(walked)[1], mass=mass, height=height),
-        control=replace(walked.control, patient=None),
-    )
-
-
-def _plant(change: Callable[[PlantParameters], PlantParameters]) -> Change:
-    return lambda walked: replace(walked, plant=change(walked.plant))
-
-
-def _friction(ratio: float) -> Change:
-    return _plant(lambda plant: replace(plant, friction_ratio=dict.fromkeys(plant.friction, ratio)))
-
-
-def _efficiency(efficiency: float) -> Change:
-    return _plant(
-        lambda plant: replace(
-            plant, actuators={k: replace(v, gear_efficiency=efficiency) for k, v in plant.actuators.items()}
-        )
-    )
-
-
-def _voltage(volts: float) -> Change:
-    return _plant(lambda plant: replace(plant, battery=replace(plant.battery, voltage=volts)))
-
-
-def _support(share: float) -> Change:
-    return lambda walked: replace(walked, scenario=walked.scenario.adjusted(SUPPORT_SHARE, share))
-
-
-def _more_support(experiment: Experiment, step: float) -> Change:
-    return _support(min(0.95, max(0.0, check_walker(experiment)[0].support_share + step)))
-
-
-def _speed(speed: float) -> Change:
-    return lambda walked: replace(walked, scenario=walked.scenario.adjusted(BELT_SPEED, speed))
-
-
-def _faster(experiment: Experiment, factor: float) -> Change:
-    return _speed(factor * check_walker(experiment)[0].speed)
-
-
-def _noise(walked: Experiment) -> Experiment:
-    return replace(walked, sensors=replace(walked.sensors, ideal=False, angle_noise=ANGLE_NOISE))
