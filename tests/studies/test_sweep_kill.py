@@ -61,7 +61,6 @@ def test_a_sweep_killed_ten_times_and_resumed_equals_one_that_was_not(spec, undi
     assert last.exitcode == 0
     pd.testing.assert_frame_equal(read_table(out), undisturbed, check_exact=True)
     assert sorted(path.name for path in out.iterdir()) == [
-        ".lock",
         "spec.yaml",
         "summary.json",
         "table.parquet",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -70,45 +70,39 @@ def label_of(column: str, *, unit: bool = True) -> str:
     return f"{text} [{named}]" if unit and named != "1" else text
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A parameter with its levels, or with bins where it has too many."""
+class Axis(NamedTuple):
+    """A parameter by its levels, or by bins where it has too many."""
 
-    column: str  # its name in the table
-    places: np.ndarray  # level or bin of each episode, -1 where it has none, shape ``(n,)``
-    centres: np.ndarray  # where each level or bin is drawn, shape ``(k,)``
-    names: tuple[str, ...]  # what stands beside each
-    numeric: bool  # whether the parameter is a number
+    # level or middle of the bin of each episode as an ordered category, empty where it has none; its name is
+    # that of the parameter
+    places: pd.Series
+    names: list[str]  # what stands beside each level
     binned: bool = False  # whether neighbouring values have been put together
+
+
+def _is_number(values: pd.Series | pd.Index) -> bool:
+    return pd.api.types.is_numeric_dtype(values) and not pd.api.types.is_bool_dtype(values)
 
 
 def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
     """Lay a parameter out. Returns the axis; None if it has but one value."""
-    values = table[column]
-    if values.nunique() < 2:
+    values, count = table[column], table[column].nunique()
+    if count < 2:
         return None
-    if not pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
-        codes, names = pd.factorize(values, sort=True)
-        return Axis(column, codes, np.arange(len(names)), tuple(map(str, names)), numeric=False)
-    numbers = values.to_numpy(dtype=float, na_value=np.nan)
-    levels = np.unique(numbers[np.isfinite(numbers)])
-    if len(levels) <= MOST_LEVELS:
-        places = np.where(np.isfinite(numbers), np.searchsorted(levels, numbers), -1)
-        return Axis(column, places, levels, tuple(f"{level:.4g}" for level in levels), numeric=True)
-    return _binned(column, numbers, levels)
+    if not _is_number(values) or count <= MOST_LEVELS:
+        places = values.astype("category")
+        text = "{:.4g}" if _is_number(values) else "{}"
+        return Axis(places, [text.format(level) for level in places.cat.categories])
+    numbers, bins = values.astype(float), int(np.clip(len(values) / EPISODES_PER_BIN, 2, MOST_BINS))
+    low, high = numbers.min(), numbers.max()
+    spaced = np.geomspace if _spans_decades(low, high) else np.linspace
+    halves = spaced(low, high, 2 * bins + 1).tolist()  # edges and middles in turn
+    places = pd.cut(numbers, halves[::2], labels=halves[1::2], include_lowest=True)
+    return Axis(places, [f"{middle:.3g}" for middle in halves[1::2]], binned=True)
 
 
-def _binned(column: str, numbers: np.ndarray, levels: np.ndarray) -> Axis:
-    count = int(np.clip(len(numbers) / EPISODES_PER_BIN, 2, MOST_BINS))
-    spaced = np.geomspace if _spans_decades(levels) else np.linspace
-    halves = spaced(levels[0], levels[-1], 2 * count + 1)  # edges and middles in turn
-    places = np.where(np.isfinite(numbers), np.digitize(numbers, halves[2:-1:2]), -1)
-    names = tuple(f"{centre:.3g}" for centre in halves[1::2])
-    return Axis(column, places, halves[1::2], names, numeric=True, binned=True)
-
-
-def _spans_decades(levels: np.ndarray) -> bool:
-    return bool(levels[0] > 0.0 and levels[-1] / levels[0] > 20.0)
+def _spans_decades(low: float, high: float) -> bool:
+    return low > 0.0 and high / low > 20.0
 
 
 def sweep_figures(
@@ -154,13 +148,9 @@ def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
     ``values``: one per episode, shape ``(n,)``. Returns means, NaN where there is no episode, shape
     ``(k_first, k_second)``.
     """
-    cells = pd.DataFrame({"value": values, "row": first.places, "column": second.places})
-    cells = cells[np.isfinite(values) & (first.places >= 0) & (second.places >= 0)]
-    means = cells.pivot_table(values="value", index="row", columns="column", aggfunc="mean")
-    whole: np.ndarray = means.reindex(
-        index=range(len(first.names)), columns=range(len(second.names))
-    ).to_numpy(dtype=float)
-    return whole
+    cells = pd.Series(values, first.places.index).groupby([first.places, second.places], observed=False)
+    means: np.ndarray = cells.mean().unstack().to_numpy()
+    return means
 
 
 def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
@@ -182,14 +172,15 @@ def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title
     cells = [cell_means(values, second, first) for first, second in pairs]
     blank = ", empty: no episode" if any(np.isnan(means).any() for means in cells) else ""
     figure, panels = _panels(f"{title}: {_what(measure)}{blank}", len(pairs), height=3.9)
-    lowest, highest = _range(cells, measure)
+    every = np.concatenate([means.ravel() for means in cells])
+    lowest, highest = (0.0, 1.0) if measure == WALKED else (np.nanmin(every), np.nanmax(every))
     for panel, (first, second), means in zip(panels, pairs, cells, strict=True):
         image = panel.imshow(means, origin="lower", aspect="auto", cmap=_COLOURS, vmin=lowest, vmax=highest)
         _write_cells(panel, means, measure, lowest, highest)
         panel.set_xticks(range(len(first.names)), first.names, rotation=45 if len(first.names) > 6 else 0)
         panel.set_yticks(range(len(second.names)), second.names)
-        panel.set_xlabel(_axis_label(first))
-        panel.set_ylabel(_axis_label(second))
+        for write, axis in ((panel.set_xlabel, first), (panel.set_ylabel, second)):
+            write(label_of(str(axis.places.name)) + (", middle of bins" if axis.binned else ""))
     figure.colorbar(image, ax=panels, label=label_of(measure) if measure != WALKED else "share that walked")
     return figure
 
@@ -213,28 +204,21 @@ def _panels(title: str, count: int, *, height: float, sharey: bool = False) -> t
 
 
 def _draw_effect(panel: Axes, axis: Axis, values: np.ndarray, measure: str) -> None:
-    known = np.isfinite(values) & (axis.places >= 0)
-    groups = pd.Series(values[known]).groupby(axis.places[known])
-    centres = axis.centres[np.array(list(groups.groups), dtype=int)]
+    groups = pd.Series(values, axis.places.index).dropna().groupby(axis.places, observed=True)
+    means, levels = groups.mean(), axis.places.cat.categories
+    numeric = _is_number(levels)
+    centres = means.index.astype(float) if numeric else levels.get_indexer(means.index)
     if measure != WALKED:
         low, high = (groups.quantile(share) for share in SPREAD)
         panel.vlines(centres, low, high, color=BLUE, alpha=0.3, linewidth=6)
-    line = "-" if axis.numeric else "none"
-    panel.plot(centres, groups.mean(), "o", linestyle=line, color=BLUE, linewidth=1.8, markersize=5)
-    if not axis.numeric:
-        panel.set_xticks(range(len(axis.names)), axis.names)
-        panel.set_xlim(-0.5, len(axis.names) - 0.5)
-    elif _spans_decades(axis.centres):
+    panel.plot(centres, means, "o-" if numeric else "o", color=BLUE, linewidth=1.8, markersize=5)
+    if not numeric:
+        panel.set_xticks(range(len(levels)), axis.names)
+        panel.set_xlim(-0.5, len(levels) - 0.5)
+    elif _spans_decades(levels[0], levels[-1]):
         panel.set_xscale("log")
     style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
-    panel.set_xlabel(label_of(axis.column))
-
-
-def _range(cells: Sequence[np.ndarray], measure: str) -> tuple[float, float]:
-    if measure == WALKED:
-        return 0.0, 1.0
-    finite = np.concatenate([means[np.isfinite(means)] for means in cells])
-    return float(finite.min()), float(finite.max())
+    panel.set_xlabel(label_of(str(axis.places.name)))
 
 
 def _write_cells(panel: Axes, means: np.ndarray, measure: str, lowest: float, highest: float) -> None:
@@ -249,7 +233,3 @@ def _write_cells(panel: Axes, means: np.ndarray, measure: str, lowest: float, hi
             panel.text(
                 column, row, text, ha="center", va="center", fontsize=8, color="white" if dark else "black"
             )
-
-
-def _axis_label(axis: Axis) -> str:
-    return f"{label_of(axis.column)}{', middle of bins' if axis.binned else ''}"

@@ -49,7 +49,7 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
         raise RunDirectoryError(
             f"{target}: cannot be written ({error.strerror}); choose another --out"
         ) from error
-    held = _hold(staging)
+    held = hold(staging)
     try:
         yield staging
         os.chmod(staging, permitted(0o755))
@@ -62,9 +62,9 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
             os.close(held)
 
 
-def _hold(staging: Path) -> int | None:
+def hold(folder: Path) -> int | None:
     """Lock a folder; the system takes the lock back from a process that is killed. None if it is held."""
-    descriptor = os.open(staging, os.O_RDONLY)
+    descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:  # held, or on a file system without locks
@@ -87,7 +87,7 @@ def abandoned(parent: Path) -> list[Path]:
 
 
 def _released(path: Path) -> bool:
-    held = _hold(path)
+    held = hold(path)
     if held is not None:
         os.close(held)
     return held is not None

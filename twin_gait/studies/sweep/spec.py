@@ -1,4 +1,4 @@
-"""Sweep specifications as YAML, their base experiment, and their design: a grid, a Latin hypercube or a list.
+"""Sweep specifications as YAML, their experiment, their design (grid, Latin hypercube, list) and its episodes.
 
 What an episode changes is made when it is asked for, so that a million of them take no memory.
 """
@@ -9,6 +9,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,7 +32,8 @@ from twin_gait.configuration.validation import (
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import versions
-from twin_gait.studies.batch import SUMMARY_COLUMNS
+from twin_gait.simulation.problem import build_problem
+from twin_gait.studies.batch import SUMMARY_COLUMNS, Base
 from twin_gait.studies.jobs import sources_hash
 
 MOST_EPISODES = 10_000_000
@@ -274,3 +276,36 @@ def _levels(key: str, value: Any, source: str) -> Levels:
         return value
     wanted = f"expected a list of values or {{from: …, to: …}}, got {json.dumps(value)}"
     raise ParameterFileError(source, place, wanted)
+
+
+def experiment_of_episode(spec: str, number: int) -> Experiment:
+    """What an episode is to run, with draws of its own; an error names episode and key.
+
+    ``spec``: the document of the sweep as JSON; each process lays the sweep out for itself, once.
+    """
+    sweep, base = _laid_out(spec)
+    draws = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
+    seeded = {**base.document, "seed": int(draws.generate_state(1, np.uint64)[0])}
+    return base._replace(document=seeded).changed(sweep.design[number], f"episode {number}")
+
+
+@lru_cache(maxsize=1)
+def _laid_out(spec: str) -> tuple[Sweep, Base]:
+    sweep = sweep_from_mapping(json.loads(spec), "the sweep", Path())
+    return sweep, Base.of(sweep.experiment)
+
+
+def check_episode(spec: str, number: int) -> None:
+    """Check the overrides of an episode."""
+    experiment, (sweep, _) = experiment_of_episode(spec, number), _laid_out(spec)
+    # A text may name a joint or phase that is not there; numbers are checked by their ranges.
+    plain = all(isinstance(value, int | float) for value in sweep.design[number].values())
+    if number == 0 or not plain:
+        converting(f"episode {number}", "", partial(_prepare, experiment))
+
+
+def _prepare(experiment: Experiment) -> None:
+    """Do what goes before the first tick, to find what does not fit together."""
+    problem = build_problem(experiment)
+    for phase in filter(None, problem.world.initial_phases.values()):
+        problem.table.phase_index(phase)

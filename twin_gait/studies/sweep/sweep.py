@@ -6,12 +6,12 @@ A kill between the two leaves rows in both, of which one counts: they are equal.
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -22,9 +22,10 @@ import pyarrow as pa
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically, write_json, write_parquet
-from twin_gait.report.canvas import picture_bytes
+from twin_gait.report.canvas import write_pictures
 from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit_of_column, values_of
+from twin_gait.runs.folders import hold
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.batch import (
@@ -36,15 +37,13 @@ from twin_gait.studies.batch import (
     summary_table,
 )
 from twin_gait.studies.jobs import JobFailed, Progress, Watch, run_jobs
-from twin_gait.studies.sweep.episode import Episode, Episodes, check_episode
-from twin_gait.studies.sweep.spec import Sweep
+from twin_gait.studies.sweep.spec import Sweep, check_episode, experiment_of_episode
 from twin_gait.studies.workers import Workers
 
 TABLE_SCHEMA_VERSION = 1
 SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.json"
 FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
 PARTS_FOLDER = "parts"
-_LOCK_FILE = ".lock"
 
 # Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
 CHECKED_HERE = 2000
@@ -107,15 +106,13 @@ def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
     parts = directory / PARTS_FOLDER
     try:
         parts.mkdir(parents=True, exist_ok=True)
-        lock = os.open(directory / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
         problem = f"{directory}: cannot be written ({error.strerror}); choose another --out"
         raise RunDirectoryError(problem) from error
+    held = hold(directory)
+    if held is None:
+        raise RunDirectoryError(f"{directory}: another process is at work on this sweep")
     try:
-        try:  # the system releases it however this process ends
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise RunDirectoryError(f"{directory}: another process is at work on this sweep") from error
         for left in parts.glob(".*"):
             left.unlink()  # of a write that was killed
         if not (directory / SPEC_FILE).is_file():
@@ -126,7 +123,7 @@ def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
             with contextlib.suppress(OSError):
                 parts.rmdir()
     finally:
-        os.close(lock)
+        os.close(held)
 
 
 def check_directory(directory: Path, sweep: Sweep) -> None:
@@ -141,8 +138,7 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
     elif directory.exists():
         # More than a sweep leaves that was killed while it made its folder.
         names = {path.name for path in directory.iterdir()} if directory.is_dir() else {""}
-        names -= {PARTS_FOLDER, _LOCK_FILE}
-        if any(not name.startswith(f".{SPEC_FILE}.") for name in names):
+        if any(name != PARTS_FOLDER and not name.startswith(f".{SPEC_FILE}.") for name in names):
             raise RunDirectoryError(f"{directory}: exists and is not a sweep; choose another --out")
 
 
@@ -224,7 +220,7 @@ def run_sweep(
         summary = _summary(sweep, table, last)
         write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
-            write_pictures(sweep, table, directory)
+            write_report(sweep, table, directory)
     without = tuple(name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())
     status = RunStatus(summary["status"])
     return SweepResult(directory, table, status, last["resumed_with"], summary, without)
@@ -232,10 +228,12 @@ def run_sweep(
 
 def check_sweep(sweep: Sweep, workers: Workers | None = None, **watch: Unpack[Watch]) -> None:
     """Check the overrides of every episode without running any; a wrong one is named with its key."""
-    episodes = Episodes(sweep, range(len(sweep.design)))
+    episodes = range(len(sweep.design))
     hands = 1 if workers is None or len(episodes) <= CHECKED_HERE else workers
     try:
-        checked = run_jobs(check_episode, episodes, workers=hands, **watch)
+        checked = run_jobs(
+            partial(check_episode, json.dumps(sweep.document)), episodes, workers=hands, **watch
+        )
     except JobFailed as error:
         raise ParameterFileError(sweep.source, "", error.problem) from error
     if len(checked) < len(episodes):
@@ -260,9 +258,9 @@ def _run(
     tell(there, total)
     try:
         run_episodes(
-            Episode.experiment,
+            partial(experiment_of_episode, json.dumps(sweep.document)),
             flat_summary,
-            Episodes(sweep, pending),
+            pending,
             columns=READ_IN_BRIEF,
             workers=workers,
             keep=keep,
@@ -287,17 +285,12 @@ def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> di
     }
 
 
-def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
+def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
     parameters = list(setting_columns(sweep.design.keys).values())
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
-    figures = sweep_figures(table, parameters, measures, title)
-    pictures = {name: picture_bytes(figure) for name, figure in figures.items()}
-    folder = directory / FIGURES_FOLDER
-    folder.mkdir(exist_ok=True)
-    for name, picture in pictures.items():
-        write_atomically(folder / f"{name}.png", picture)
+    pictures = write_pictures(sweep_figures(table, parameters, measures, title), directory / FIGURES_FOLDER)
     counts = table["outcome"].value_counts().items()
     rows = [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     named = {name.replace("_", " "): picture for name, picture in pictures.items()}
