@@ -10,7 +10,7 @@ import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -173,39 +173,27 @@ MOST_POINTS = 20_000
 _EVENT_STYLES = {EventKind.FAULT: "--", EventKind.TRIP: "-", EventKind.FALL: ":", EventKind.DIVERGENCE: ":"}
 
 
-class Window(NamedTuple):
-    """Rows of a log."""
-
-    rows: slice  # the rows
-    time: np.ndarray  # of each row in [s], shape ``(n,)``
-
-
-def window_of(run: Run, rows: slice) -> Window:
-    """Some rows of a run."""
-    return Window(rows, run.log["time_s"].to_numpy()[rows])
-
-
-def last_strides(run: Run, records: list[LegRecord]) -> Window:
-    """The events of a run, or the last strides of the first leg, or the last seconds without strides."""
-    events = records[0].stride_events
-    if run.events or len(events) <= SHOWN_STRIDES:
+def last_strides(run: Run) -> slice:
+    """Rows of the events of a run, or of the last strides of its first leg, or of its last seconds."""
+    begins = run.leg_records()[0].stride_events
+    if run.events or len(begins) <= SHOWN_STRIDES:
         return end_or_events(run, SHOWN_WITHOUT_STRIDES)
-    return window_of(run, slice(int(events[-1 - SHOWN_STRIDES]), int(events[-1]) + 1))
+    return slice(int(begins[-1 - SHOWN_STRIDES]), int(begins[-1]) + 1)
 
 
-def end_or_events(run: Run, duration: float) -> Window:
-    """The end of a run, or what led to its first event and followed it; at most so many seconds."""
+def end_or_events(run: Run, duration: float) -> slice:
+    """Rows of the end of a run, or around its first event; at most so many seconds."""
     length = round(duration / TICK)
     start = len(run.log) - length
     if run.events:
         start = min(start, round(run.events[0].time / TICK - SHOWN_BEFORE_EVENT * length))
     start = max(0, start)
-    return window_of(run, slice(start, min(start + length, len(run.log))))
+    return slice(start, min(start + length, len(run.log)))
 
 
-def whole_run(run: Run) -> Window:
-    """The whole run, thinned out if it is long."""
-    return window_of(run, slice(0, len(run.log), 1 + len(run.log) // MOST_POINTS))
+def whole_run(run: Run) -> slice:
+    """Rows of the whole run, thinned out if it is long."""
+    return slice(0, len(run.log), 1 + len(run.log) // MOST_POINTS)
 
 
 def shown_strides(record: LegRecord) -> np.ndarray:
@@ -217,13 +205,13 @@ def shown_strides(record: LegRecord) -> np.ndarray:
     return settled if len(settled) else record.strides(skip=0)[-1:]
 
 
-def shown_phases(run: Run, record: LegRecord, window: Window) -> np.ndarray:
-    """Phases of a leg in a window; from a trip on the legs are held, whatever the machine says.
+def shown_phases(run: Run, record: LegRecord, rows: slice) -> np.ndarray:
+    """Phases of a leg in some rows; from a trip on the legs are held, whatever the machine says.
 
     Returns index of the phase, or ``HELD``, shape ``(n,)``.
     """
-    phases, held = record.phases[window.rows], held_from(run.events)
-    return phases if held is None else np.where(window.time >= held, HELD, phases)
+    phases, held = record.phases[rows], held_from(run.events)
+    return phases if held is None else np.where(run.log["time_s"].to_numpy()[rows] >= held, HELD, phases)
 
 
 def flexion(joint: str) -> str:
@@ -238,17 +226,20 @@ class Sheet:
 
     Attributes:
         figure: The picture.
+        window: Rows of the log that curves over time show.
+        time: Of these rows in [s].
         records: What the log has of each leg.
         lines: Entries of the legend.
     """
 
-    def __init__(self, run: Run, title: str, size: tuple[float, float], window: Window | None = None) -> None:
+    def __init__(self, run: Run, title: str, size: tuple[float, float], window: slice | None = None) -> None:
         """Begin a picture; one for print has no title inside.
 
-        ``size``: width and height in inches; one narrower than a screen is for print; ``window``: what curves
-        over time show, by default all of it.
+        ``size``: width and height in inches, of two joints where there are panels of legs; one narrower than
+        a screen is for print; ``window``: by default all of the run.
         """
         self.run, self.window = run, window or whole_run(run)
+        self.time = run.log["time_s"].to_numpy()[self.window]
         self.records, self.names = run.leg_records(), run.table.phase_names
         self.lines: list[Artist] = []
         events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
@@ -270,6 +261,7 @@ class Sheet:
         """
         joints = list(self.records[0].angles)
         shape = len(joints) + below, len(self.records)
+        self.figure.set_figheight(self.figure.get_figheight() * shape[0] / (2 + below))
         panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey=sharey)
         for axes in panels[len(joints) :].flat:
             axes.remove()
@@ -281,11 +273,10 @@ class Sheet:
     def leg_panels_over_time(
         self, unit: Callable[[str], str], **options: Any
     ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
-        """The same, on the phases and with the events; ``options`` as for :meth:`leg_panels`."""
+        """The same, on the phases; ``options`` as for :meth:`leg_panels`."""
         for axes, record, joint in self.leg_panels(unit, **options):
-            shade_phases(axes, self.window.time, self.phases(record), self.names)
+            shade_phases(axes, self.time, self.phases(record), self.names)
             yield axes, record, joint
-            self.mark_events(axes)
 
     def phases(self, record: LegRecord) -> np.ndarray:
         """Phases of a leg in the window: index of the phase, or ``HELD``, shape ``(n,)``."""
@@ -295,7 +286,7 @@ class Sheet:
         """Draw a column of the log, or one value per row of it, over time; ``style`` as for ``plot``."""
         known = self.run.log[values].to_numpy() if isinstance(values, str) else values
         style = {"linewidth": 1.5, "color": color, "label": label, **style}
-        self.lines += axes.plot(self.window.time, known[self.window.rows], **style)
+        self.lines += axes.plot(self.time, known[self.window], **style)
 
     def limits(self, axes: Axes, values: Sequence[float], style: str, label: str, width: float = 1.2) -> None:
         """Draw limits behind all curves."""
@@ -305,26 +296,25 @@ class Sheet:
     def mark_events(self, axes: Axes) -> None:
         """Draw a line at every event that the window shows."""
         for event in self.run.events:
-            if self.window.time[0] <= event.time <= self.window.time[-1]:
+            if self.time[0] <= event.time <= self.time[-1]:
                 style: dict[str, Any] = {"linestyle": _EVENT_STYLES[event.kind], "label": str(event.kind)}
                 mark = axes.axvline(event.time, color=EVENT_COLOUR, linewidth=1.8, zorder=3, **style)
                 self.lines.append(mark)
 
-    def put_time_below(self, axes: Axes) -> None:
-        """Let the lowest panel, and those that share its axis, span the window."""
-        axes.set_xlim(self.window.time[0], self.window.time[-1])
-        axes.set_xlabel("time [s]")
+    def finished_over_time(self, *lowest: Axes, phases: bool = True) -> Figure:
+        """The picture, with events in all panels and the time below the lowest; ``phases``: in the legend."""
+        for axes in self.figure.axes:
+            self.mark_events(axes)
+        for axes in lowest:
+            axes.set_xlim(self.time[0], self.time[-1])
+            axes.set_xlabel("time [s]")
+        return self.finished([self.phases(record) for record in self.records] if phases else ())
 
     def finished(self, phases: Sequence[np.ndarray] = ()) -> Figure:
         """The picture with its legend, in which the phases stand that occur in some arrays."""
         handles = phase_handles(self.names, np.concatenate(phases)) if phases else []
         put_legend(self.figure, self.lines, handles)
         return self.figure
-
-
-def height_of(height: float, run: Run, below: int = 0) -> float:
-    """Height of a figure with a row of panels a joint, from that of one for two joints, and rows below."""
-    return height * (len(run.leg_records()[0].angles) + below) / (2 + below)
 
 
 def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artist]:

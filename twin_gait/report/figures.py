@@ -16,26 +16,22 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.exceptions import ParameterError
+from twin_gait.report import run_figures
 from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
-from twin_gait.report.run_figures import (
-    draw_angles,
-    draw_crutches,
-    draw_currents,
-    draw_cycle,
-    draw_energy,
-    draw_feet,
-    draw_ground_forces,
-    draw_portrait,
-    draw_torques,
-)
 from twin_gait.simulation.run import Run
 
 # By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
 FIGURES: dict[str, Callable[..., Figure | None]] = {
-    "gait_cycle": draw_cycle, "ground_forces": draw_ground_forces, "joint_angles": draw_angles,
-    "torques": draw_torques, "currents": draw_currents, "feet": draw_feet, "crutches": draw_crutches,
-    "phase_portrait": draw_portrait, "energy": draw_energy,
-}  # fmt: skip
+    "gait_cycle": run_figures.draw_cycle,
+    "ground_forces": run_figures.draw_ground_forces,
+    "joint_angles": run_figures.draw_angles,
+    "torques": run_figures.draw_torques,
+    "currents": run_figures.draw_currents,
+    "feet": run_figures.draw_feet,
+    "crutches": run_figures.draw_crutches,
+    "phase_portrait": run_figures.draw_portrait,
+    "energy": run_figures.draw_energy,
+}
 
 WIDTHS = (85, 174)  # [mm], one column and two
 NARROWEST, WIDEST = 60.0, 270.0  # [mm]
@@ -45,12 +41,8 @@ _THINNER = 0.55  # lines, of their width on a screen
 _PRINT: dict[Any, float] = {
     "font.size": 7.0,  # [pt]; journals ask for 6 or more
     "axes.linewidth": 0.5,
-    "xtick.major.width": 0.5,
-    "ytick.major.width": 0.5,
-    "xtick.major.size": 2.0,
-    "ytick.major.size": 2.0,
-    "xtick.major.pad": 2.0,
-    "ytick.major.pad": 2.0,
+    **{f"{axis}tick.major.{what}": 2.0 for axis in "xy" for what in ("size", "pad")},
+    **{f"{axis}tick.major.width": 0.5 for axis in "xy"},
     "axes.labelpad": 2.0,
     "legend.handlelength": 1.6,
     "legend.columnspacing": 1.0,

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from twin_gait import palette
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK
 from twin_gait.measures.crutches import TRUNK_PITCH
@@ -23,34 +24,9 @@ from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import phase_spells, usual_phases
 from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
 from twin_gait.measures.walk import pressure_curve
-from twin_gait.palette import (
-    BLACK,
-    LIMIT_COLOUR,
-    ORANGE,
-    REFERENCE_COLOUR,
-    SIDE_COLOURS,
-    TORQUE_COLOURS,
-    VERMILLION,
-    WORK_COLOURS,
-)
-from twin_gait.report.canvas import (
-    SCREEN_WIDTH,
-    Sheet,
-    colour_of,
-    draw_cycle_curve,
-    draw_phase_bars,
-    end_or_events,
-    flexion,
-    height_of,
-    last_strides,
-    readable,
-    shade_phases,
-    shown_phases,
-    shown_strides,
-    style_panel,
-    whole_run,
-    window_of,
-)
+from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
+from twin_gait.report import canvas
+from twin_gait.report.canvas import SCREEN_WIDTH, Sheet, draw_cycle_curve, flexion, shown_strides, style_panel
 from twin_gait.report.reference import reference_cycle, reference_ground_force
 from twin_gait.simulation.log import work_sources
 from twin_gait.simulation.run import Run
@@ -71,13 +47,13 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     records = run.leg_records()
     if any(len(shown_strides(record)) == 0 for record in records):
         return None
-    entry = f"entry into {readable(run.table.phase_names[0])}"
+    entry = f"entry into {canvas.readable(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
-    sheet = Sheet(run, f"Gait cycle from {beginning}", (width, height_of(7.5, run)))
+    sheet = Sheet(run, f"Gait cycle from {beginning}", (width, 7.5))
     for axes, record, joint in sheet.leg_panels(flexion):
         bounds = shown_strides(record)
         cycles = normalise_strides(record.angles[joint], bounds)
-        shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(sheet.names)), sheet.names)
+        canvas.shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(sheet.names)), sheet.names)
         _draw_mean_and_range(sheet, axes, np.degrees(cycles))
         title = f"{record.side} {joint}, {stride_count(len(bounds), len(record.strides(skip=0)))}"
         reference = reference_cycle(run.experiment, joint)
@@ -117,14 +93,14 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
         phases = usual_phases(record.phases, bounds, len(sheet.names))
         for axes, (title, unit) in zip(column, _FORCE_PANELS, strict=True):
             style_panel(axes, f"{record.side} {title}", unit if record is records[0] else "")
-            shade_phases(axes, PERCENT, phases, sheet.names)
+            canvas.shade_phases(axes, PERCENT, phases, sheet.names)
         load, forward, place = (
             run.log[f"{record.side}_foot_{end}"].to_numpy()
             for end in ("normal_force_N", "friction_force_N", "pressure_place")
         )
         for number, force in enumerate((load, forward)):
             axes = column[number]
-            axes.axhline(1.0 - number, color=LIMIT_COLOUR, linestyle=":", linewidth=1.2)
+            axes.axhline(1.0 - number, color=palette.LIMIT_COLOUR, linestyle=":", linewidth=1.2)
             _draw_mean_and_range(sheet, axes, normalise_strides(force, bounds) / walkway.carried_weight)
             if healthy is not None:
                 _draw_healthy(sheet, axes, healthy[number], "Winter (1991)")
@@ -139,8 +115,8 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
 
 def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the joint angles of the last seconds with the equilibrium of the virtual spring."""
-    window = end_or_events(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
-    sheet = Sheet(run, "Joint angles", (width, height_of(7.5, run)), window)
+    window = canvas.end_or_events(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
+    sheet = Sheet(run, "Joint angles", (width, 7.5), window)
     for axes, record, joint in sheet.leg_panels_over_time(flexion):
         name = f"{record.side}_{joint}"
         shown = [
@@ -151,38 +127,28 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
             shown.append((run.log[f"{name}_angle_rad"].to_numpy(), "angle of the device", ORANGE, "--"))
         for values, label, colour, style in shown:
             sheet.curve(axes, np.degrees(values), label, colour, linestyle=style)
-    return _with_time_below(sheet)
-
-
-def _with_time_below(sheet: Sheet) -> Figure:
-    """The picture of all joints over time."""
-    for axes in sheet.figure.axes[-len(sheet.records) :]:
-        sheet.put_time_below(axes)
-    return sheet.finished([sheet.phases(record) for record in sheet.records])
+    return sheet.finished_over_time(*sheet.figure.axes[-len(sheet.records) :])
 
 
 def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw what the controller asks for, part by part, and what the motor gives."""
-    window, limit = last_strides(run, run.leg_records()), run.experiment.control.limits.torque
-    sheet = Sheet(run, "Motor torques and their parts", (width, height_of(8.0, run)), window)
-    for axes, record, joint in sheet.leg_panels_over_time(
-        lambda _: "torque [N m]", sharex=True, sharey="row"
-    ):
+    window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
+    sheet = Sheet(run, "Motor torques and their parts", (width, 8.0), window)
+    for axes, record, joint in sheet.leg_panels_over_time(lambda _: "torque [N m]"):
         name = f"{record.side}_{joint}"
-        for part, colour in TORQUE_COLOURS.items():
+        for part, colour in palette.TORQUE_COLOURS.items():
             values = run.log[f"{name}_{part}_torque_Nm"].to_numpy()
-            if np.any(values[window.rows] != 0.0):
-                sheet.curve(axes, values, readable(part), colour, linewidth=1.3)
+            if np.any(values[window] != 0.0):
+                sheet.curve(axes, values, canvas.readable(part), colour, linewidth=1.3)
         sheet.curve(axes, f"{name}_motor_torque_Nm", "motor torque", BLACK, linewidth=2.0)
         sheet.limits(axes, (limit, -limit), "--", "torque limit", 1.0)
-    return _with_time_below(sheet)
+    return sheet.finished_over_time(*sheet.figure.axes[-len(sheet.records) :])
 
 
 def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor, and the battery's power under them."""
     limits, plant = run.experiment.control.limits, run.experiment.plant
-    size = width, height_of(9.0, run, below=1)
-    sheet = Sheet(run, "Motor currents and battery power", size, last_strides(run, run.leg_records()))
+    sheet = Sheet(run, "Motor currents and battery power", (width, 9.0), canvas.last_strides(run))
     for axes, record, joint in sheet.leg_panels_over_time(
         lambda _: "current [A]", below=1, sharex=False, sharey=False
     ):
@@ -197,11 +163,9 @@ def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     battery = sheet.figure.add_subplot(grid[-1, :])
     battery.axhline(0.0, color="0.6", linewidth=0.8)
     style_panel(battery, "battery, below 0 while the motors feed it", "power [W]")
-    sheet.curve(battery, "battery_power_W", "battery power", VERMILLION, linewidth=1.4)
+    sheet.curve(battery, "battery_power_W", "battery power", palette.VERMILLION, linewidth=1.4)
     sheet.limits(battery, [plant.battery.continuous_power], "-.", "continuous battery power")
-    sheet.mark_events(battery)
-    sheet.put_time_below(battery)
-    return sheet.finished([sheet.phases(record) for record in sheet.records])
+    return sheet.finished_over_time(battery)
 
 
 def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
@@ -209,16 +173,16 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     records = run.leg_records()
     if any(record.contacts is None for record in records):
         return None
-    window = last_strides(run, records)
+    window = canvas.last_strides(run)
     sheet = Sheet(run, "Feet on the ground", (width, 8.5), window)
     force, clearance, bars = sheet.figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
     for record in records:
         assert record.contacts and record.normal_force is not None and record.clearance is not None
-        colour, label = SIDE_COLOURS[record.side], f"{record.side} foot"
+        colour, label = palette.SIDE_COLOURS[record.side], f"{record.side} foot"
         sheet.curve(force, record.normal_force, label, colour)
         sheet.curve(clearance, 1e3 * record.clearance, label, colour)
         strikes = record.contacts.heel_strikes
-        strikes = strikes[(strikes >= window.rows.start) & (strikes < window.rows.stop)]
+        strikes = strikes[(strikes >= window.start) & (strikes < window.stop)]
         height, label = np.full(len(strikes), CONTACT_FORCE), f"{record.side} heel strike"
         sheet.lines += force.plot(strikes * TICK, height, "^", color=colour, markersize=8, label=label)
     sheet.limits(force, [run.body_weight], "--", "weight of wearer and device", 1.0)
@@ -227,30 +191,26 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     clearance.axhline(0.0, color="0.6", linewidth=0.8)
     title = "clearance of the lowest point of the sole, negative while it is pressed in"
     style_panel(clearance, title, "height [mm]")
-    for axes in (force, clearance):
-        sheet.mark_events(axes)
-    phases = [sheet.phases(record) for record in records]
-    rows = [(str(record.side), codes) for record, codes in zip(records, phases, strict=True)]
-    draw_phase_bars(bars, window.time, rows, sheet.names, height=BAR, alpha=0.9)
+    rows = [(str(record.side), sheet.phases(record)) for record in records]
+    canvas.draw_phase_bars(bars, sheet.time, rows, sheet.names, height=BAR, alpha=0.9)
     style_panel(bars, "phase", "")
     bars.grid(visible=False, axis="y")
-    sheet.put_time_below(bars)
-    return sheet.finished(phases)
+    return sheet.finished_over_time(bars)
 
 
 def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw angle against velocity, coloured by phase, over the last settled strides or else the whole run."""
     title = "Phase portraits; a dot marks each change of phase"
-    sheet, occurring = Sheet(run, title, (width, height_of(8.5, run))), []
+    sheet, occurring = Sheet(run, title, (width, 8.5)), []
     unit = "{} velocity [°/s]".format
-    for axes, record, joint in sheet.leg_panels(unit, sharex="row", sharey="row"):
+    for axes, record, joint in sheet.leg_panels(unit, sharex="row"):
         bounds = shown_strides(record)[-MOST_STRIDES:]
         rows = slice(int(bounds[0, 0]), int(bounds[-1, 1])) if len(bounds) else slice(0, len(record.phases))
-        phases = shown_phases(run, record, window_of(run, rows))
+        phases = canvas.shown_phases(run, record, rows)
         speeds = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
         points = np.degrees(np.column_stack((record.angles[joint], speeds))[rows])
         spells = phase_spells(phases)
-        colours = [colour_of(spell.phase, sheet.names) for spell in spells]
+        colours = [canvas.colour_of(spell.phase, sheet.names) for spell in spells]
         # One collection: a line of its own for each of fifty spells takes ten times as long.
         paths = [points[spell.start : spell.end + 1] for spell in spells]
         axes.add_collection(LineCollection(paths, colors=colours, linewidths=1.3, zorder=2))
@@ -268,40 +228,36 @@ def draw_energy(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     works = {source: run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)}
     balance = energy_balance(energy, np.array(list(works.values())))
-    sheet = Sheet(run, "Energy balance", (width, 7.5), whole_run(run))
+    sheet = Sheet(run, "Energy balance", (width, 7.5))
     upper, lower = sheet.figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     for source, work in works.items():
         if np.any(work != 0.0):
-            sheet.curve(upper, work, f"work of {source}", WORK_COLOURS[source])
+            sheet.curve(upper, work, f"work of {source}", palette.WORK_COLOURS[source])
     sheet.curve(upper, energy - energy[0], "kinetic and potential energy", BLACK, linewidth=1.8)
-    sheet.mark_events(upper)
     style_panel(upper, "work since the start, and change of energy", "energy [J]")
-    lower.plot(sheet.window.time, balance.residual[sheet.window.rows], color=BLACK, linewidth=1.2)
+    lower.plot(sheet.time, balance.residual[sheet.window], color=BLACK, linewidth=1.2)
     title = (
         f"energy less work: at most {balance.largest_residual:.2g} J of the {balance.throughput:.1f} J "
         f"exchanged ({100.0 * balance.relative_residual:.2g} %)"
     )
     style_panel(lower, title, "energy [J]")
-    sheet.put_time_below(lower)
-    return sheet.finished()
+    return sheet.finished_over_time(lower, phases=False)
 
 
 def draw_crutches(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     """Draw lean of the trunk, forces on the crutches and work of the arms; None without crutches."""
     if any(f"{side}_arm_power_W" not in run.log for side in run.sides):
         return None
-    sheet = Sheet(run, "Trunk, crutches and arms", (width, 8.0), whole_run(run))
+    sheet = Sheet(run, "Trunk, crutches and arms", (width, 8.0))
     lean, force, work = panels = sheet.figure.subplots(3, 1, sharex=True)
     sheet.curve(lean, np.degrees(run.log[TRUNK_PITCH].to_numpy()), "trunk", BLACK)
     for side in run.sides:
-        label, colour = f"{side} arm and crutch", SIDE_COLOURS[side]
+        label, colour = f"{side} arm and crutch", palette.SIDE_COLOURS[side]
         sheet.curve(force, f"{side}_crutch_normal_force_N", label, colour)
         sheet.curve(work, TICK * np.cumsum(run.log[f"{side}_arm_power_W"].to_numpy()), label, colour)
     style_panel(lean, "lean of the trunk, forwards positive", "angle [°]")
     style_panel(force, "force of the ground on the crutch, upwards", "force [N]")
     style_panel(work, "work of the arm since the start", "work [J]")
     for axes in panels:
-        sheet.mark_events(axes)
         axes.axhline(0.0, color="0.6", linewidth=0.8)
-    sheet.put_time_below(work)
-    return sheet.finished()
+    return sheet.finished_over_time(work, phases=False)

@@ -13,15 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from twin_gait.gait.signals import ANGLE
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
-from twin_gait.report.canvas import (
-    SCREEN_WIDTH,
-    amount,
-    draw_cycle_curve,
-    flexion,
-    put_legend,
-    readable,
-    style_panel,
-)
+from twin_gait.report import canvas
+from twin_gait.report.canvas import draw_cycle_curve, put_legend, readable, style_panel
 from twin_gait.report.pages import paragraphs, render
 from twin_gait.vocabulary import Side
 
@@ -65,7 +58,7 @@ def summary(outcome: Outcome) -> list[str]:
 def _content(outcome: Outcome) -> dict[str, Any]:
     known = {name: value for name, value in outcome.items() if name != "version"}
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**known, "errors": errors, "amount": amount, "name_of": name_of}
+    return {**known, "errors": errors, "amount": canvas.amount, "name_of": name_of}
 
 
 def name_of(name: str) -> str:
@@ -88,7 +81,7 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
 
 
 def _figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(SCREEN_WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(canvas.SCREEN_WIDTH, height), layout="constrained")
     return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
@@ -105,7 +98,7 @@ def draw_gait(curves: Curves) -> Figure:
     for axes, (joint, known) in zip(panels, curves.items(), strict=True):
         for name, curve in known.items():
             draw_cycle_curve(axes, curve, **styles[name])
-        style_panel(axes, f"{joint}, mean stride from foot contact", flexion(joint))
+        style_panel(axes, f"{joint}, mean stride from foot contact", canvas.flexion(joint))
     labels = {name: name if name == "reference" else f"{name} leg" for name in styles}
     put_legend(figure, [Line2D([], [], label=labels[name], **style) for name, style in styles.items()])
     return figure

@@ -40,6 +40,7 @@ class Controller:
     title: str  # in a report
     explanation: str  # what it does, in plain words
     law: str  # mode of control between angle and torque
+    colour: str  # of its curves
     adaptive: bool = False  # whether the assistance adapts from stride to stride
     partial: bool = False  # whether a fixed share of the table acts
 
@@ -95,24 +96,19 @@ class Comparison:
 
     def interval(self, controller: str, number: str) -> Interval:
         """Mean of a measure over the runs of a controller that have it."""
-        values = self.table.loc[self.table["controller"] == controller].get(number)
-        return interval_of(np.zeros(0) if values is None else values.to_numpy(dtype=float))
+        runs = self.table[self.table["controller"] == controller]
+        return interval_of(runs.reindex(columns=[number]).to_numpy(dtype=float)[:, 0])
 
     def walked(self, controller: str) -> int:
         """Runs of a controller without a fall or a trip."""
         return int(self.table.loc[self.table["controller"] == controller, "walked"].sum())
 
-    def means(self) -> list[Measures]:
-        """``NAME`` and ``NAME_half_width`` of every measure, one mapping per controller."""
-        names = [str(name) for name in self.table.columns.drop(["controller", "seed", "status", "trip"])]
-        return [
-            {
-                f"{name}{end}": value
-                for name in names
-                for end, value in zip(("", "_half_width"), self.interval(item.name, name), strict=True)
-            }
-            for item in self.controllers
-        ]
+    def numbers(self, controller: str) -> Measures:
+        """``NAME`` and ``NAME_half_width`` of every measure."""
+        names = self.table.columns.drop(["controller", "seed", "status", "trip"])
+        means = {str(name): self.interval(controller, name) for name in names}
+        widths = {f"{name}_half_width": found.half_width for name, found in means.items()}
+        return {name: found.mean for name, found in means.items()} | widths
 
 
 def interval_of(values: np.ndarray) -> Interval:
@@ -126,11 +122,7 @@ def interval_of(values: np.ndarray) -> Interval:
 
 
 def compare(
-    experiment: Experiment,
-    controllers: Sequence[Controller],
-    *,
-    seeds: int = 1,
-    **watch: Unpack[Watch],
+    experiment: Experiment, controllers: Sequence[Controller], *, seeds: int = 1, **watch: Unpack[Watch]
 ) -> Comparison | None:
     """Run every controller on every day; all controllers meet the same days.
 
@@ -145,9 +137,9 @@ def compare(
         raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
     if len(found) < len(asked):
         return None
-    told = [(controller.name, seed, *item) for (controller, seed), item in zip(asked, found, strict=True)]
-    table = pd.DataFrame([{"controller": name, "seed": seed, **row} for name, seed, row, _ in told])
-    nominal = {name: run for name, _, _, run in told if run is not None}
+    named = [{"controller": controller.name, "seed": seed} for controller, seed in asked]
+    table = pd.DataFrame([name | row for name, (row, _) in zip(named, found, strict=True)])
+    nominal = {item.name: run for (item, _), (_, run) in zip(asked, found, strict=True) if run is not None}
     return Comparison(experiment, tuple(controllers), seeds, table, nominal)
 
 
@@ -176,28 +168,29 @@ def _check(experiment: Experiment, seeds: int) -> None:
 
 def varied(experiment: Experiment, seed: int) -> Experiment:
     """The experiment on another day."""
-    walking, patient, plant = experiment.scenario.walking, experiment.patient, experiment.plant
     if seed == 0:
         return experiment
-    assert walking is not None and patient is not None  # the caller has checked
+    scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
+    assert scenario.walking is not None and patient is not None  # the caller has checked
     draw = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4).tolist()
-    friction = {
-        joint: (1.0 + FRICTION_SPREAD * draw[1]) * plant.friction_ratio.get(joint, 1.0)
-        for joint in plant.friction
-    }
-    form = 1.0 + EFFORT_SPREAD * draw[3]
+    weight, rough, fast, form = (
+        1.0 + spread * drawn
+        for spread, drawn in zip(
+            (MASS_SPREAD, FRICTION_SPREAD, SPEED_SPREAD, EFFORT_SPREAD), draw, strict=True
+        )
+    )
     conditions = {
         place: replace(item, effort=min(1.0, form * item.effort))
         for place, item in patient.conditions.items()
     }
-    mass = min(HEAVIEST_WEARER, (1.0 + MASS_SPREAD * draw[0]) * patient.mass)
-    scenario = experiment.scenario
+    patient = replace(patient, mass=min(HEAVIEST_WEARER, weight * patient.mass), conditions=conditions)
+    friction = {joint: rough * plant.friction_ratio.get(joint, 1.0) for joint in plant.friction}
     if scenario.adjusts(BELT_SPEED):
-        scenario = scenario.adjusted(BELT_SPEED, (1.0 + SPEED_SPREAD * draw[2]) * walking.speed)
+        scenario = scenario.adjusted(BELT_SPEED, fast * scenario.walking.speed)
     return replace(
         experiment,
         seed=experiment.seed + seed,
-        patient=replace(patient, mass=mass, conditions=conditions),
+        patient=patient,
         plant=replace(plant, friction_ratio=friction),
         scenario=scenario,
     )

@@ -13,23 +13,14 @@ from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.strides import normalise_strides
-from twin_gait.palette import (
-    BLUE,
-    BLUISH_GREEN,
-    GREY,
-    ORANGE,
-    REDDISH_PURPLE,
-    REFERENCE_COLOUR,
-    SKY_BLUE,
-    VERMILLION,
-)
+from twin_gait.palette import REFERENCE_COLOUR
 from twin_gait.report.canvas import draw_cycle_curve, picture_bytes, put_legend, style_panel
 from twin_gait.report.pages import paragraphs, render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.run_page import belt_speed_of, describe
 from twin_gait.runs.summary import versions
-from twin_gait.studies.compare.comparing import CONTROLLERS, Comparison, Controller, Interval
+from twin_gait.studies.compare.comparing import Comparison, Controller, Interval
 from twin_gait.vocabulary import JointName, Side
 
 PAGE_FILE = "compare.html"
@@ -37,7 +28,6 @@ COMPARISON = FolderKind("a comparison", PAGE_FILE)
 PICTURE_FILE, RUNS_FILE, SUMMARY_FILE = "compare.png", "runs.csv", "compare.json"
 HOT = 1.0  # RMS current over the continuous one
 UNEVEN = 0.05  # of a symmetry index; less is not called asymmetry
-COLOURS = (BLUE, VERMILLION, BLUISH_GREEN, ORANGE, REDDISH_PURPLE, SKY_BLUE, GREY)
 _BARS = {"device torque, RMS [N m]": "interaction_rms_Nm", "battery [W]": "battery_power_W"}
 
 
@@ -80,8 +70,7 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
         picture = picture_bytes(figure_of(comparison))
         write_atomically(staging / PICTURE_FILE, picture)
         write_atomically(staging / PAGE_FILE, page_of(comparison, who, picture))
-        table = comparison.table.to_csv(index=False, lineterminator="\n")
-        write_atomically(staging / RUNS_FILE, table)
+        write_atomically(staging / RUNS_FILE, comparison.table.to_csv(index=False, lineterminator="\n"))
         write_json(staging / SUMMARY_FILE, summary_of(comparison, who))
 
 
@@ -155,7 +144,6 @@ def figure_of(comparison: Comparison) -> Figure:
     nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
     bars = nominal.reindex(columns=list(_BARS.values())).dropna().to_dict("index")
     walked = [item for item in comparison.controllers if item.name in bars]
-    colours = [COLOURS[list(CONTROLLERS).index(item.name)] for item in walked]
     joints = comparison.experiment.joints
     count = len(joints) * len(Side) + len(_BARS)
     figure = Figure(figsize=(13.0 * count / 6, 3.3), layout="constrained")
@@ -163,10 +151,10 @@ def figure_of(comparison: Comparison) -> Figure:
     lines: list[Artist] = []
     for joint, side in product(joints, Side):
         axes = next(panels)
-        for item, colour in zip(walked, colours, strict=True):
+        for item in walked:
             record = comparison.runs[item.name].leg_record(side)
             cycles = np.degrees(normalise_strides(record.angles[joint], record.strides()))
-            style: dict[str, Any] = {"color": colour, "linewidth": 1.5, "label": item.title}
+            style: dict[str, Any] = {"color": item.colour, "linewidth": 1.5, "label": item.title}
             lines += draw_cycle_curve(axes, cycles.mean(axis=0), **style)
         reference = reference_cycle(comparison.experiment, joint)
         if reference is not None:
@@ -175,7 +163,8 @@ def figure_of(comparison: Comparison) -> Figure:
         style_panel(axes, f"{side} {joint} [°]", "")
         axes.set_xlabel("stride [%]")
     for axes, (label, number) in zip(panels, _BARS.items(), strict=True):
-        axes.bar(range(len(walked)), [bars[item.name][number] for item in walked], color=colours)
+        heights = [bars[item.name][number] for item in walked]
+        axes.bar(range(len(walked)), heights, color=[item.colour for item in walked])
         axes.set_xticks([])
         style_panel(axes, label, "")
     if lines:
@@ -192,7 +181,7 @@ def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
         "versions": versions(),
         "paragraphs": conclusions(comparison),
         "controllers": {
-            item.name: {"walked": comparison.walked(item.name), "numbers": row}
-            for item, row in zip(comparison.controllers, comparison.means(), strict=True)
+            item.name: {"walked": comparison.walked(item.name), "numbers": comparison.numbers(item.name)}
+            for item in comparison.controllers
         },
     }

@@ -1,4 +1,4 @@
-"""Sweep specifications as YAML, their experiment, their design (grid, Latin hypercube, list) and its episodes.
+"""Specifications of sweeps as YAML, their experiment, design (grid, Latin hypercube, list) and episodes.
 
 What an episode changes is made when it is asked for, so that a million of them take no memory.
 """
