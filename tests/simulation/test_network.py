@@ -346,7 +346,7 @@ def test_the_summary_says_what_the_bus_carried():
     assert rows[0][0] == "left hip setpoint"
     assert rows[0][3] == f"{100 * run.traffic.frames[0].lost / 1000:.1f}"
     assert "network" not in summarise(ideal())
-    assert shown_run(run, summarise(run)).network == [head, *rows]
+    assert shown_run(run, summarise(run)).about["network"] == [head, *rows]
 
 
 @pytest.mark.parametrize(

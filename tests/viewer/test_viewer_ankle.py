@@ -93,7 +93,7 @@ def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
 
 def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:
     long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
-    rows = [row[0] for row in shown_run(long, summarise(long)).walk]
+    rows = [row[0] for row in shown_run(long, summarise(long)).about["walk"]]
     assert [row for row in rows if row.startswith("power of the ankle motor")]
     run = simulate(load_experiment("treadmill", ["duration_s=8"]).experiment)
-    assert not [row[0] for row in shown_run(run, summarise(run)).walk if "ankle motor" in row[0]]
+    assert not [row[0] for row in shown_run(run, summarise(run)).about["walk"] if "ankle motor" in row[0]]

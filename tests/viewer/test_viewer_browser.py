@@ -81,7 +81,8 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
     tripped = simulate(load_experiment("treadmill", settings).experiment)
     assert tripped.trip is not None
-    held = ShownRun("held", tripped.experiment, tripped.log, (), tripped.events, tripped.status, MEASURES)
+    told = {"title": "held", "events": tripped.events, "outcome": tripped.status, "walk": MEASURES}
+    held = ShownRun(tripped.experiment, tripped.log, told)
     (folder / "held.html").write_text(page_of([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
@@ -668,7 +669,7 @@ def test_two_walks_are_compared_by_per_cent_of_the_stride_so_that_a_drift_is_no_
     walk = simulate(load_experiment("treadmill", ["duration_s=9"]).experiment)
     slower = walk.log.iloc[np.round(np.arange(len(walk.log)) / 1.015).astype(int)].copy()
     slower["time_s"] = walk.log["time_s"].to_numpy()  # the same walk with strides 1.5 % longer
-    runs = [ShownRun(name, walk.experiment, log) for name, log in (("a", walk.log), ("b", slower))]
+    runs = [ShownRun(walk.experiment, log, {"title": name}) for name, log in (("a", walk.log), ("b", slower))]
     (tmp_path / "pair.html").write_text(page_of(runs), encoding="utf-8")
     one = opened(f"{(tmp_path / 'pair.html').as_uri()}#t=6", size=(1000, 700))
     largest = """() => Object.fromEntries(plots.panels.filter((panel) => panel.below).flatMap((panel) =>

@@ -172,7 +172,9 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
         assert leg["phases"]["codes"][-1] == len(entry["phases"]) - 1
         assert leg["phases"]["starts"][-1] == trip.tick / 1000  # the page writes milliseconds
     # A run without a trip has neither.
-    (calm,) = embedded(page_of([ShownRun("calm", stored.experiment, stored.log.iloc[:900])]))["runs"]
+    (calm,) = embedded(page_of([ShownRun(stored.experiment, stored.log.iloc[:900], {"title": "calm"})]))[
+        "runs"
+    ]
     assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
 
 
@@ -192,7 +194,7 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
         ["trough in midstance", "0.50", "0.50", "0.80"],
     ]
     summary["power"]["carried_by_belt"] = False
-    assert shown_run(stored, summary, notes=("A note.",)).notes == ("A note.",)
+    assert shown_run(stored, summary, notes=("A note.",)).about["notes"] == ["A note."]
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
@@ -393,10 +395,10 @@ def test_a_run_can_be_seen_after_its_urdf_has_changed(run_folder: Path, tmp_path
     with pytest.raises(ParameterFileError, match="urdf_sha256"):
         load_run(old)
     shown = read_shown_run(old)
-    assert shown.notes and "URDF" in shown.notes[0]
+    assert "URDF" in shown.about["notes"][0]
     (entry,) = embedded(page_of([shown]))["runs"]
-    assert entry["notes"] == list(shown.notes)
-    assert read_shown_run(run_folder).notes == ()
+    assert entry["notes"] == shown.about["notes"]
+    assert read_shown_run(run_folder).about["notes"] == []
 
 
 # ---------------------------------------------------------------------------------- command line

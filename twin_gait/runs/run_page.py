@@ -14,7 +14,7 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
-from twin_gait.measures.outcome import RunEvent, held_from
+from twin_gait.measures.outcome import held_from
 from twin_gait.parameters import Patient
 from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
@@ -31,15 +31,9 @@ from twin_gait.vocabulary import Surroundings
 class ShownRun:
     """A run to be looked at."""
 
-    name: str  # what its heading says
     experiment: Experiment  # what was run
     log: pd.DataFrame  # one row per tick
-    notes: tuple[str, ...] = ()  # what a reader has to know
-    events: tuple[RunEvent, ...] = ()  # faults, trip, fall and divergence
-    outcome: str = ""  # how it ended, in a word
-    # its measures beside those of healthy walking, rows of texts; see table_of_walk
-    walk: Sequence[Sequence[str]] = ()
-    network: Sequence[Sequence[str]] = ()  # what the bus carried, likewise; see table_of_network
+    about: About  # what its page says of it
 
     @property
     def duration(self) -> float:
@@ -49,50 +43,42 @@ class ShownRun:
 
 def shown_run(run: Run, summary: Mapping[str, Any], *, name: str = "", notes: Sequence[str] = ()) -> ShownRun:
     """A run as its page shows it, with its measures and who carries it from its summary."""
-    return ShownRun(
-        f"twin_gait · {name or run.experiment.name}",
-        run.experiment,
-        run.log,
-        notes=tuple(filter(None, (*notes, carried_by_belt(summary)))),
+    experiment = run.experiment
+    about = About(
+        title=f"twin_gait · {name or experiment.name}",
+        subtitle=describe(experiment.patient, belt_speed_of(experiment)),
+        notes=[*filter(None, (*notes, carried_by_belt(summary)))],
         events=run.events,
         outcome=run.verdict.outcome or run.status,
         walk=table_of_walk(summary),
         network=table_of_network(summary),
+        modes=modes_of(experiment),
     )
+    return ShownRun(experiment, run.log, about)
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
     """The page of one run, or of two beside each other, their frames at the same ``moments`` in [s]."""
     changes = (phase_changes(run.log) for run in runs)
-    events = ([event.time for event in run.events] for run in runs)
+    events = ([event.time for event in run.about.get("events", ())] for run in runs)
     wanted = np.unique(np.concatenate([np.asarray(moments, dtype=float), *changes, *events]))
     rate = min(frame_rate(run.duration) for run in runs)
     return recorded_page([_entry(run, rate, wanted.tolist()) for run in runs])
 
 
 def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) -> dict[str, Any]:
-    belt = belt_speed_of(run.experiment)
     try:
         return recorded_run(
             run.log,
             run.experiment.build_world().model,
-            about=About(
-                title=run.name,
-                subtitle=describe(run.experiment.patient, belt),
-                notes=run.notes,
-                events=run.events,
-                outcome=run.outcome,
-                walk=run.walk,
-                network=run.network,
-                modes=modes_of(run.experiment),
-            ),
-            belt_speed=belt_motion_of(run.experiment, held_from(run.events)),
+            about=run.about,
+            belt_speed=belt_motion_of(run.experiment, held_from(run.about.get("events", ()))),
             frames_per_second=frames_per_second,
             moments=moments,
             **setting_of(run.experiment),
         )
     except ViewerError as error:
-        raise ViewerError(f"{run.name.split(' · ')[-1]}: {error}") from error
+        raise ViewerError(f"{run.about['title'].split(' · ')[-1]}: {error}") from error
 
 
 def belt_speed_of(experiment: Experiment) -> float:
