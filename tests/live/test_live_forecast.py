@@ -126,7 +126,7 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
     loaded = load_experiment("treadmill", ["duration_s=60"])
     with LiveSession(loaded, tmp_path / "run", pictures=False) as session:
         name, value = FALLS[0]
-        wait_for(lambda: session.news.frame.number > 10)
+        wait_for(lambda: session.news.frame)
         told = say(session, kind="try", control=name, value=value)
         assert told.response is Response.FORECAST and told.forecast["bad"] and told.subject == name
         assert told.forecast["text"] in told.text and told.effect == {}

@@ -19,7 +19,7 @@ from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.live import finishing
 from twin_gait.live.finishing import complete, complete_all
-from twin_gait.live.journal import AppliedChange, Journal, Piece, locked, read_journal, walk_of
+from twin_gait.live.journal import AppliedChange, Journals, Piece, locked, read_journal, walk_of
 from twin_gait.live.loop import PIECE_TICKS
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
@@ -48,15 +48,15 @@ def problem(loaded):
 
 def written(loaded, problem, folder, *, ticks=1400, over=True):
     """A journal of a walk with a fault and a change, in pieces."""
-    run, failures = SteppedRun(problem), []
+    run, told = SteppedRun(problem), []
     setup = {"document": loaded.document, "folder": str(folder), "force": False, "pictures": True}
-    journal = Journal(journal_of(folder), run.layout.names, setup, on_failure=failures.append)
+    journals = Journals(run.layout.names, setup, told.append)
     run.inject(parse_fault("encoder_jump:right_knee@0s"))
     switches = 0
     while run.tick < ticks:
         new = AppliedChange(run.tick, {"user": "Ann", "text": f"at {run.tick}"})
         rows = run.advance(min(200, ticks - run.tick))
-        journal.keep(
+        journals.keep(
             Piece(
                 rows=rows, switches=run.switches(switches), changes=(new,), status=run.status,
                 reason=run.reason, trip=run.trip, wall_s=run.tick * 1e-3, over=over and run.tick == ticks,
@@ -64,10 +64,10 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
         )  # fmt: skip
         switches = len(run.switches())
     if not over:  # as a kill would leave it
-        return run, journal
-    journal.join()
-    assert failures == []
-    return run, journal
+        return run, journals
+    journals.close()
+    assert told == [{"kind": "journal", "folder": str(folder)}]
+    return run, journals
 
 
 # ---------------------------------------------------------------------- the journal
@@ -75,20 +75,20 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
 
 @pytest.mark.slow
 def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
-    run, journal = written(loaded, problem, tmp_path / "run")
-    content = read_journal(journal.path)
+    run, journals = written(loaded, problem, tmp_path / "run")
+    content = read_journal(journals.paths[0])
     take = walk_of(content.pieces, len(content.columns), 60_000)
     np.testing.assert_array_equal(take.rows, run.rows())
     assert content.columns == run.layout.names and run.trip is not None
     assert (take.switches, take.trip) == (run.switches(), run.trip)
     assert [item.tick for item in take.changes] == list(range(0, 1400, 200))
-    assert journal.path.stat().st_mode & 0o077 == 0
+    assert journals.paths[0].stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.slow
 def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, problem, tmp_path):
-    run, journal = written(loaded, problem, tmp_path / "run")
-    whole, cut = journal.path.read_bytes(), tmp_path / "cut"
+    run, journals = written(loaded, problem, tmp_path / "run")
+    whole, cut = journals.paths[0].read_bytes(), tmp_path / "cut"
     lengths = set()
     for size in np.random.default_rng(3).integers(0, len(whole), 200).tolist():
         cut.write_bytes(whole[:size])
@@ -107,25 +107,25 @@ def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, prob
 
 def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem, tmp_path):
     folder = tmp_path / "run"
-    run, journal = written(loaded, problem, folder, over=False)
+    run, journals = written(loaded, problem, folder, over=False)
     with pytest.raises(RunDirectoryError, match="still going on"):
-        complete(journal.path)
+        complete(journals.paths[0])
     with pytest.raises(RunDirectoryError, match="twin-gait sessions complete"):
         load_run(folder)
-    journal.keep(Piece(rows=run.rows()[:0], over=True))
-    journal.join()
-    done = complete(journal.path)
-    assert done.folder == folder and not journal.path.exists()
+    journals.keep(Piece(rows=run.rows()[:0], over=True))
+    journals.close()
+    done = complete(journals.paths[0])
+    assert done.folder == folder and not journals.paths[0].exists()
     assert load_run(folder).summary["duration_s"] == pytest.approx(1.4)
     with pytest.raises(RunDirectoryError, match="cannot be used"):
-        complete(journal.path)
+        complete(journals.paths[0])
 
 
 def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_path):
-    _, journal = written(loaded, problem, tmp_path / "run")
+    _, journals = written(loaded, problem, tmp_path / "run")
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine.txt").write_text("mine")
-    assert complete(journal.path).folder == tmp_path / "run-2"
+    assert complete(journals.paths[0]).folder == tmp_path / "run-2"
     assert [item.name for item in (tmp_path / "run").iterdir()] == ["mine.txt"]
 
 
@@ -133,12 +133,13 @@ def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_pa
 def test_a_disk_that_is_full_is_told_and_the_walk_goes_on(problem, tmp_path, monkeypatch):
     told, columns = [], log_layout(problem).names
     monkeypatch.setattr(pa, "OSFile", lambda path, mode, open=pa.OSFile: open("/dev/full", mode))
-    journal = Journal(tmp_path / "x.arrows", columns, {}, on_failure=told.append)
-    journal.keep(Piece(rows=np.zeros((10, len(columns)))))
-    journal.join()
-    journal.keep(Piece(rows=np.zeros((10, len(columns)))))
-    assert len(told) == 1 and "cannot be written any more" in told[0]
-    with locked(journal.path):  # it has been let go
+    journals = Journals(columns, {"folder": str(tmp_path / "x")}, told.append)
+    for over in (False, False, True):
+        journals.keep(Piece(rows=np.zeros((10, len(columns))), over=over))
+    journals.close()
+    assert [item["kind"] for item in told] == ["journal", "unkept"]
+    assert "cannot be written any more" in told[1]["text"]
+    with locked(journals.paths[0]):  # it has been let go
         pass
 
 
@@ -173,7 +174,7 @@ def test_of_many_walks_only_the_last_is_drawn_and_every_step_is_told(loaded, pro
         return write(run, directory, pictures=False, **rest)
 
     monkeypatch.setattr(finishing, "write_run", noted)
-    paths = [written(loaded, problem, tmp_path / f"run-{n}", ticks=200)[1].path for n in range(3)]
+    paths = [written(loaded, problem, tmp_path / f"run-{n}", ticks=200)[1].paths[0] for n in range(3)]
     complete_all([*paths, tmp_path / "gone"], told.append, pictures=True)
     assert drawn == [False, False, True]
     steps = [item["step"] for item in told if item["kind"] == "writing"]
@@ -190,10 +191,10 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     session = LiveSession(loaded, tmp_path / "run", user="Ann", records=database, pictures=False)
     with session:
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
-        wait_for(lambda: json.loads(session.news.frame.text)["tick"] > changed.tick + MOST_LOST)
+        wait_for(lambda: json.loads(session.news.frame)["tick"] > changed.tick + MOST_LOST)
         os.kill(session.pid, signal.SIGKILL)
         wait_for(lambda: not session.alive)
-        last = json.loads(session.news.frame.text)
+        last = json.loads(session.news.frame)
         assert last["status"] == session.news.status == "died"
         assert "died" in session.events()[-1].text and "signal 9" in session.news.death
     stored = load_run(tmp_path / "run")
@@ -248,7 +249,7 @@ PARENT = """
     while True:
         serial += 1
         session.submit(SetControl(id=str(serial), user="Ann", control="belt", value=1.0))
-        head = session.news.frame.text.partition(',"time_s"')[0]
+        head = session.news.frame.partition(',"time_s"')[0]
         print(time.monotonic(), len(session.events()), head, flush=True)
         time.sleep(0.02)
 """
@@ -297,9 +298,9 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
 
 
 def test_a_walk_out_of_the_record_is_completed_by_name(loaded, problem, tmp_path, capsys):
-    _, journal = written(loaded, problem, tmp_path / "run")
+    _, journals = written(loaded, problem, tmp_path / "run")
     assert main(["sessions", "complete", str(tmp_path / "run")]) == 0
-    assert capsys.readouterr().out.strip() == str(tmp_path / "run") and not journal.path.exists()
+    assert capsys.readouterr().out.strip() == str(tmp_path / "run") and not journals.paths[0].exists()
 
 
 def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded, problem, tmp_path):

@@ -23,41 +23,52 @@ from tornado.websocket import websocket_connect
 from twin_gait.cli import main
 from twin_gait.exceptions import ViewerError
 from twin_gait.files import write_atomically
-from twin_gait.live.server import LiveServer, RateLimit
+from twin_gait.live.page import LiveServer, RateLimit
 from twin_gait.viewer import server as scene_server
 from twin_gait.viewer.commands import set_object, set_property
-from twin_gait.viewer.connections import MOST_WAITING, Outbox
 from twin_gait.viewer.live_figure import LiveWindow
-from twin_gait.viewer.server import LONGEST_MESSAGE, is_loopback, is_own_page
+from twin_gait.viewer.server import LONGEST_MESSAGE, MOST_WAITING, Outbox, is_loopback, is_own_page
 
 PAGE = "<!DOCTYPE html><title>page</title>"
 
 
-class Listener:
+class Told(LiveServer):
     """A server with nothing behind it, which remembers what it heard."""
 
-    def __init__(self, window: LiveWindow | None = None) -> None:
+    def __init__(self, window: LiveWindow) -> None:
         self.heard: list[str] = []
-        self.stops = 0
-        self.window = window or LiveWindow()
-        self.server = LiveServer(
-            PAGE,
-            first_port=0,
-            on_message=self._hear,
-            on_stop=self._stop,
-            refusal=lambda reason: {"kind": "event", "response": "refused", "text": reason},
-            greeting=lambda: [{"kind": "state", "number": 1}],
-            scene=self.window.everything,
-        )
-        self.origin, self.key = self.server.url.split("/?")
-        self.clients: list[Any] = []
+        self.stops, self.window = 0, window
+        super().__init__(PAGE, first_port=0)
 
-    def _hear(self, panel: Any, text: str) -> None:
+    def greeting(self) -> list[dict[str, Any]]:
+        return [{"kind": "state", "number": 1}]
+
+    def scene(self) -> list[Any]:
+        return self.window.everything()
+
+    def hear(self, panel: Any, text: str) -> None:
         self.heard.append(text)
         panel.tell({"kind": "heard", "text": text})
 
-    def _stop(self) -> None:
+    def stop(self) -> None:
         self.stops += 1
+
+
+class Listener:
+    """Such a server and its clients."""
+
+    def __init__(self, window: LiveWindow | None = None) -> None:
+        self.server = Told(window or LiveWindow())
+        self.origin, self.key = self.server.url.split("/?")
+        self.clients: list[Any] = []
+
+    @property
+    def heard(self) -> list[str]:
+        return self.server.heard
+
+    @property
+    def stops(self) -> int:
+        return self.server.stops
 
     async def connect(self, path: str, *, key: str | None = None, **headers: str) -> Any:
         headers = {"Origin": self.origin, **{name.title(): value for name, value in headers.items()}}
@@ -269,10 +280,7 @@ def test_nothing_listens_on_another_address() -> None:
 def test_taken_port_gives_way_to_the_next() -> None:
     async def scene(listener: Listener) -> None:
         taken = listener.server.port
-        second = LiveServer(
-            PAGE, first_port=taken, on_message=lambda panel, text: None, on_stop=lambda: None,
-            refusal=lambda reason: {}, greeting=lambda: [], scene=lambda: [],
-        )  # fmt: skip
+        second = LiveServer(PAGE, first_port=taken)
         try:
             assert taken < second.port < taken + 100
             assert second.url.startswith(f"http://127.0.0.1:{second.port}/?token=")
@@ -286,10 +294,7 @@ def test_taken_port_gives_way_to_the_next() -> None:
 def test_no_free_port_is_one_line_with_the_way_out() -> None:
     async def run() -> None:
         with pytest.raises(ViewerError, match=r"cannot be served: .*; give another --port") as caught:
-            LiveServer(
-                PAGE, first_port=65535, on_message=lambda panel, text: None, on_stop=lambda: None,
-                refusal=lambda reason: {}, greeting=lambda: [], scene=lambda: [],
-            )  # fmt: skip
+            LiveServer(PAGE, first_port=65535)
         assert "\n" not in str(caught.value)
 
     with socket.socket() as blocker:
@@ -340,57 +345,32 @@ def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.Mo
 
 
 FEW_FILES = """
-import asyncio, os, resource, sys
+import asyncio, resource, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))
-from twin_gait.live.server import LiveServer
+from twin_gait.live.page import LiveServer
 
 async def run():
-    server = LiveServer("page", first_port=0, on_message=print, on_stop=print, refusal=dict, greeting=list,
-                        scene=list)
-    print(server.url, flush=True)
-    loop, taken = asyncio.get_running_loop(), []
-    while line := await loop.run_in_executor(None, sys.stdin.readline):
-        try:
-            while line == "take all files\\n":
-                taken.append(os.open(os.devnull, os.O_RDONLY))
-        except OSError:
-            pass
-        if line == "give them back\\n":
-            for number in taken:
-                os.close(number)
-        print("done", flush=True)
+    print(LiveServer("page", first_port=0).url, flush=True)
+    await asyncio.get_running_loop().run_in_executor(None, sys.stdin.read)
 
 asyncio.run(run())
 """
 
 
-@pytest.mark.parametrize("files_taken", [False, True])
-def test_many_callers_cost_no_words_and_leave_files_to_the_program(files_taken: bool) -> None:
+def test_many_callers_cost_no_words_and_leave_files_to_the_program() -> None:
     """130 of them at ``ulimit -n 128`` gave 23 MB of traces in seconds."""
     with subprocess.Popen(
         [sys.executable, "-c", FEW_FILES], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     ) as process:  # fmt: skip
-        assert process.stdin and process.stdout and process.stderr
-
-        def tell(line: str) -> None:
-            print(line, file=process.stdin, flush=True)
-            assert process.stdout.readline() == "done\n"
-
+        assert process.stdout
         url = process.stdout.readline().strip()
-        port = urlsplit(url).port
-        if files_taken:
-            tell("take all files")
-        # While nobody is let in, no more than 128 may wait at the door.
-        callers = [socket.create_connection(("127.0.0.1", port)) for _ in range(100 if files_taken else 130)]
+        callers = [socket.create_connection(("127.0.0.1", urlsplit(url).port)) for _ in range(130)]
         time.sleep(1.0)
-        if not files_taken:
-            inside = [caller for caller in callers if not hung_up(caller, 0.01)]
-            assert len(inside) == 64  # half of the files
+        inside = [caller for caller in callers if not hung_up(caller, 0.01)]
+        assert len(inside) == 64  # half of the files
         for caller in callers:
             caller.close()
-        if files_taken:
-            tell("give them back")
         page = urllib.request.urlopen(url, timeout=5.0).read()
         _, said = process.communicate()
     assert page == b"page"

@@ -6,9 +6,9 @@ at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,6 @@ import numpy as np
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
-from twin_gait.gait.table import GaitTable
 from twin_gait.live.protocol import (
     Action,
     ActionSpec,
@@ -37,7 +36,7 @@ from twin_gait.live.settings import (
     resolved_damping,
 )
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
 
 LONGEST_PUSH = 2.0  # [s]
@@ -167,17 +166,28 @@ QUANTITIES = {
 _DRIVES = "The gait table, or one of the monitor's three controls, for which the belt stands still."
 _WAITS = "A leg at the end of stance waits for the step button, and the belt waits with it."
 
-
 Fields = Mapping[str, Any]  # numbers in SI, or words
-Write = Callable[[Settings, Fields], Settings]
 
 
-class Handle(NamedTuple):
-    """What a control sets: some fields."""
+class Knob(NamedTuple):
+    """A control and what it sets: the fields of a part of the settings."""
 
-    begun: Fields  # as the session began: not one bit is lost in another unit
-    fields_of: Callable[[Value], Fields]  # of a value of the control
-    write: Write  # settings with other fields
+    control: Control  # as the session begins
+    read: Callable[[Settings], Fields]  # the field that it shows, and others that follow from it
+    write: Callable[[Settings, Fields], Settings]  # settings with other fields
+    scale: float = 1.0  # SI value of one unit of the control
+
+    def shown(self, settings: Settings) -> Value:
+        """Value of the control."""
+        value: Value = next(iter(self.read(settings).values()))
+        return float(value) / self.scale if self.control.kind is ControlKind.NUMBER else value
+
+    def turned(self, settings: Settings, value: Value) -> Settings:
+        """Settings with another value of the control, which leaves nothing of the other fields."""
+        fields: dict[str, Any] = dict.fromkeys(self.read(settings))
+        name = next(iter(fields))
+        number = self.control.kind is ControlKind.NUMBER
+        return self.write(settings, fields | {name: float(value) * self.scale if number else value})
 
 
 class Panel:
@@ -201,7 +211,11 @@ class Panel:
             item.joint: model.effective_inertia(np.zeros(model.nv), item.control_coordinate)
             for item in self.problem.joints
         }
-        self._handles: dict[str, Handle] = {}
+        monitored = [Place(None, joint, side) for side, joint in self.preset.monitor]
+        knobs = list(self._own_knobs())
+        for group, there in (("table", self._places), ("monitor", monitored)):
+            knobs += [knob for place in there for knob in self._joint_knobs(place, group)]
+        self._knobs = {knob.control.name: knob for knob in knobs}
         # The last ones asked for.
         self._shown: tuple[Settings, tuple[Control, ...]] | None = None
 
@@ -210,99 +224,71 @@ class Panel:
     def controls(self, settings: Settings) -> tuple[Control, ...]:
         """All controls with the values of some settings, in the order in which a page shows them."""
         if self._shown is None or self._shown[0] is not settings:
-            parts = (self._walk_controls, self._table_controls, self._monitor_controls)
-            pairs = [pair for part in parts for pair in part(settings)]
-            self._handles = {control.name: handle for control, handle in pairs}
-            self._shown = (settings, tuple(control for control, _ in pairs))
+            now = self._dampings(build_problem(settings.experiment))
+            # A damping ratio follows the stiffness: the preset's b is the one that its ratio gives now.
+            as_preset = reduce(self.revert, now, settings)
+            begun = self._dampings(build_problem(as_preset.experiment))
+            found = [
+                replace(knob.control, value=now[name], default=begun[name])
+                if name in now
+                else replace(knob.control, value=knob.shown(settings))
+                for name, knob in self._knobs.items()
+            ]
+            self._shown = (settings, tuple(found))
         return self._shown[1]
 
-    def _walk_controls(self, settings: Settings) -> Iterator[tuple[Control, Handle]]:
-        def own(name: str, kind: Callable[[Value], Any]) -> Handle:
-            begun = {name: getattr(self.preset, name)}
-            return Handle(begun, lambda value: {name: kind(value)}, lambda s, fields: replace(s, **fields))
-
-        mode = Control(
-            name="mode", label="what drives the joints", group="monitor", kind=ControlKind.CHOICE,
-            value=str(settings.mode), default=str(self.preset.mode), choices=tuple(map(str, Mode)),
-            help=_DRIVES,
+    def _own_knobs(self) -> Iterator[Knob]:
+        """What drives the walk, steps by hand, and what may be adjusted of the world."""
+        experiment, begun = self.preset.experiment, str(self.preset.mode)
+        yield Knob(
+            Control(
+                name="mode", label="what drives the joints", group="monitor", kind=ControlKind.CHOICE,
+                value=begun, default=begun, choices=tuple(map(str, Mode)), help=_DRIVES,
+            ),
+            lambda settings: {"mode": str(settings.mode)},
+            lambda settings, fields: replace(settings, mode=Mode(fields["mode"])),
         )  # fmt: skip
-        yield mode, own("mode", lambda value: Mode(str(value)))
-        if HELD_PHASE in settings.table.phases and settings.experiment.modes is None:
-            manual = Control(
-                name="manual", label="steps by hand", group="walk", kind=ControlKind.SWITCH,
-                value=settings.manual, default=self.preset.manual, help=_WAITS,
+        if HELD_PHASE in experiment.table.phases and experiment.modes is None:
+            yield Knob(
+                Control(
+                    name="manual", label="steps by hand", group="walk", kind=ControlKind.SWITCH,
+                    value=self.preset.manual, default=self.preset.manual, help=_WAITS,
+                ),
+                lambda settings: {"manual": settings.manual},
+                lambda settings, fields: replace(settings, manual=fields["manual"]),
             )  # fmt: skip
-            yield manual, own("manual", bool)
-        presets = self.preset.experiment.scenario.adjustments
-        for now, begun in zip(settings.experiment.scenario.adjustments, presets, strict=True):
+        for item in experiment.scenario.adjustments:
             control = Control(
-                name=now.name, label=now.label, group="walk", kind=ControlKind.NUMBER, value=now.shown,
-                default=begun.shown, unit=now.unit, least=begun.least, largest=begun.largest, step=now.step,
-                help=now.help,
+                name=item.name, label=item.label, group="walk", kind=ControlKind.NUMBER, value=item.shown,
+                default=item.shown, unit=item.unit, least=item.least, largest=item.largest, step=item.step,
+                help=item.help,
             )  # fmt: skip
-            yield control, self._handle(begun.name, {begun.name: begun.value}, now.scale, _adjusted)
+            yield Knob(control, partial(_adjustment, item.name), _adjusted, item.scale)
 
-    def _table_controls(self, settings: Settings) -> Iterator[tuple[Control, Handle]]:
-        now = build_problem(settings.experiment)
-        # A damping ratio follows the stiffness: the preset's b is the one that its ratio gives now.
-        as_preset = build_problem(settings.with_table(self._with_preset_damping(settings.table)).experiment)
+    def _joint_knobs(self, place: Place, group: str) -> Iterator[Knob]:
+        """All quantities that can be set in a place."""
+        record = place.read(self.preset)
+        for name, quantity in QUANTITIES.items():
+            fields = [item for item in (quantity.field, f"{quantity.field}_ratio") if hasattr(record, item)]
+            if not fields:
+                continue
+            least, largest = self.range_of(name, JointName(place.joint))
+            value = (getattr(record, quantity.field) or 0.0) / quantity.scale
+            control = Control(
+                name=f"{place.prefix}.{name}", label=quantity.label, group=group, kind=ControlKind.NUMBER,
+                value=value, default=value, unit=quantity.unit, least=least, largest=largest,
+                step=quantity.step, phase=place.phase, joint=place.joint, side=place.side, help=quantity.help,
+            )  # fmt: skip
+            yield Knob(control, partial(_fields_of, place, fields), place.write, quantity.scale)
+
+    def _dampings(self, problem: Problem) -> dict[str, float]:
+        """Values of the table's controls of damping, of a leg that each reaches, ratios resolved."""
+        found, differing = {}, self.preset.table.side_phases
         for place in self._places:
-            impedance, begun = place.read(settings.table), place.read(self.preset.table)
-            for name, quantity in QUANTITIES.items():
-                if name == "torque":
-                    continue
-                own = {quantity.field: getattr(begun, quantity.field)}
-                value = getattr(impedance, quantity.field) if name != "damping" else self._damping(now, place)
-                default = own[quantity.field]
-                if name == "damping":
-                    own["damping_ratio"] = begun.damping_ratio
-                    default = self._damping(as_preset, place)
-                shown = (value / quantity.scale, default / quantity.scale)
-                handle = self._handle(quantity.field, own, quantity.scale, partial(_impeded, place))
-                yield self._number(place.prefix, name, "table", shown, place), handle
-
-    def _damping(self, problem: Problem, place: Place) -> float:
-        """Of a leg that the control reaches, its ratio resolved."""
-        side = place.side
-        if side is None:
-            differing = self.preset.table.side_phases
-            common = [side for side in self.problem.sides if place.phase not in differing.get(side, {})]
-            side = (common or list(self.problem.sides))[0]
-        return resolved_damping(problem, side, place.phase, place.joint)
-
-    def _with_preset_damping(self, table: GaitTable) -> GaitTable:
-        for place in self._places:
-            begun = place.read(self.preset.table)
-            changed = replace(place.read(table), damping=begun.damping, damping_ratio=begun.damping_ratio)
-            table = place.write(table, changed)
-        return table
-
-    def _monitor_controls(self, settings: Settings) -> Iterator[tuple[Control, Handle]]:
-        for (side, joint), item in settings.monitor.items():
-            begun = self.preset.monitor[side, joint]
-            for name, quantity in QUANTITIES.items():
-                own = {quantity.field: getattr(begun, quantity.field)}
-                shown = (getattr(item, quantity.field) / quantity.scale, own[quantity.field] / quantity.scale)
-                place = Place("", joint, side)
-                handle = self._handle(quantity.field, own, quantity.scale, partial(_monitored, (side, joint)))
-                yield self._number(f"monitor.{side}.{joint}", name, "monitor", shown, place), handle
-
-    @staticmethod
-    def _handle(field: str, begun: Fields, scale: float, write: Write) -> Handle:
-        """Of a number, which leaves nothing of the other fields."""
-        others = dict.fromkeys(begun)
-        return Handle(begun, lambda value: {**others, field: float(value) * scale}, write)
-
-    def _number(
-        self, prefix: str, name: str, group: str, shown: tuple[float, float], place: Place
-    ) -> Control:
-        quantity, (least, largest) = QUANTITIES[name], self.range_of(name, JointName(place.joint))
-        return Control(
-            name=f"{prefix}.{name}", label=quantity.label, group=group, kind=ControlKind.NUMBER,
-            value=shown[0], default=shown[1], unit=quantity.unit, least=least, largest=largest,
-            step=quantity.step, phase=place.phase or None, joint=place.joint, side=place.side,
-            help=quantity.help,
-        )  # fmt: skip
+            common = (side for side in self.problem.sides if place.phase not in differing.get(side, {}))
+            side = place.side or next(common, self.problem.sides[0])
+            found[f"{place.prefix}.damping"] = resolved_damping(problem, side, place.phase, place.joint)
+        return found
 
     def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
         """Least and largest value of a quantity of a joint, in the unit of the control.
@@ -311,24 +297,26 @@ class Panel:
         Stiffness: the published range, or what the table has if that is more. Damping: critical at that
         stiffness with the leg's inertia, or twice what the table has if that is more.
         """
-        own = [place.read(self.preset.table) for place in self._places if place.joint == joint]
+        own = [place for place in self._places if place.joint == joint]
         if quantity == "equilibrium":
             low, high = self._angles[joint]
             # Whole tenths just inside the stops.
             stops = math.ceil(10.0 * low / _DEGREE) / 10.0, math.floor(10.0 * high / _DEGREE) / 10.0
-            angles = (*stops, *(item.equilibrium_angle / _DEGREE for item in own))
+            angles = (*stops, *(place.read(self.preset).equilibrium_angle / _DEGREE for place in own))
             return min(angles), max(angles)
         if quantity == "torque":
             return -self._torque, self._torque
         if quantity == "gain":
             return 0.0, 1.0
         unit = QUANTITIES["stiffness"].scale
-        stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
+        has = (place.read(self.preset).stiffness / unit for place in own)
+        stiffness = max(STIFFNESS_RANGES[joint].most, *has)
         if quantity == "stiffness":
             return 0.0, stiffness
         critical = 2.0 * math.sqrt(stiffness * unit * self._inertias[joint])
-        has = [self._damping(self.problem, place) for place in self._places if place.joint == joint]
-        return 0.0, math.ceil(max(critical, 2.0 * max(has)))
+        dampings = self._dampings(self.problem)
+        most = max(dampings[f"{place.prefix}.damping"] for place in own)
+        return 0.0, math.ceil(max(critical, 2.0 * most))
 
     # ------------------------------------------------------------------ setting
 
@@ -337,11 +325,10 @@ class Panel:
 
         Raises MessageRefused if there is no such control, or the value is out of its range.
         """
-        control = next((item for item in self.controls(settings) if item.name == name), None)
-        if control is None:
+        knob = self._knobs.get(name)
+        if knob is None:
             raise MessageRefused(f"control: no {name!r}; the state lists them all")
-        handle = self._handles[name]
-        return handle.write(settings, handle.fields_of(checked(control, value)))
+        return knob.turned(settings, checked(knob.control, value))
 
     def revert(self, settings: Settings, name: str) -> Settings:
         """Settings with one control, or ``all`` of them, as the session began.
@@ -350,25 +337,23 @@ class Panel:
         """
         if name == EVERYTHING:
             return self.preset
-        self.controls(settings)
-        if name not in self._handles:
+        if name not in self._knobs:
             raise MessageRefused(f"revert: no control {name!r}; give one of the state's, or {EVERYTHING}")
-        handle = self._handles[name]
-        return handle.write(settings, handle.begun)
+        knob = self._knobs[name]
+        return knob.write(settings, knob.read(self.preset))
+
+
+def _adjustment(name: str, settings: Settings) -> Fields:
+    """Value of an adjustment of the world, in SI."""
+    found = settings.experiment.scenario.adjustments
+    return {item.name: item.value for item in found if item.name == name}
 
 
 def _adjusted(settings: Settings, fields: Fields) -> Settings:
-    """With another value of an adjustment of the world, in SI."""
     experiment, ((name, value),) = settings.experiment, fields.items()
     scenario = experiment.scenario.adjusted(name, value)
     return replace(settings, experiment=replace(experiment, scenario=scenario))
 
 
-def _impeded(place: Place, settings: Settings, fields: Fields) -> Settings:
-    impedance = replace(place.read(settings.table), **fields)
-    return settings.with_table(place.write(settings.table, impedance))
-
-
-def _monitored(place: tuple[Side, JointName], settings: Settings, fields: Fields) -> Settings:
-    item = replace(settings.monitor[place], **fields)
-    return replace(settings, monitor={**settings.monitor, place: item})
+def _fields_of(place: Place, names: Sequence[str], settings: Settings) -> Fields:
+    return {name: getattr(place.read(settings), name) for name in names}

@@ -15,27 +15,25 @@ import fcntl
 import itertools
 import json
 import os
-import queue
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+from pydantic import ConfigDict, TypeAdapter
 
-from twin_gait.control import Trip, TripCause
+from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.runs.folders import journal_of
 from twin_gait.simulation.run import RunStatus
-from twin_gait.vocabulary import JointName, Side
 
 
-@dataclass(frozen=True)
-class AppliedChange:
+class AppliedChange(NamedTuple):
     """A change as the run folder lists it."""
 
     tick: int  # first tick with the change
@@ -46,6 +44,8 @@ class AppliedChange:
 @dataclass(frozen=True, kw_only=True)
 class Piece:
     """What a walk has added since the piece before."""
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
 
     rows: np.ndarray  # of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
     switches: tuple[PhaseSwitch, ...] = ()  # of the phases
@@ -58,25 +58,8 @@ class Piece:
     wall_s: float = 0.0  # time since the start of the walk in [s], pauses included
     over: bool = False  # whether it is the last one
 
-    def to_dict(self) -> dict[str, Any]:
-        """Everything but the rows, as JSON takes it."""
-        changes = [[item.tick, dict(item.note)] for item in self.changes]
-        entries = {key: value for key, value in vars(self).items() if key != "rows"}
-        return {**entries, "changes": changes, "status": str(self.status)}
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any], rows: np.ndarray) -> Piece:
-        """The piece of :meth:`to_dict` with its rows."""
-        made: dict[str, Any] = {
-            "switches": tuple(PhaseSwitch(item[0], Side(item[1]), *item[2:]) for item in data["switches"]),
-            "changes": tuple(AppliedChange(tick, note) for tick, note in data["changes"]),
-            "status": RunStatus(data["status"]),
-        }
-        if data["trip"] is not None:
-            tick, cause, side, joint = data["trip"]
-            place = side and Side(side), joint and JointName(joint)
-            made["trip"] = Trip(tick, TripCause(cause), *place)
-        return cls(rows=rows, **{**data, **made})
+_PIECE = TypeAdapter(Piece)
 
 
 def walk_of(pieces: Iterable[Piece], n_columns: int, longest: int) -> Piece:
@@ -134,64 +117,67 @@ def locked(journal: Path, *, make: bool = False) -> Iterator[None]:
         os.close(descriptor)
 
 
-class Journal:
-    """Writes one walk in a thread of its own: the loop never waits for the disk.
+class Journals:
+    """Keeps the walks of a session, a file each, in a thread of its own: the loop never waits for the disk.
 
     Attributes:
-        path: The file.
+        paths: The files so far.
     """
 
     def __init__(
-        self,
-        path: Path,
-        columns: Sequence[str],
-        setup: Mapping[str, Any],
-        *,
-        on_failure: Callable[[str], None],
+        self, columns: Sequence[str], setup: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]
     ) -> None:
-        """Make the file, and its folder if there is none.
+        """Make the file of the first walk, and its folder if there is none.
 
-        ``setup``: what the run folder needs beside the log, as JSON takes it; ``on_failure``: called once,
-        from the thread, if it cannot be written any more. Raises RunDirectoryError if it cannot be made.
+        ``setup``: what the run folder needs beside the log, as JSON takes it; ``tell``: takes a mapping for
+        each walk that is begun (``kind`` ``journal`` with ``folder``), and once for each that can no longer
+        be written (``unkept`` with ``text``). Raises RunDirectoryError if the file cannot be made.
         """
-        self.path = path
-        self._on_failure = on_failure
-        self._pieces: queue.SimpleQueue[Piece] = queue.SimpleQueue()
-        self._held = contextlib.ExitStack()
-        self._held.enter_context(locked(path, make=True))
-        metadata = {_SETUP: json.dumps(dict(setup)).encode()}
-        self._schema = pa.schema([(name, pa.float64()) for name in columns], metadata=metadata)
-        self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
-        self._thread.start()
+        self.paths: list[Path] = []
+        self._columns, self._setup, self._tell = columns, setup, tell
+        self._held, self._stream, self._lost = contextlib.ExitStack(), None, False
+        self._begin(Path(setup["folder"]))
+        self._thread = ThreadPoolExecutor(1, "journal")
 
     def keep(self, piece: Piece) -> None:
-        """Take a piece, which may be the last; returns at once."""
-        self._pieces.put(piece)
+        """Take a piece, which may be the last of its walk; returns at once."""
+        self._thread.submit(self._write, piece)
 
-    def join(self) -> None:
-        """Wait until the last piece is written and the file let go."""
-        self._thread.join()
+    def close(self) -> None:
+        """Wait until all pieces are written."""
+        self._thread.shutdown()
 
-    def _write(self) -> None:
+    def _begin(self, folder: Path) -> None:
+        path, setup = journal_of(folder), {**self._setup, "folder": str(folder)}
+        columns, metadata = [(name, pa.float64()) for name in self._columns], {_SETUP: json.dumps(setup)}
         options = pa.ipc.IpcWriteOptions(compression="zstd", use_threads=False)
-        try:
-            with (
-                self._held,
-                pa.OSFile(str(self.path), "wb") as file,
-                pa.ipc.new_stream(file, self._schema, options=options) as stream,
-            ):
-                over = False
-                while not over:
-                    piece = self._pieces.get()
-                    news = json.dumps(piece.to_dict()).encode()
-                    stream.write_batch(self._batch(piece.rows), custom_metadata={_NEWS: news})
-                    over = piece.over
-        except (OSError, pa.ArrowException) as error:
-            self._on_failure(f"{self.path}: cannot be written any more ({' '.join(str(error).split())})")
+        self.paths.append(path)
+        self._held.enter_context(locked(path, make=True))
+        file = self._held.enter_context(pa.OSFile(str(path), "wb"))
+        stream = pa.ipc.new_stream(file, pa.schema(columns, metadata=metadata), options=options)
+        self._stream = self._held.enter_context(stream)
+        self._tell({"kind": "journal", "folder": str(folder)})
 
-    def _batch(self, rows: np.ndarray) -> pa.RecordBatch:
-        columns = [pa.array(column) for column in np.ascontiguousarray(rows.T)]
-        return pa.RecordBatch.from_arrays(columns, schema=self._schema)
+    def _write(self, piece: Piece) -> None:
+        """Write a piece to the file of its walk, which its first piece begins; a walk goes on without it."""
+        try:
+            if self._stream is None and not self._lost:
+                self._begin(next_free(Path(self._setup["folder"]), len(self.paths) + 1))
+            if self._stream is not None:
+                columns = [pa.array(column) for column in np.ascontiguousarray(piece.rows.T)]
+                batch = pa.RecordBatch.from_arrays(columns, names=list(self._columns))
+                news = _PIECE.dump_json(piece, exclude={"rows"})
+                self._stream.write_batch(batch, custom_metadata={_NEWS: news})
+                if piece.over:
+                    self._held.close()
+        except (OSError, pa.ArrowException, RunDirectoryError) as error:
+            text = f"{self.paths[-1]}: cannot be written any more ({' '.join(str(error).split())})"
+            self._tell({"kind": "unkept", "text": text})
+            self._lost, self._stream = True, None
+            with contextlib.suppress(OSError, pa.ArrowException):
+                self._held.close()
+        if piece.over:
+            self._lost, self._stream = False, None
 
 
 class Content(NamedTuple):
@@ -224,4 +210,4 @@ def _pieces(stream: Any) -> Iterator[Piece]:
         except (StopIteration, OSError, pa.ArrowException):  # the end, or where the writer was killed
             return
         rows = np.column_stack([column.to_numpy() for column in batch.columns])
-        yield Piece.from_dict(json.loads(metadata[_NEWS]), rows)
+        yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})

@@ -5,7 +5,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from twin_gait.gait.table import TICK
 from twin_gait.live.loop import MOST_TRACES
@@ -57,13 +57,6 @@ _ENDINGS = {
 }
 
 
-class LatestFrame(NamedTuple):
-    """The newest frame."""
-
-    number: int  # counts frames; 0 before the first
-    text: str  # the frame as JSON, ready for a page
-
-
 class WalkNews:
     """What is known of the walks of a session; told by the thread that reads, asked by any."""
 
@@ -80,7 +73,7 @@ class WalkNews:
         ``on_rows``: takes the rows of the log for a bus, block by block.
         """
         self.ready = threading.Event()  # set when the process walks, or has said why it cannot
-        self.frame, self.status = LatestFrame(0, ""), "starting"
+        self.frame, self.status = "", "starting"  # the newest one as JSON; what the walk does
         self.walks, self.folders = list[Path](), list[Path]()  # run folders to come, and written
         self.summary: dict[str, Any] = {}  # of the last walk; empty before the end
         self.failure = self.death = ""  # why the process could not walk or write; how it died
@@ -94,7 +87,7 @@ class WalkNews:
 
     def note_frame(self, line: str) -> None:
         """Notice by the head of a frame what the walk does by itself; the rest is for the pages."""
-        self.frame = LatestFrame(self.frame.number + 1, line)
+        self.frame = line
         head = json.loads(line.partition(',"q":')[0] + "}")
         self._book.tick, status = head["tick"], head["status"]
         if status != self.status:
@@ -158,6 +151,5 @@ class WalkNews:
             self.death = f"the process of the walk died at {self._book.tick * TICK:.1f} s ({how})"
             self.status = "died"
             self._book.emit(Response.NOTE, f"{self.death}; the walk is kept up to its last second")
-            if self.frame.text:  # the last frame tells the pages too
-                frame = {**json.loads(self.frame.text), "status": self.status}
-                self.frame = LatestFrame(self.frame.number + 1, dump(frame))
+            if self.frame:  # the last frame tells the pages too
+                self.frame = dump({**json.loads(self.frame), "status": self.status})

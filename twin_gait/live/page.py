@@ -1,45 +1,152 @@
-"""Between the simulation that runs live and the pages that show it.
+"""Between the simulation that runs live and the pages that show it: the server, its panels, the scene.
 
 Frames move the scene and the numbers; events and the state of the controls go to the panels; what a panel
 says becomes a message of the session, or is refused if it is none.
 """
 
+from __future__ import annotations
+
 import json
 import secrets
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
+
+from tornado.web import RequestHandler
 
 from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import (
     Action,
     DoAction,
     Event,
-    Frame,
     MessageRefused,
     Response,
     State,
     id_of,
     read_message,
 )
-from twin_gait.live.server import LiveServer, Panel
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.page import About, live_page
+from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 from twin_gait.worlds.scenario import BELT_SPEED
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
 READ_OUT = 100  # ticks between two read-outs of a panel
 EVENTS_SHOWN = 400  # to a page that comes late
+MESSAGES_PER_SECOND = 200.0
+_BURST = 400.0
+Message = Mapping[str, Any]
+# What a panel reads out of a frame; the scene has the rest.
+_READ_OUT = ("kind", "tick", "time_s", "status", "events", "deadlines")
 
 
-class LivePage:
-    """The pages of one live session; belongs to one event loop.
+class RateLimit:
+    """How much a page may still say: so many messages a second, with a reserve for bursts."""
 
-    Attributes:
-        server: The web server.
-    """
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Start with the whole reserve. ``clock``: time in [s]."""
+        self._clock, self._left, self._since = clock, _BURST, clock()
+
+    def take(self) -> bool:
+        """Take one message off; False if there is none left."""
+        since, self._since = self._since, self._clock()
+        self._left = min(_BURST, self._left + MESSAGES_PER_SECOND * (self._since - since))
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+class LiveServer(SceneServer):
+    """Serves the live page; who has something to say to its panels, or hears them, says so in a subclass."""
+
+    tick = 0  # the last one known
+
+    @property
+    def pages(self) -> list[Panel]:
+        """Open panels."""
+        return [one for one in self.sockets if isinstance(one, Panel)]
+
+    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
+        """Tell all panels something.
+
+        ``key``: a later message of the same key makes this one needless; None keeps every one.
+        """
+        text = json.dumps(message, allow_nan=False)
+        for panel in self.pages:
+            panel.post_text(text, key)
+
+    def routes(self) -> list[tuple[str, type[RequestHandler]]]:
+        """Paths and who answers them."""
+        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", Panel)]
+
+    def greeting(self) -> Iterable[Message]:
+        """Messages for a panel that has just been opened."""
+        return ()
+
+    def hear(self, panel: Panel, text: str) -> None:
+        """Take what a page says, which may be any text."""
+
+    def stop(self) -> None:
+        """Take it that a page asks to stop without its socket."""
+
+    def refusal(self, reason: str) -> Message:
+        """The answer to what is refused before it is read."""
+        return Event(serial=0, response=Response.REFUSED, text=reason, tick=self.tick).to_dict()
+
+
+class StopHandler(Guarded):
+    """The way to stop when the socket of a page is not open."""
+
+    def post(self) -> None:
+        """Stop."""
+        self.require_own_page()
+        self.server.stop()
+        self.write("stopped\n")
+
+
+class Panel(GuardedSocket):
+    """Talks with the panel of a page."""
+
+    def open(self) -> None:
+        """Send what the panel has to know."""
+        super().open()
+        self._limit, self._count = RateLimit(), 0
+        for message in self.server.greeting():
+            self.tell(message)
+
+    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
+        """Tell this panel something; ``key`` as in :meth:`LiveServer.tell`."""
+        self.post_text(json.dumps(message, allow_nan=False), key)
+
+    def post_text(self, text: str, key: Hashable | None) -> None:
+        """Send a message as soon as the page takes it."""
+        self._count += 1
+        self.outbox.post([(self._count if key is None else ("last", key), text)])
+
+    def on_message(self, message: str | bytes) -> None:
+        """Hand on what the page says."""
+        if isinstance(message, bytes):
+            self._refuse("message: expected text, got bytes")
+        elif not self._limit.take():
+            self._refuse("message: too many in a second; wait a moment")
+        else:
+            self.server.hear(self, message)
+
+    def _refuse(self, reason: str) -> None:
+        self.server.refused += 1
+        self.tell(self.server.refusal(reason), key=reason)
+
+    async def write_batch(self, batch: list[str]) -> None:
+        """Write one message for the batch: a list of what was told."""
+        await self.write_or_leave(f"[{','.join(batch)}]", binary=False)
+
+
+class LivePage(LiveServer):
+    """The pages of one live session; belongs to one event loop."""
 
     def __init__(self, session: LiveSession, experiment: Experiment, *, port: int, user: str = "") -> None:
         """Draw the scene and listen.
@@ -51,10 +158,11 @@ class LivePage:
         self._belt_speed = belt_speed_of(experiment)
         self._scenario, self._modes = experiment.scenario, modes_of(experiment)
         self._walked_until = 0.0  # the last moment seen without a trip
-        self._sides = tuple(str(side) for side in experiment.leg.legs)
+        self._sides = tuple(map(str, experiment.leg.legs))
         self._state: State | None = None
-        self._short: dict[str, Any] | None = None
-        self._number = self._serial = self._told_at = 0
+        self._short: dict[str, Any] = {}
+        self._frame = ""  # the last one
+        self._serial = self._told_at = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
             experiment.build_world().model, drives=experiment.joints,
@@ -64,68 +172,51 @@ class LivePage:
             ),
             phases=experiment.table.phase_names, **setting_of(experiment),
         )  # fmt: skip
-        self.server = LiveServer(
-            live_page(), first_port=port, on_message=self._hear, on_stop=self._stop,
-            refusal=lambda reason: self._refusal(reason).to_dict(), greeting=self._greeting,
-            scene=self.figure.window.everything,
-        )  # fmt: skip
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return self.server.url
+        super().__init__(live_page(), first_port=port)
 
     def update(self) -> None:
         """Bring what is new in the session to all pages; call it every ``PERIOD``."""
         for event in self._session.events(self._serial):
             self._serial = event.serial
-            self.server.tell(event.to_dict())
+            self.tell(event.to_dict())
         self._tell_state()
-        number, text = self._session.news.frame
-        if number != self._number:
-            self._number = number
-            self._show(Frame.from_dict(json.loads(text)))
+        before, self._frame = self._frame, self._session.news.frame
+        if self._frame != before:
+            self._show(json.loads(self._frame))
 
-    def _show(self, frame: Frame) -> None:
+    def _show(self, frame: Message) -> None:
         """Show a moment on all pages."""
-        if frame.log:  # empty before the first tick
-            belt_speed = self._belt_speed * self._belt_share(frame)
+        if frame["log"]:  # empty before the first tick
+            belt_speed, traces = self._belt_speed * self._belt_share(frame), self._session.news.traces()
             self.figure.show(
-                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.news.traces(),
-                events=frame.events,
+                frame["time_s"], frame["q"], frame["log"], belt_speed=belt_speed, traces=traces,
+                events=frame["events"],
             )  # fmt: skip
-            self.server.show(self.figure.window.changes())
-        before, self._short = self._short, self._shortened(frame)
-        if before is None or before["status"] != frame.status or abs(frame.tick - self._told_at) >= READ_OUT:
-            self._told_at = frame.tick
-            self.server.tell(self._short, key="frame")
+            self.show(self.figure.window.changes())
+        self.tick, status = frame["tick"], self._short.get("status")
+        self._short = self._shortened(frame)
+        if status != frame["status"] or abs(frame["tick"] - self._told_at) >= READ_OUT:
+            self._told_at = frame["tick"]
+            self.tell(self._short, key="frame")
 
-    def _belt_share(self, frame: Frame) -> float:
+    def _belt_share(self, frame: Message) -> float:
         """Share of the speed that is set which the belt has, by its profile and after a trip."""
         walking = self._scenario.walking
         if walking is None or walking.belt.cruise == 0.0:
             return 1.0
-        if not frame.log["safety_state"]:
-            self._walked_until = frame.time_s
-        return walking.belt_speed_at(frame.time_s, self._walked_until) / walking.belt.cruise
+        if not frame["log"]["safety_state"]:
+            self._walked_until = frame["time_s"]
+        return walking.belt_speed_at(frame["time_s"], self._walked_until) / walking.belt.cruise
 
-    async def close(self) -> None:
-        """End the server."""
-        await self.server.close()
-
-    def _shortened(self, frame: Frame) -> dict[str, Any]:
-        """What a panel reads out of a frame; the scene has the rest."""
-        entries = frame.to_dict()
-        short = {key: entries[key] for key in ("kind", "tick", "time_s", "status", "events", "deadlines")}
-        held = bool(frame.log.get("safety_state"))
-        phases = {side: None if held else frame.log.get(f"{side}_phase") for side in self._sides}
-        code = frame.log.get("mode")
-        mode = self._modes[int(code)] if self._modes and code is not None else None
-        return short | {"phases": phases, "mode": mode}
+    def _shortened(self, frame: Message) -> dict[str, Any]:
+        """What a panel reads out of a frame."""
+        log = frame["log"]
+        phases = {side: None if log.get("safety_state") else log.get(f"{side}_phase") for side in self._sides}
+        mode = self._modes[int(log["mode"])] if self._modes and "mode" in log else None
+        return {**{key: frame[key] for key in _READ_OUT}, "phases": phases, "mode": mode}
 
     def _tell_state(self) -> None:
-        state = self._session.state()
-        known = self._state
+        state, known = self._session.state(), self._state
         if known is not None and known.controls is state.controls and known.saved == state.saved:
             return  # only its serial number is new
         self._state = state
@@ -133,19 +224,27 @@ class LivePage:
         for control in state.controls:
             if control.name == BELT_SPEED:
                 self._belt_speed = float(control.value) * scales[BELT_SPEED]
-        self.server.tell(state.to_dict(), key="state")
+        self.tell(state.to_dict(), key="state")
 
-    def _greeting(self) -> Iterator[dict[str, Any]]:
+    # ------------------------------------------------------------------ what the server asks
+
+    def scene(self) -> Iterable[Change]:
+        """The whole scene for a page that has just been opened."""
+        return self.figure.window.everything()
+
+    def greeting(self) -> Iterator[Message]:
+        """Session, state, events and numbers for a panel that has just been opened."""
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         if self._state is not None:
             yield self._state.to_dict()
         for event in self._session.events()[-EVENTS_SHOWN:]:
             if event.serial <= self._serial:
                 yield event.to_dict()
-        if self._short is not None:
+        if self._short:
             yield self._short
 
-    def _hear(self, panel: Panel, text: str) -> None:
+    def hear(self, panel: Panel, text: str) -> None:
+        """Make a message of the session of what a page says."""
         try:
             message = read_message(text)
         except MessageRefused as error:
@@ -153,9 +252,6 @@ class LivePage:
             return
         self._session.submit(replace(message, user=message.user or self._user))
 
-    def _stop(self) -> None:
+    def stop(self) -> None:
+        """Stop the walk."""
         self._session.submit(DoAction(id="stop", user=self._user, action=Action.STOP))
-
-    def _refusal(self, reason: str) -> Event:
-        tick = 0 if self._short is None else int(self._short["tick"])
-        return Event(serial=0, response=Response.REFUSED, text=reason, tick=tick)

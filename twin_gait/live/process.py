@@ -12,20 +12,19 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.exceptions import RunDirectoryError, TwinGaitError
+from twin_gait.exceptions import TwinGaitError
 from twin_gait.live.finishing import complete_all
 from twin_gait.live.handle import begin
-from twin_gait.live.journal import Journal, Piece, next_free
+from twin_gait.live.journal import Journals
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
 from twin_gait.live.protocol import dump
 from twin_gait.live.realtime import undisturbed
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.runs.folders import journal_of
 from twin_gait.simulation.problem import build_problem
 
 
@@ -93,44 +92,6 @@ class Inbox:
         self.end()
 
 
-class Journals:
-    """The journals of all walks of a session, one after the other."""
-
-    def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], sender: Sender) -> None:
-        """Begin that of the first walk, so that what cannot be written is found out before it."""
-        self._columns, self._setup, self._sender = columns, setup, sender
-        self._all: list[Journal] = []
-        self._present: Journal | None = self._begin(Path(setup["folder"]))
-
-    def _begin(self, folder: Path) -> Journal:
-        setup = {**self._setup, "folder": str(folder)}
-        journal = Journal(journal_of(folder), self._columns, setup, on_failure=self._note_failure)
-        self._all.append(journal)
-        self._sender.send({"kind": "journal", "folder": str(folder)})
-        return journal
-
-    def _note_failure(self, failure: str) -> None:
-        self._sender.send({"kind": "unkept", "text": failure})
-
-    def keep(self, piece: Piece) -> None:
-        """Hand a piece to the journal of its walk, which its first piece begins."""
-        if self._present is None:
-            try:
-                self._present = self._begin(next_free(Path(self._setup["folder"]), len(self._all) + 1))
-            except RunDirectoryError as error:  # the walk goes on all the same
-                self._note_failure(str(error))
-                return
-        self._present.keep(piece)
-        if piece.over:
-            self._present = None
-
-    def complete(self, *, pictures: bool) -> None:
-        """Make the run folders, and say where they are."""
-        for journal in self._all:
-            journal.join()
-        complete_all([item.path for item in self._all], self._sender.send, pictures=pictures)
-
-
 def main() -> int:
     """Read the set-up, walk, write the run folder.
 
@@ -156,7 +117,7 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
     run = SteppedRun(problem, on_compile=lambda: sender.send({"kind": "compiling"}))
     inbox = Inbox(sys.stdin)
     signal.signal(signal.SIGTERM, inbox.end)
-    journals = Journals(run.layout.names, setup, sender)
+    journals = Journals(run.layout.names, setup, sender.send)
     loop = LiveLoop(
         run,
         now=time.monotonic,
@@ -171,7 +132,8 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
     sender.send({"kind": "ready"})
     with undisturbed():
         loop.run()
-    journals.complete(pictures=not inbox.orphaned)
+    journals.close()
+    complete_all(journals.paths, sender.send, pictures=not inbox.orphaned)
 
 
 if __name__ == "__main__":

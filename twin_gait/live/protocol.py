@@ -18,7 +18,7 @@ from enum import StrEnum
 from typing import Any, TypeGuard
 
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.files import finite_or_none
+from twin_gait.files import plain
 
 LARGEST_MESSAGE = 4096  # [bytes]; the longest sensible message has some 300
 LONGEST_NAME = 64  # characters of an id, a user, a control
@@ -191,15 +191,11 @@ class Control:
     joint: str | None = None  # joint of a control that has one
     side: str | None = None  # leg of a control that has one
     help: str = ""  # one sentence
+    changed: bool = field(init=False)  # whether the value differs from the preset's
 
-    @property
-    def changed(self) -> bool:
-        """Whether the value differs from the preset's."""
-        return self.value != self.default
-
-    def to_dict(self) -> dict[str, Any]:
-        """The control as JSON takes it, with ``changed``."""
-        return {**asdict(self), "changed": self.changed}
+    def __post_init__(self) -> None:
+        """Compare the two."""
+        object.__setattr__(self, "changed", self.value != self.default)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,9 +208,14 @@ class ActionSpec:
     fields: tuple[Control, ...] = ()  # what goes with it
     help: str = ""  # one sentence
 
+
+class ToPage:
+    """What a page is told: a dataclass, as JSON a mapping with the name of its class as ``kind``."""
+
     def to_dict(self) -> dict[str, Any]:
-        """The action as JSON takes it."""
-        return {**asdict(self), "fields": [item.to_dict() for item in self.fields]}
+        """The fields as JSON takes them; numbers that are not finite become null."""
+        fields: Any = self
+        return dict(plain({"kind": type(self).__name__.lower(), **asdict(fields)}))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,7 +231,7 @@ class DeadlineStatistics:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class Frame(ToPage):
     """One moment of the walk."""
 
     tick: int  # of the last row of the log
@@ -244,26 +245,9 @@ class Frame:
     # what befell the walk: kind, time in [s] and words each, see event_entries
     events: tuple[Mapping[str, Any], ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The frame as JSON takes it; numbers that are not finite become null."""
-        log = {key: _finite(value) for key, value in self.log.items()}
-        numbers = {"q": [_finite(item) for item in self.q], "log": log, "deadlines": asdict(self.deadlines)}
-        return {"kind": "frame", **vars(self), **numbers}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Frame:
-        """The frame of :meth:`to_dict`."""
-        return cls(
-            **{key: data[key] for key in ("tick", "time_s", "status")},
-            q=tuple(math.nan if item is None else item for item in data["q"]),
-            log={key: math.nan if item is None else item for key, item in data["log"].items()},
-            deadlines=DeadlineStatistics(**data["deadlines"]),
-            events=tuple(data["events"]),
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
-class Event:
+class Event(ToPage):
     """What became of a message, or what the simulation did by itself."""
 
     serial: int  # number of the event, from 1 on
@@ -280,13 +264,9 @@ class Event:
     effect: Mapping[str, float] = field(default_factory=dict)
     forecast: Mapping[str, Any] | None = None  # of a change that waits, see Forecast; else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """The event as JSON takes it."""
-        return {"kind": "event", **asdict(self)}
-
 
 @dataclass(frozen=True, kw_only=True)
-class State:
+class State(ToPage):
     """The panel."""
 
     serial: int  # of the last event that it counts in; grows with every change
@@ -298,20 +278,6 @@ class State:
     actions: tuple[ActionSpec, ...]  # all actions
     saved: tuple[str, ...] = ()  # tables saved so far: files, newest last
     version: int = PROTOCOL_VERSION  # of the protocol
-
-    def to_dict(self) -> dict[str, Any]:
-        """The state as JSON takes it, with the differences from the preset."""
-        return {
-            "kind": "state",
-            **vars(self),
-            "controls": [item.to_dict() for item in self.controls],
-            "actions": [item.to_dict() for item in self.actions],
-            "differences": [item.name for item in self.controls if item.changed],
-        }
-
-
-def _finite(value: float | str) -> float | str | None:
-    return value if isinstance(value, str) else finite_or_none(value)
 
 
 def dump(data: Mapping[str, Any]) -> str:

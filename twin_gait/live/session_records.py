@@ -1,7 +1,7 @@
 """The record of live sessions: who changed what, when, and where the run is.
 
-A session is a file of JSON lines that is only ever appended to, by a thread that puts it on the disk four
-times a second: neither the walk nor a page waits for it, a crash loses at most the last second, and a line
+A session is a file of JSON lines that is only ever appended to, by a thread that puts it on the disk as fast
+as the disk goes: neither the walk nor a page waits for it, a crash loses at most the last second, and a line
 that a kill has cut short is left out. A session holds a lock on its file, which the system takes back from
 the dead: no end and no lock means killed.
 """
@@ -11,9 +11,9 @@ import fcntl
 import hashlib
 import json
 import os
-import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,7 +23,6 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.live.protocol import Event
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
-WRITE_EVERY = 0.25  # [s]; a crash loses what came after the last write
 KILLED, GOING_ON = "killed", "going on"
 _LOGGED = ("serial", "tick", "response", "user", "subject", "before", "value", "text")
 
@@ -60,16 +59,14 @@ class SessionRecorder:
         self.failure = ""  # why nothing is recorded any more
         self._tables, self._last_table = 0, ""
         self._waiting: deque[str] = deque()
-        self._closed = threading.Event()
+        self._thread = ThreadPoolExecutor(1, "session recorder")
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             self.session, self._descriptor = _make(folder)
-            self._put({"user": user, "experiment": experiment, "document": dict(document), "began": _now()})
-            self._write_waiting()
         except OSError as error:
             raise _unusable(folder, error) from error
-        self._thread = threading.Thread(target=self._write, name="session recorder", daemon=True)
-        self._thread.start()
+        began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
+        self._put(began).result()  # before anybody lists the session
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
@@ -91,27 +88,22 @@ class SessionRecorder:
     def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Sequence[str]) -> None:
         """Record how and in which tick the last walk ended, with its summary; wait until it is written."""
         self._put(_end(status, tick, summary, folders))
-        self._closed.set()
-        self._thread.join()
+        self._thread.shutdown()
         os.close(self._descriptor)
 
-    def _put(self, entry: Mapping[str, Any]) -> None:
+    def _put(self, entry: Mapping[str, Any]) -> Future[None]:
         self._waiting.append(_line(entry))
+        return self._thread.submit(self._write)
 
     def _write(self) -> None:
-        try:
-            while not self._closed.wait(WRITE_EVERY):
-                self._write_waiting()
-            self._write_waiting()
-        except OSError as error:
-            self.failure = error.strerror or str(error)
-
-    def _write_waiting(self) -> None:
+        """Write all that waits, which may be nothing by now."""
         rest = memoryview("".join(self._waiting.popleft() for _ in range(len(self._waiting))).encode())
-        if rest:
+        try:
             while rest:
                 rest = rest[os.write(self._descriptor, rest) :]
             os.fsync(self._descriptor)
+        except OSError as error:
+            self.failure = error.strerror or str(error)
 
 
 def _make(folder: Path) -> tuple[int, int]:

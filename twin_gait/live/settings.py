@@ -178,7 +178,7 @@ def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict
     return found
 
 
-def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> float:
+def resolved_damping(problem: Problem, side: Side, phase: str | None, joint: str) -> float:
     """Damping b of a joint in a phase in [N m s] / [rad], its ratio resolved."""
     column = COLUMNS_PER_JOINT * problem.table.joints.index(joint) + DAMPING
     row = problem.phase_rows[problem.sides.index(side), problem.table.phase_index(phase)]
@@ -187,33 +187,40 @@ def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> fl
 
 @dataclass(frozen=True)
 class Place:
-    """Where in the table a control reaches."""
+    """Where a control of a joint reaches: into the table, or to what the monitor sets."""
 
-    phase: str  # of gait
+    phase: str | None  # of gait; None for the monitor
     joint: str  # of the leg
     side: Side | None  # of the phases that differ on this side; None for those that both sides share
 
     @property
     def prefix(self) -> str:
         """Name of the place, with which the names of its controls begin."""
-        parts = (self.phase, self.joint) if self.side is None else (self.side, self.phase, self.joint)
-        return ".".join(parts)
+        parts = (self.side, self.phase) if self.phase else ("monitor", self.side)
+        return ".".join(filter(None, (*parts, self.joint)))
 
     def _phases(self, table: GaitTable) -> Mapping[str, PhaseParameters]:
         return table.phases if self.side is None else table.side_phases[self.side]
 
-    def read(self, table: GaitTable) -> JointImpedance:
-        """What a table has there."""
-        return self._phases(table)[self.phase].joints[self.joint]
+    def read(self, settings: Settings) -> Any:
+        """The impedance there, or what the monitor has."""
+        if self.phase is None:
+            return settings.monitor[self.side, self.joint]  # type: ignore[index]
+        return self._phases(settings.table)[self.phase].joints[self.joint]
 
-    def write(self, table: GaitTable, impedance: JointImpedance) -> GaitTable:
-        """The table with another impedance there."""
+    def write(self, settings: Settings, fields: Mapping[str, Any]) -> Settings:
+        """Settings with other fields of it."""
+        joint: Any = replace(self.read(settings), **fields)
+        table: GaitTable = settings.table
+        if self.phase is None:
+            monitor: dict[Any, MonitorJoint] = {**settings.monitor, (self.side, self.joint): joint}
+            return replace(settings, monitor=monitor)
         phases = self._phases(table)
         phase = phases[self.phase]
-        changed = {**phases, self.phase: replace(phase, joints={**phase.joints, self.joint: impedance})}
+        changed = {**phases, self.phase: replace(phase, joints={**phase.joints, self.joint: joint})}
         if self.side is None:
-            return replace(table, phases=changed)
-        return replace(table, side_phases={**table.side_phases, self.side: changed})
+            return settings.with_table(replace(table, phases=changed))
+        return settings.with_table(replace(table, side_phases={**table.side_phases, self.side: changed}))
 
 
 def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:

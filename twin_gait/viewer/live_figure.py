@@ -119,15 +119,20 @@ class LiveFigure:
         moment, by column; a phase is a name; ``belt_speed`` of the treadmill since the last moment in
         [m] / [s]; ``traces``: what the curves did since the last moment, in order.
         """
-        posture = np.asarray(q, dtype=float)
+        posture = np.asarray(q, dtype=float)  # null is not a number
         if not np.isfinite(posture).all():
             return  # a walk that diverged stays as it was last seen
         now = np.array([time])
-        legs = {
-            side: LegMotion(PhaseSpells(now, np.array([self._phase(side, row)])), curves={})
-            for side in self._model.sides
+        held = row["safety_state"] == SafetyState.HOLD.code
+        phases = {
+            side: self._phases.index(HOLD if held else row[f"{side}_phase"]) for side in self._model.sides
         }
-        columns = {name: np.array([value]) for name, value in row.items() if not isinstance(value, str)}
+        legs = {
+            side: LegMotion(PhaseSpells(now, np.array([code])), curves={}) for side, code in phases.items()
+        }
+        columns = {
+            name: np.array([value], dtype=float) for name, value in row.items() if not isinstance(value, str)
+        }
         motion = Motion(now, posture[None, :], legs, self._phases, columns)
         self._scene.apply(self._scene.state_at(motion, 0))
         # The way that the belt has gone, because its speed may change.
@@ -136,10 +141,23 @@ class LiveFigure:
         if belt_speed != 0.0:
             offset = surroundings.belt_offset(self._travelled)
             self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
-        numbers = [self._numbers(side, row) for side in self._model.sides]
+        numbers = [
+            {
+                **{
+                    key: self._factor(key) * float(columns[name][0])
+                    for key, name in self._columns[side].items()
+                },
+                "phase": code,
+            }
+            for side, code in phases.items()
+        ]
         sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}
         sample |= {"mode": int(row[MODE])} if MODE in row else {}
         self.window.sample(sample)
+
+    def _factor(self, key: str) -> float:
+        """From the unit of the log to the one that is shown."""
+        return _DEGREES if key in self._drives else 1.0
 
     def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
         """Times in [s] and values of every curve of every leg; no line where a trace is missing."""
@@ -152,17 +170,13 @@ class LiveFigure:
             for leg, columns in zip(curves, self._columns.values(), strict=True):
                 for key, column in columns.items():
                     ticks, values = trace.columns[column]
-                    factor = _DEGREES if key in self._drives else 1.0
+                    factor = self._factor(key)
                     if missing:
                         leg[key]["times"].append(trace.first * TICK)
                         leg[key]["values"].append(None)
                     leg[key]["times"] += [round(tick * TICK, 3) for tick in ticks]
                     leg[key]["values"] += [None if item is None else item * factor for item in values]
         return curves
-
-    def _phase(self, side: Side, row: Mapping[str, Any]) -> int:
-        held = row["safety_state"] == SafetyState.HOLD.code
-        return self._phases.index(HOLD if held else row[f"{side}_phase"])
 
     def _read_out(self, side: Side) -> dict[str, str]:
         columns = leg_columns(side, self._drives).items()
@@ -171,8 +185,3 @@ class LiveFigure:
             for key, column in columns
             if not key.endswith(_UNUSED) and self._forces.get(key, True)
         }
-
-    def _numbers(self, side: Side, row: Mapping[str, Any]) -> dict[str, float]:
-        values = {key: float(row[column]) for key, column in self._columns[side].items()}
-        values |= {str(joint): _DEGREES * values[joint] for joint in self._drives}
-        return values | {"phase": self._phase(side, row)}

@@ -8,10 +8,13 @@ token keeps out the other users of this machine, who reach the port and can writ
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import hmac
 import secrets
-from collections.abc import Callable, Hashable, Iterable
-from typing import Any
+import socket
+from collections.abc import Awaitable, Callable, Hashable, Iterable, Sequence
+from resource import RLIM_INFINITY, RLIMIT_NOFILE, getrlimit
+from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
@@ -20,9 +23,13 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.viewer.connections import LOOPBACK, Acceptor, Outbox, bind_loopback
 
 Change = tuple[Hashable, bytes]
+Item = TypeVar("Item")
+LOOPBACK = "127.0.0.1"
+PORTS_TRIED = 100
+MOST_CONNECTIONS = 256  # a page has three
+MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
 LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
 # What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
 # a lower limit and answer.
@@ -111,18 +118,71 @@ class NothingHandler(Guarded):
         raise HTTPError(404, "there is nothing here")
 
 
+class Outbox(Generic[Item]):
+    """Sends to one page, one batch at a time.
+
+    While a batch is on its way, what comes is kept under its key, and a newer item takes the place of an
+    older one of the same key. A page that has stopped reading therefore costs a bounded memory and no time.
+    """
+
+    def __init__(self, write: Callable[[list[Item]], Awaitable[None]]) -> None:
+        """Start empty.
+
+        ``write``: writes one batch; what it returns ends when the network has taken the batch.
+        """
+        self._write = write
+        self._waiting: dict[Hashable, Item] = {}
+        self._sending: asyncio.Task[None] | None = None
+
+    def __len__(self) -> int:
+        """How many items wait."""
+        return len(self._waiting)
+
+    def post(self, items: Iterable[tuple[Hashable, Item]]) -> None:
+        """Send items as soon as the page takes them; returns at once, inside of an event loop."""
+        for key, item in items:
+            self._waiting.pop(key, None)  # a newer one comes last
+            self._waiting[key] = item
+        while len(self._waiting) > MOST_WAITING:
+            del self._waiting[next(iter(self._waiting))]
+        if self._sending is None or self._sending.done():
+            self._sending = asyncio.get_running_loop().create_task(self._send())
+
+    async def ended(self) -> None:
+        """Wait until nothing is on its way."""
+        if self._sending is not None:
+            await self._sending
+
+    async def _send(self) -> None:
+        while self._waiting:
+            batch, self._waiting = list(self._waiting.values()), {}
+            await self._write(batch)
+
+
 class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
     """A web socket of our own page."""
-
-    outbox: Outbox[Any]
 
     def prepare(self) -> None:
         """Refuse what is not our own page, and more pages than anybody has."""
         super().prepare()
         self.require_own_page()
-        if len(self.server.sockets()) >= MOST_SOCKETS:
+        if len(self.server.sockets) >= MOST_SOCKETS:
             self.server.refused += 1
             raise HTTPError(503, "too many pages are open; close one")
+
+    def open(self) -> None:
+        """Be known to the server."""
+        self.set_nodelay(True)
+        self.outbox: Outbox[Any] = Outbox(self.write_batch)
+        self.server.sockets.add(self)
+
+    def on_close(self) -> None:
+        """Be forgotten."""
+        self.server.sockets.discard(self)
+
+    async def write_batch(self, batch: list[Any]) -> None:
+        """Write what has waited; returns when the page takes more."""
+        raise NotImplementedError
 
     def check_origin(self, origin: str) -> bool:
         """Whether a page of this origin may open the socket."""
@@ -144,64 +204,85 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         return True
 
 
+class CappedServer(HTTPServer):  # type: ignore[misc]  # no type information in tornado
+    """Hangs up on callers that are too many, so that half of the files are left to the program."""
+
+    inside: Sequence[IOStream] = ()
+
+    def handle_stream(self, stream: IOStream, address: Any) -> None:
+        """Let a caller in while there is room."""
+        files, _ = getrlimit(RLIMIT_NOFILE)
+        most = MOST_CONNECTIONS if files == RLIM_INFINITY else min(MOST_CONNECTIONS, files // 2)
+        self.inside = [other for other in self.inside if not other.closed()]
+        if len(self.inside) >= most:
+            stream.close()
+            return
+        self.inside = [*self.inside, stream]
+        super().handle_stream(stream, address)
+
+
+def bind_loopback(first_port: int) -> socket.socket:
+    """Listen on the loopback interface.
+
+    ``first_port``: if it is taken the next one is tried; 0 lets the system choose. Raises ViewerError if no
+    port is free.
+    """
+    tried = [0] if first_port == 0 else range(first_port, min(first_port + PORTS_TRIED, 65536))
+    for port in tried:
+        with contextlib.suppress(OSError):
+            return socket.create_server((LOOPBACK, port), backlog=128)
+    reason = f"no free port from {first_port} to {tried[-1]}"
+    raise ViewerError(f"the page cannot be served: {reason}; give another --port")
+
+
 class SceneServer:
     """Serves a page and its scene; belongs to one event loop: make it, and call it, inside of it."""
 
-    def __init__(
-        self, page: str, *, first_port: int, scene: Callable[[], Iterable[Change]] = lambda: ()
-    ) -> None:
-        """Listen.
-
-        ``first_port``: if it is taken the next one is tried; 0 lets the system choose; ``scene``: packed
-        commands for a scene that has just been opened. Raises ViewerError if no port is free.
-        """
-        self.page, self.scene = page, scene
-        self.views: set[SceneSocket] = set()  # open scenes
+    def __init__(self, page: str, *, first_port: int) -> None:
+        """Listen. ``first_port`` as in :func:`bind_loopback`, with its errors."""
+        self.page = page
+        self.sockets: set[GuardedSocket] = set()  # open ones
         self.refused = 0  # requests and messages
         self._token = secrets.token_hex(24)  # of this start
-        try:
-            listener = bind_loopback(first_port)
-        except OSError as error:
-            raise ViewerError(f"the page cannot be served: {error}; give another --port") from error
+        listener = bind_loopback(first_port)
+        listener.setblocking(False)
         self.port = int(listener.getsockname()[1])
         self.url = f"http://{LOOPBACK}:{self.port}/?token={self._token}"
         owner = {"server": self}
         application = Application(
             [(path, handler, owner) for path, handler in self.routes()],
-            default_handler_class=NothingHandler,
-            default_handler_args=owner,
-            websocket_max_message_size=LONGEST_MESSAGE,
-            log_function=lambda handler: None,
-        )
-        self._http = HTTPServer(
-            application,
-            max_body_size=LONGEST_MESSAGE,
-            max_header_size=_LONGEST_HEADER,
-            idle_connection_timeout=PATIENCE,
-            body_timeout=PATIENCE,
-        )
-        self._acceptor = Acceptor(
-            listener, lambda caller, address: self._http.handle_stream(IOStream(caller), address)
-        )
+            default_handler_class=NothingHandler, default_handler_args=owner,
+            websocket_max_message_size=LONGEST_MESSAGE, log_function=lambda handler: None,
+        )  # fmt: skip
+        self._http = CappedServer(
+            application, max_body_size=LONGEST_MESSAGE, max_header_size=_LONGEST_HEADER,
+            idle_connection_timeout=PATIENCE, body_timeout=PATIENCE,
+        )  # fmt: skip
+        self._http.add_socket(listener)
+
+    def scene(self) -> Iterable[Change]:
+        """Packed commands for a scene that has just been opened; a page that holds its own needs none."""
+        return ()
+
+    @property
+    def views(self) -> list[SceneSocket]:
+        """Open scenes."""
+        return [one for one in self.sockets if isinstance(one, SceneSocket)]
 
     def show(self, changes: Iterable[Change]) -> None:
         """Bring changes of the scene to all pages."""
         changes = list(changes)
         for view in self.views:
-            view.post(changes)
+            view.outbox.post(changes)
 
     def knows(self, token: bytes) -> bool:
         """Whether a token is that of this start; how long it takes tells nothing of it."""
         return hmac.compare_digest(token, self._token.encode())
 
-    def sockets(self) -> set[Any]:
-        """Open web sockets."""
-        return set(self.views)
-
     async def close(self) -> None:
         """Stop listening and close all sockets, those of frozen pages too."""
-        self._acceptor.close()
-        open_pages = self.sockets()
+        self._http.stop()
+        open_pages = list(self.sockets)
         for page in open_pages:
             page.close(1001, "the program has ended")
         await asyncio.sleep(_FAREWELL if open_pages else 0.0)
@@ -232,15 +313,9 @@ class SceneSocket(GuardedSocket):
 
     def open(self) -> None:
         """Send the whole scene."""
-        self.set_nodelay(True)
+        super().open()
         self._drawn = asyncio.Event()
-        self.outbox = Outbox(self._write)
-        self.server.views.add(self)
-        self.post(self.server.scene())
-
-    def post(self, changes: Iterable[Change]) -> None:
-        """Send changes as soon as the page takes them."""
-        self.outbox.post(changes)
+        self.outbox.post(self.server.scene())
 
     def on_message(self, message: str | bytes) -> None:
         """Take it that the page has drawn what came, whatever it says."""
@@ -248,10 +323,11 @@ class SceneSocket(GuardedSocket):
 
     def on_close(self) -> None:
         """Forget the page."""
-        self.server.views.discard(self)
+        super().on_close()
         self._drawn.set()
 
-    async def _write(self, batch: list[bytes]) -> None:
+    async def write_batch(self, batch: list[bytes]) -> None:
+        """Write, and wait until it is drawn."""
         self._drawn.clear()
         if await self.write_or_leave(b"".join(batch), binary=True):
             await self._drawn.wait()
