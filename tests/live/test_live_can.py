@@ -209,7 +209,7 @@ def test_what_a_frame_changes_is_asked_for_once_with_the_mode_last(rig):
     rig.bus.send(frame_of(control="impedance_control"))
     rig.wait_for(lambda: len(rig.asked) == 6)
     assert rig.asked[-1].control == "mode" and rig.asked[-1].value == "impedance_control"
-    assert {item.user for item in rig.asked} == {"CAN"} and not any(item.trying for item in rig.asked)
+    assert {item.user for item in rig.asked} == {"CAN"} and {item.kind for item in rig.asked} == {"set"}
     rig.answer()
     for _ in range(20):  # cyclic frames with a running counter: nobody asks for anything new
         rig.bus.send(frame_of(control="impedance_control", counter=2))

@@ -90,13 +90,16 @@ def test_messages_are_read_as_they_were_meant():
         ),
         ('{"kind": "set", "id": "1", "control": "a", "value": null}', "value: expected a number"),
         ('{"kind": "set", "id": "1", "control": "a", "value": [1]}', "value: expected a number"),
-        ('{"kind": "set", "id": "1", "control": "a", "value": 1, "eval": "x"}', "'eval': unknown"),
+        ('{"kind": "set", "id": "1", "control": "a", "value": 1, "eval": "x"}', "eval: unknown key"),
         (
             '{"kind": "set", "id": "1", "user": "' + "x" * 65 + '", "control": "a", "value": 1}',
             "user: expected",
         ),
-        ('{"kind": "do", "id": "1", "action": "explode"}', "action: no 'explode'; there are walk, pause"),
-        ('{"kind": "do", "id": "1", "action": "push", "values": [1]}', "values: expected an object"),
+        ('{"kind": "do", "id": "1", "action": "explode"}', "action: input should be 'walk', 'pause'"),
+        (
+            '{"kind": "do", "id": "1", "action": "push", "values": [1]}',
+            "values: input should be a valid dict",
+        ),
         (
             '{"kind": "do", "id": "1", "action": "push", "values": {"torque": {}}}',
             "torque: expected a number",

@@ -17,15 +17,15 @@ from twin_gait.report.run_figures import draw_crutches
 from twin_gait.runs.run_page import setting_of
 from twin_gait.simulation.run import Run
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.aids import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON
+from twin_gait.viewer.body import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import MODE, Motion, read_motion
-from twin_gait.viewer.props import CHAIR, METRES, SEAT
 from twin_gait.viewer.scene import Scene, State
 from twin_gait.viewer.staging import Setting, build_scene
+from twin_gait.viewer.surroundings import CHAIR, METRES, SEAT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side
 

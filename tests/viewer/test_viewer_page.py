@@ -43,9 +43,8 @@ from twin_gait.palette import (
 )
 from twin_gait.runs.record import load_run, write_run
 from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, shown_run
-from twin_gait.viewer.aids import ROPE, VEST
 from twin_gait.viewer.animation import urdf_page
-from twin_gait.viewer.body import CLOTH
+from twin_gait.viewer.body import CLOTH, ROPE, VEST
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import ROOT
 from twin_gait.viewer.motion import (

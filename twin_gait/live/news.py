@@ -9,7 +9,7 @@ from typing import Any
 
 from twin_gait.gait.table import TICK
 from twin_gait.live.loop import MOST_TRACES
-from twin_gait.live.protocol import Event, Response, dump
+from twin_gait.live.protocol import Event, Message, Response, dump
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.runs.folders import journal_of
 from twin_gait.viewer.live_figure import Trace
@@ -43,6 +43,12 @@ class EventBook:
         if self.recorder is not None:
             self.recorder.event(event)
         return event
+
+    def answer(self, message: Message, response: Response, text: str, **rest: Any) -> None:
+        """Add an event that tells what became of a message."""
+        self.emit(
+            response, text, **{"id": message.id, "user": message.user, "subject": message.subject, **rest}
+        )
 
     def after(self, serial: int) -> list[Event]:
         """Events since one of them; 0 gives all that are kept."""

@@ -10,7 +10,6 @@ import json
 import secrets
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from tornado.web import RequestHandler
@@ -250,7 +249,7 @@ class LivePage(LiveServer):
         except MessageRefused as error:
             self._session.refuse(str(error), id=id_of(text), user=self._user)
             return
-        self._session.submit(replace(message, user=message.user or self._user))
+        self._session.submit(message.model_copy(update={"user": message.user or self._user}))
 
     def stop(self) -> None:
         """Stop the walk."""

@@ -13,6 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
 
@@ -36,40 +37,33 @@ class Sender:
     """
 
     def __init__(self, stream: IO[str]) -> None:
-        """Start the thread."""
-        self._stream = stream
+        """Begin with nothing to write."""
+        self._stream, self._called = stream, False
         self._messages: deque[Mapping[str, Any]] = deque()
         self._passing = {
             kind: deque[Mapping[str, Any]](maxlen=most)
             for kind, most in (("trace", MOST_TRACES), ("rows", MOST_TRACES), ("frame", 1))
         }
-        self._awake, self._closed = threading.Event(), False
-        self._thread = threading.Thread(target=self._write, name="sender", daemon=True)
-        self._thread.start()
+        self._thread = ThreadPoolExecutor(1, "sender")
 
     def send(self, message: Mapping[str, Any]) -> None:
         """Take a message; returns at once."""
         self._passing.get(message["kind"], self._messages).append(message)
-        self._awake.set()
+        if not self._called:
+            self._called = True
+            self._thread.submit(self._write)
 
-    def close(self, timeout: float = 5.0) -> None:
+    def close(self) -> None:
         """Write what is left, as far as anybody reads it."""
-        self._closed = True
-        self._awake.set()
-        self._thread.join(timeout)
+        self._thread.shutdown()
 
     def _write(self) -> None:
+        self._called = False
         with contextlib.suppress(OSError, ValueError):  # the reader has gone
-            while True:
-                self._awake.wait()
-                self._awake.clear()
-                closing = self._closed
-                for messages in (self._messages, *self._passing.values()):
-                    while messages:
-                        self._stream.write(dump(messages.popleft()) + "\n")
-                self._stream.flush()
-                if closing:
-                    return
+            for messages in (self._messages, *self._passing.values()):
+                while messages:
+                    self._stream.write(dump(messages.popleft()) + "\n")
+            self._stream.flush()
 
 
 class Inbox:

@@ -12,12 +12,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import Any, TypeGuard
+from functools import partial
+from typing import Annotated, Any, Literal
 
-from twin_gait.exceptions import TwinGaitError
+from pydantic import BeforeValidator, Field
+
+from twin_gait.configuration.validation import Strict, short, validate
+from twin_gait.exceptions import ParameterFileError, TwinGaitError
 from twin_gait.files import plain
 
 LARGEST_MESSAGE = 4096  # [bytes]; the longest sensible message has some 300
@@ -48,26 +52,56 @@ class Action(StrEnum):
 Value = float | str | bool
 
 
-@dataclass(frozen=True, kw_only=True)
-class SetControl:
+def _text(value: Any, longest: int = LONGEST_NAME, least: int = 0) -> str:
+    if isinstance(value, str) and least <= len(value) <= longest and value.isprintable():
+        return value
+    raise ValueError(f"expected a text of {least} to {longest} characters, got {short(value)}")
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, str):
+        return _text(value, LONGEST_TEXT)
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, int | float) and abs(value) < 1e300 and math.isfinite(value):
+        return float(value)
+    raise ValueError(f"expected a number, a short text or true or false, got {short(value)}")
+
+
+Name = Annotated[str, BeforeValidator(partial(_text, least=1))]
+User = Annotated[str, BeforeValidator(_text)]
+Said = Annotated[Value, BeforeValidator(_value)]
+
+
+class SetControl(Strict):
     """A page sets a control."""
 
-    id: str  # by which the page recognises the answer
-    user: str  # who
-    control: str  # name of the control
-    value: Value  # in the unit of the control
-    trying: bool = False  # whether only a forecast is wanted
+    kind: Literal["set", "try"] = "set"  # ``try`` if only a forecast is wanted
+    id: Name  # by which the page recognises the answer
+    user: User = ""  # who
+    control: Name  # name of the control
+    value: Said  # in the unit of the control
+
+    @property
+    def subject(self) -> str:
+        """What it is about."""
+        return self.control
 
 
-@dataclass(frozen=True, kw_only=True)
-class DoAction:
+class DoAction(Strict):
     """A page asks for an action."""
 
-    id: str  # by which the page recognises the answer
-    user: str  # who
+    kind: Literal["do"] = "do"
+    id: Name  # by which the page recognises the answer
+    user: User = ""  # who
     action: Action  # what to do
     # of the fields of the action; those left out take their defaults
-    values: Mapping[str, Value] = field(default_factory=dict)
+    values: Mapping[str, Said] = Field({}, max_length=MOST_VALUES)
+
+    @property
+    def subject(self) -> str:
+        """What it is about."""
+        return str(self.action)
 
 
 Message = SetControl | DoAction
@@ -76,9 +110,8 @@ Message = SetControl | DoAction
 def read_message(text: str | bytes) -> Message:
     """Read a message of a page.
 
-    ``text``: JSON: ``{"kind": "set", "id", "user", "control", "value"}``, the same with ``try`` for a
-    forecast of it, or ``{"kind": "do", "id", "user", "action", "values"}``. Raises MessageRefused if it is
-    anything else; the text says why.
+    ``text``: JSON of :class:`SetControl` or :class:`DoAction`. Raises MessageRefused if it is anything else;
+    the text says why.
     """
     size = len(text.encode("utf-8", "replace")) if isinstance(text, str) else len(text)
     if size > LARGEST_MESSAGE:
@@ -91,66 +124,21 @@ def read_message(text: str | bytes) -> Message:
         raise MessageRefused("message: expected an object with kind, id and user")
     kind = data.get("kind")
     if kind not in ("set", "try", "do"):
-        raise MessageRefused(f"kind: expected set, try or do, got {_short(kind)}")
-    readers = _DO if kind == "do" else _SET
-    for key in data:
-        if key != "kind" and key not in readers:
-            known = ", ".join(("kind", *readers))
-            raise MessageRefused(f"{_short(key)}: unknown; a message of this kind has {known}")
-    found = {
-        key: read(key, data[key] if key in data else _LEFT_OUT.get(key)) for key, read in readers.items()
-    }
-    return DoAction(**found) if kind == "do" else SetControl(**found, trying=kind == "try")
+        raise MessageRefused(f"kind: expected set, try or do, got {short(kind)}")
+    try:
+        return validate(DoAction if kind == "do" else SetControl, data, "message")
+    except ParameterFileError as error:
+        raise MessageRefused(str(error)) from None
 
 
 def id_of(text: str | bytes) -> str:
     """Id of a message that was refused, so that the page can tell which; empty if it has none."""
     try:
-        found = json.loads(text).get("id") if len(text) <= LARGEST_MESSAGE else None
-    except (ValueError, AttributeError, RecursionError):
+        return _text(json.loads(text)["id"]) if len(text) <= LARGEST_MESSAGE else ""
+    except (ValueError, TypeError, LookupError, RecursionError):
         return ""
-    return found if _is_text(found, LONGEST_NAME) else ""
 
 
-def _is_text(value: Any, longest: int) -> TypeGuard[str]:
-    return isinstance(value, str) and len(value) <= longest and value.isprintable()
-
-
-def _name(key: str, value: Any) -> str:
-    if not _is_text(value, LONGEST_NAME) or not (value or key == "user"):
-        raise MessageRefused(f"{key}: expected a text of 1 to {LONGEST_NAME} characters, got {_short(value)}")
-    return value
-
-
-def _value(key: str, value: Any) -> Value:
-    if isinstance(value, bool) or _is_text(value, LONGEST_TEXT):
-        return value
-    if isinstance(value, int | float) and abs(value) < 1e300 and math.isfinite(value):
-        return float(value)
-    raise MessageRefused(f"{key}: expected a number, a short text or true or false, got {_short(value)}")
-
-
-def _action(key: str, value: Any) -> Action:
-    if not isinstance(value, str) or value not in list(Action):
-        raise MessageRefused(f"{key}: no {_short(value)}; there are {', '.join(Action)}")
-    return Action(value)
-
-
-def _values(key: str, value: Any) -> dict[str, Value]:
-    if not isinstance(value, dict) or len(value) > MOST_VALUES:
-        raise MessageRefused(f"{key}: expected an object with at most {MOST_VALUES} values")
-    return {name: _value(name, item) for name, item in value.items()}
-
-
-def _short(value: Any) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 40 else text[:37] + "…"
-
-
-# What a message has, with who reads it, and what is meant where it is left out.
-_SET: dict[str, Callable[[str, Any], Any]] = {"id": _name, "user": _name, "control": _name, "value": _value}
-_DO: dict[str, Callable[[str, Any], Any]] = {"id": _name, "user": _name, "action": _action, "values": _values}
-_LEFT_OUT: dict[str, Any] = {"user": "", "values": {}}
 PROTOCOL_VERSION = 1
 
 

@@ -7,10 +7,11 @@ waits for none of it. Stop, pause and the other actions that need no check do no
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-import threading
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +87,7 @@ class LiveSession:
         self._action_specs = self._actions.specs()
         self._saved: list[str] = []
         self._queue: deque[Message] = deque()
-        self._work, self._closing = threading.Condition(), False
-        self._worker: threading.Thread | None = None
+        self._worker, self._closed = ThreadPoolExecutor(1, "live worker"), False
 
     # ------------------------------------------------------------------ beginning and end
 
@@ -120,8 +120,6 @@ class LiveSession:
         except BaseException:
             self._close_processes()
             raise
-        self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
-        self._worker.start()
         if self._link is not None:
             self._link.start()
         self._loop.ask({"command": "walk"})
@@ -146,8 +144,7 @@ class LiveSession:
         if self._link is not None:
             self._link.close()
         self._loop.close()
-        if self._worker is not None:
-            self._worker.join()
+        self._worker.shutdown(cancel_futures=True)
         self._tuning.close()
 
     @property
@@ -165,11 +162,9 @@ class LiveSession:
 
         Returns the summary of the last walk; empty if it could not be written, and ``news.failure`` says why.
         """
-        with self._work:
-            if self._closing:
-                return self.news.summary
-            self._closing = True
-            self._work.notify_all()
+        if self._closed:
+            return self.news.summary
+        self._closed = True
         self._close_processes()
         # Those that the process left behind.
         complete_all(map(journal_of, self.news.walks), self.news.hear, pictures=True)
@@ -183,11 +178,11 @@ class LiveSession:
     def submit(self, message: Message) -> None:
         """Take a message of a page; an event tells what became of it."""
         if isinstance(message, DoAction) and message.action in DIRECT:
-            self._guarded(message, lambda: self._do_directly(message))
+            self._guarded(message, self._do_directly)
             return
-        with self._work:
-            self._queue.append(message)
-            self._work.notify_all()
+        self._queue.append(message)
+        with contextlib.suppress(RuntimeError):  # it has been closed
+            self._worker.submit(self._work_off)
 
     def refuse(self, reason: str, *, id: str = "", user: str = "") -> Event:
         """Record that a message could not even be read."""
@@ -218,32 +213,18 @@ class LiveSession:
     # ------------------------------------------------------------------ working them off
 
     def _work_off(self) -> None:
-        while True:
-            with self._work:
-                while not self._queue and not self._closing:
-                    self._work.wait()
-                if self._closing:
-                    return
-                message = self._queue.popleft()
-                overtaken = any(_replaces(later, message) for later in self._queue)
-            if overtaken:
-                self._refuse(message, "overtaken by a newer value")
-            else:
-                self._guarded(message, lambda taken=message: self._handle(taken))  # type: ignore[misc]
+        message = self._queue.popleft()
+        if any(_replaces(later, message) for later in tuple(self._queue)):
+            self._book.answer(message, Response.REFUSED, "overtaken by a newer value")
+        else:
+            self._guarded(message, self._handle)
 
-    def _guarded(self, message: Message, handle: Callable[[], None]) -> None:
+    def _guarded(self, message: Message, handle: Callable[[Any], None]) -> None:
         try:
-            handle()
+            handle(message)
         except TwinGaitError as error:
-            self._refuse(message, " ".join(str(error).split()))
-
-    def _refuse(self, message: Message, reason: str) -> None:
-        value = message.value if isinstance(message, SetControl) else None
-        self._emit(Response.REFUSED, message, reason, value=value)
-
-    def _emit(self, response: Response, message: Message, text: str, **rest: Any) -> None:
-        subject = message.control if isinstance(message, SetControl) else str(message.action)
-        self._book.emit(response, text, id=message.id, user=message.user, subject=subject, **rest)
+            reason = " ".join(str(error).split())
+            self._book.answer(message, Response.REFUSED, reason, value=getattr(message, "value", None))
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, SetControl):
@@ -273,12 +254,12 @@ class LiveSession:
         command["note"] = {"user": message.user, "subject": str(message.action), "text": text}
         self._loop.command(command).add_done_callback(
             lambda answered: self._guarded(
-                message, lambda: self._tell_applied(message, text, self._loop.answer(answered))
+                message, lambda message: self._tell_applied(message, text, self._loop.answer(answered))
             )
         )
 
     def _tell_applied(self, message: DoAction, text: str, answer: Mapping[str, Any]) -> None:
-        self._emit(Response.APPLIED, message, answer.get("text", text), tick=answer["tick"])
+        self._book.answer(message, Response.APPLIED, answer.get("text", text), tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
@@ -293,7 +274,7 @@ class LiveSession:
         path = write_new(names, dump_yaml({**document, "name": f"{self.table.name}_live"}))
         self._saved.append(str(path))
         text = f"saved {path}; run it with: {self._run_again(path)}"
-        self._emit(Response.APPLIED, message, text, value=str(path))
+        self._book.answer(message, Response.APPLIED, text, value=str(path))
 
     def _run_again(self, path: Path) -> str:
         """The command that runs a saved table as it walks now."""
@@ -308,4 +289,4 @@ def _replaces(later: Message, message: Message) -> bool:
     """Whether a later message makes this one pointless; a forecast does not keep a change from being made."""
     if not isinstance(later, SetControl) or not isinstance(message, SetControl):
         return False
-    return later.control == message.control and (message.trying or not later.trying)
+    return later.control == message.control and (message.kind == "try" or later.kind == "set")

@@ -98,7 +98,6 @@ class Tuning:
         self._numbers = loop_numbers(self.settings)
         self._known: Known = frozenset()
         self._warned: dict[Place, str] = {}
-        self._tried: tuple[Settings, Known, tuple[Finding, ...]] | None = None  # what was checked last
         self._forecaster = LoopProcess("forecast")
 
     @property
@@ -129,7 +128,7 @@ class Tuning:
         """
         before = self._value_of(message.control)
         settings = self._panel.set(self.settings, message.control, message.value)
-        done = self._foresee if message.trying else self._change
+        done = self._foresee if message.kind == "try" else self._change
         done(settings, message, message.control, before, message.value)
 
     def revert(self, message: DoAction, name: str) -> None:
@@ -150,7 +149,7 @@ class Tuning:
     ) -> None:
         """Check new settings, hand them to the walk, and tell what they do."""
         checking = settings.driving != self.settings.driving
-        known = places_of(self._check(settings)) if checking else self._known
+        known = self._check(settings) if checking else self._known
         numbers, text = loop_numbers(settings), _told(name, before, value)
         change = {"subject": name, "before": before, "value": value}
         new_table = settings.table != self.settings.table
@@ -165,8 +164,7 @@ class Tuning:
         effect = effect_of(self._numbers, numbers, self.problem)
         self.settings, self._numbers, self._known = settings, numbers, known
         self.controls = self._panel.controls(settings)
-        who = {"id": message.id, "user": message.user}
-        self._book.emit(Response.APPLIED, text, tick=answer["tick"], **who, **change, effect=effect)
+        self._book.answer(message, Response.APPLIED, text, tick=answer["tick"], **change, effect=effect)
         if new_table:
             self.record_table(answer["tick"])
         if checking:
@@ -176,14 +174,13 @@ class Tuning:
             if new:
                 self._book.emit(Response.NOTE, "the check warns", warnings=new)
 
-    def _check(self, settings: Settings) -> tuple[Finding, ...]:
-        """Hold settings to the rules; those that have just been tried have been held to them."""
-        if self._tried is None or self._tried[:2] != (settings, self._known):
-            self._tried = (settings, self._known, check_settings(settings, self._known))
-        reason = refusal(self._tried[2], self._known)
+    def _check(self, settings: Settings) -> Known:
+        """Hold settings to the rules; gives the errors that are there, or were before."""
+        errors = check_settings(settings, self._known)
+        reason = refusal(errors, self._known)
         if reason:
             raise MessageRefused(reason)
-        return self._tried[2]
+        return places_of(errors)
 
     # ------------------------------------------------------------------ looking ahead
 
@@ -213,10 +210,8 @@ class Tuning:
         except ParameterError as error:
             raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
         text = f"forecast of {_told(name, before, value)}: {forecast['text']}"
-        self._book.emit(
-            Response.FORECAST, text, tick=now["tick"], id=message.id, user=message.user, subject=name,
-            value=value, before=before, forecast=forecast,
-        )  # fmt: skip
+        about = {"subject": name, "value": value, "before": before, "forecast": forecast}
+        self._book.answer(message, Response.FORECAST, text, tick=now["tick"], **about)
 
 
 def _told(name: str, before: Value | None, value: Value | None) -> str:

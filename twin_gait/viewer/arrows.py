@@ -96,9 +96,7 @@ def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -
         arc[-1] / radius
     )
     ahead /= np.linalg.norm(ahead)
-    across = np.cross(axis, ahead)
-    placement = np.eye(4)
-    placement[:3, :3] = np.column_stack((across, np.cross(ahead, across), ahead))
+    placement = shapes.frame(ahead, np.cross(axis, ahead))
     placement[:3, 3] = arc[-1] + 0.5 * _HEAD_LENGTH * ahead
     head = shapes.moved(shapes.cone(_HEAD_RADIUS, _HEAD_LENGTH, columns=12), placement)
     return shapes.merged([shapes.tube(arc, _RADIUS, columns=6), head])

@@ -1,23 +1,36 @@
-"""The wearer: translucent limbs and trunk, sized by height, mass and the segments of the model.
+"""The wearer, sized by height, mass and segments of the model, and what holds him: harness, ropes, crutches.
 
 The shape of a limb is drawn by eye for a body of 1.75 m and 70 kg and scaled; it carries no data.
 """
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import yaml
 
-from twin_gait.leg_model import LegJoints
-from twin_gait.leg_model.wearer import FOOT_HEIGHT, FOOT_LENGTH, TRUNK_LENGTH
-from twin_gait.parameters import Patient
+from twin_gait.leg_model import SHOULDER_HEIGHT, LegJoints
+from twin_gait.leg_model.wearer import (
+    FOOT_HEIGHT,
+    FOOT_LENGTH,
+    FOREARM_LENGTH,
+    SHOULDER_BREADTH,
+    TRUNK_LENGTH,
+    UPPER_ARM_LENGTH,
+)
+from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material
+from twin_gait.viewer.arrows import arrow_state, draw_arrow
+from twin_gait.viewer.commands import Material, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
+from twin_gait.viewer.surroundings import RUBBER, STEEL
 from twin_gait.vocabulary import Side
 
 SKIN = Material(colour=(0.80, 0.60, 0.50), opacity=0.42, roughness=0.75)
@@ -32,6 +45,22 @@ _KNEE_INSIDE, _ANKLE_INSIDE = 0.62, 0.42
 # Rings of the limbs, see there.
 RINGS = yaml.safe_load(Path(__file__).with_name("body.yaml").read_text(encoding="utf-8"))
 _STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the limb
+
+VEST = Material(colour=(0.40, 0.48, 0.60), opacity=0.92, roughness=0.9)
+_VEST = (0.50, 0.80)  # around the chest, heights over the hips as shares of the trunk length
+_HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: where a rope meets its straps
+ROPES = "/meshcat/ropes"
+_ROPE_RADIUS = 0.006  # [m]
+ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
+ROOT = "/meshcat/crutches"
+PLASTIC = Material(colour=(0.25, 0.31, 0.40), roughness=0.85)
+_COLUMNS = ("forward_m", "height_m", "friction_force_N", "normal_force_N")
+LEFT = {Side.LEFT: 1.0, Side.RIGHT: -1.0}
+_BESIDE = 0.13  # way of the tip to the outside of the hips of the device [m]
+_BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # from the tip to its arrow, which the shaft would hide [m]
+_HANDLE = 0.045  # of its middle in front of the shaft [m]
+_TIP = ((0.0, 0.0), (0.027, 0.0), (0.024, 0.012), (0.017, 0.05), (0.0, 0.05))  # (radius, height) [m]
+_CUFF = (0.16, 0.34)  # around the forearm
 
 
 def draw_wearer(
@@ -97,17 +126,12 @@ def _inside(figure: Figure, side: Side, hip: str, patient: Patient) -> float:
     centre = _HIP_CENTRE * patient.height
     # A leg on the bench has no middle of the body: the device lies as far outside as on the average waist.
     distance = centre if lateral == 0.0 else max(0.0, lateral - centre)
-    return -distance if side is Side.LEFT else distance
+    return -LEFT[side] * distance
 
 
 def _axes(up: np.ndarray, to_the_left: float) -> np.ndarray:
     """Frame with x forward, y left and z up along a segment, its origin shifted sideways."""
-    forward = np.array([1.0, 0.0, 0.0])
-    third = up / np.linalg.norm(up)
-    forward = forward - (forward @ third) * third
-    forward /= np.linalg.norm(forward)
-    placement = np.eye(4)
-    placement[:3, :3] = np.column_stack((forward, np.cross(third, forward), third))
+    placement = shapes.frame(up, np.array([1.0, 0.0, 0.0]))
     placement[:3, 3] = to_the_left * placement[:3, 1]
     return placement
 
@@ -137,15 +161,6 @@ def _foot(patient: Patient) -> Shape:
     return shapes.moved(shapes.limb(rings), turn)
 
 
-def trunk_rings(patient: Patient) -> np.ndarray:
-    """Rings of the trunk of a wearer.
-
-    Returns height over the hips, centre forward, centre to the left, half axes forward and sideways, all in
-    [m], from the lowest up, shape ``(n, 5)``.
-    """
-    return np.array(_rings(RINGS["trunk"], patient))
-
-
 def _rings(table: Sequence[Sequence[float]], patient: Patient) -> list[tuple[float, ...]]:
     length, scale = TRUNK_LENGTH * patient.height, girth(patient)
     return [(share * length, scale * x, 0.0, scale * a, scale * b) for share, x, a, b in table]
@@ -153,3 +168,158 @@ def _rings(table: Sequence[Sequence[float]], patient: Patient) -> list[tuple[flo
 
 def _torso(table: Sequence[Sequence[float]], patient: Patient, rows: int = 12) -> Shape:
     return shapes.limb(_rings(table, patient), rows=rows, columns=24)
+
+
+def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
+    """Draw a harness on the wearer's chest.
+
+    Returns where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
+    """
+    axes, rings, length = (
+        trunk_axes(figure),
+        np.array(_rings(RINGS["trunk"], patient)),
+        TRUNK_LENGTH * patient.height,
+    )
+    bottom, top = (share * length for share in _VEST)
+    vest = band(rings[::-1], top, bottom, rings=6, columns=28)
+    figure.draw(trunk_joint, "harness_vest", shapes.moved(vest, axes), VEST)
+    x, y, share = _HOOK
+    hooks = [np.array([x, side * y, share * length]) for side in (1.0, -1.0)]
+    straps = [_shoulder_strap(hook, front, rings, top) for hook in hooks for front in (1.0, -1.0)]
+    figure.draw(trunk_joint, "harness_straps", shapes.moved(shapes.merged(straps), axes), STRAP)
+    return [axes[:3, :3] @ hook for hook in hooks]
+
+
+def _shoulder_strap(hook: np.ndarray, front: float, rings: np.ndarray, height: float) -> Shape:
+    """From the hook of a rope to the front (1) or the back (-1) of the vest, over the shoulder."""
+    x, _, half_x, half_y = (float(np.interp(height, rings[:, 0], rings[:, column])) for column in range(1, 5))
+    angle = math.radians(52.0)
+    end = [x + front * half_x * math.sin(angle), math.copysign(half_y * math.cos(angle), hook[1]), height]
+    middle = 0.5 * (hook + end) + [front * 0.035, 0.0, 0.02]
+    return shapes.tube(shapes.bend(hook, middle, np.array(end)), 0.007, columns=6)
+
+
+@dataclass(frozen=True)
+class Rope:
+    """A rope."""
+
+    path: str  # its place in the scene
+    joint: str  # joint that carries its lower end
+    lower: np.ndarray  # lower end in the frame of that joint in [m], shape ``(3,)``
+    upper: np.ndarray  # upper end in the scene in [m], shape ``(3,)``
+    on_rail: bool = False  # whether the upper end follows along x
+
+    def state(self, figure: Figure, q: np.ndarray) -> dict[tuple[str, str], Any]:
+        """Where the rope is when the figure stands in a posture. ``q``: coordinates, shape ``(nq,)``."""
+        lower = figure.world_point(q, self.joint, self.lower)
+        upper = np.array([lower[0], *self.upper[1:]]) if self.on_rail else self.upper
+        span = upper - lower
+        return {
+            (self.path, "position"): lower.tolist(),
+            (self.path, "quaternion"): _pointing(span),
+            (self.path, "scale"): [1.0, 1.0, float(np.linalg.norm(span))],
+        }
+
+
+def rope_shape() -> Shape:
+    """Make a rope of 1 m from the origin along z; its length is the scale along z."""
+    return shapes.turned([(0.0, 0.0), (_ROPE_RADIUS, 0.0), (_ROPE_RADIUS, 1.0), (0.0, 1.0)], columns=8)
+
+
+def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float) -> np.ndarray:
+    r"""Place of the elbow between shoulder and tip: the cut of two circles that lies behind their line.
+
+    With d between the two, the foot of the elbow on the line lies at :math:`a = (u^2 - l^2 + d^2) / 2d` from
+    the shoulder and the elbow :math:`\sqrt{u^2 - a^2}` beside it. An arm that does not reach is straight, and
+    what is missing is between shoulder and elbow. ``shoulder``: forward and upward in [m], shape ``(2,)``;
+    ``tip``: likewise, shape ``(2,)``; ``upper``: shoulder to elbow in [m]; ``lower``: elbow to tip in [m].
+    Returns forward and upward in [m], shape ``(2,)``.
+    """
+    distance = float(np.linalg.norm(tip - shoulder))
+    ahead = (tip - shoulder) / distance
+    if not abs(upper - lower) < distance < upper + lower:
+        return np.asarray(tip - lower * ahead)
+    along = (upper * upper - lower * lower + distance * distance) / (2.0 * distance)
+    behind = np.array([ahead[1], -ahead[0]])  # of an arm that hangs
+    return np.asarray(shoulder + along * ahead + math.sqrt(upper * upper - along * along) * behind)
+
+
+def _pointing(direction: np.ndarray) -> list[float]:
+    """Quaternion (x, y, z, w) that turns z into a direction and leaves x as near to forwards as it can."""
+    return list(pin.Quaternion(_axes(direction, 0.0)[:3, :3]).coeffs().tolist())
+
+
+class DrawnCrutches:
+    """Both arms and crutches with the forces of the ground on them, the tips beside the legs."""
+
+    def __init__(
+        self, window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
+    ) -> None:
+        """Draw them; the forearm points along the shaft. ``joint`` carries the shoulders."""
+        forearm, aside = FOREARM_LENGTH * patient.height, 0.5 * SHOULDER_BREADTH * patient.height
+        # From shoulder to elbow and from there to the tip, in the sagittal plane in [m].
+        self._upper = UPPER_ARM_LENGTH * patient.height
+        self._lower = crutches.length * patient.height - self._upper
+        self._outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
+        self._joint, self._shoulders = joint, dict[Side, np.ndarray]()
+        self._arrows = {side: draw_arrow(window, f"{side}_crutch") for side in Side}
+        # Longer than in the sagittal plane.
+        longer = math.hypot(1.0, (self._outside - aside) / (self._upper + self._lower))
+        for side, left in LEFT.items():
+            shoulder = [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
+            self._shoulders[side] = trunk_axes(figure)[:3, :3] @ shoulder
+            _draw_upper_arm(window, f"{ROOT}/{side}_upper_arm", girth(patient))
+            path, length = f"{ROOT}/{side}_forearm", self._lower * longer
+            _draw_forearm(window, path, length, forearm * longer, girth(patient))
+
+    def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
+        """Where they are in a frame; nothing of a log without crutches."""
+        state: dict[tuple[str, str], Any] = {}
+        for side, left in LEFT.items():
+            names = (f"{side}_crutch_{name}" for name in _COLUMNS)
+            values = [float(motion.columns[name][frame]) for name in names if name in motion.columns]
+            if len(values) < len(_COLUMNS):
+                continue
+            forward, upward, *force = values
+            tip = np.array([forward, left * self._outside, upward])
+            shoulder = figure.world_point(motion.q[frame], self._joint, self._shoulders[side])
+            sagittal = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], self._upper, self._lower)
+            share = self._upper / (self._upper + self._lower)
+            elbow = np.insert(sagittal, 1, shoulder[1] + share * (tip[1] - shoulder[1]))
+            arm, rest = f"{ROOT}/{side}_upper_arm", f"{ROOT}/{side}_forearm"
+            state |= {
+                (arm, "position"): shoulder.tolist(),
+                (arm, "quaternion"): _pointing(elbow - shoulder),
+                (arm, "scale"): [1.0, 1.0, float(np.linalg.norm(elbow - shoulder))],
+                (rest, "position"): tip.tolist(),
+                (rest, "quaternion"): _pointing(elbow - tip),
+                **arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT),
+            }
+        return state
+
+
+def _draw_upper_arm(window: Window, path: str, scale: float) -> None:
+    """Draw an upper arm of 1 m along z, thick as it is."""
+    rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in RINGS["upper_arm"]]
+    draw_mesh(window, f"{path}/skin", shapes.limb(rings), SKIN)
+
+
+def _draw_forearm(window: Window, path: str, length: float, forearm: float, scale: float) -> None:
+    """Draw a forearm and a crutch from the tip at the origin to the elbow on z, handle forwards."""
+    grip = length - forearm
+    rings = [
+        (length - share * forearm, share * _HANDLE, 0.0, scale * x, scale * y)
+        for share, x, y in RINGS["forearm"]
+    ]
+    fist = shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale))
+    hand = shapes.moved(fist, shapes.translation((_HANDLE, 0.0, grip + 0.005)))
+    draw_mesh(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
+    # Behind the forearm up to the cuff.
+    top, bottom = (length - share * forearm for share in _CUFF)
+    at_cuff = np.array([-0.045 * scale, 0.0, 0.5 * (top + bottom)])
+    line = np.array([[0.0, 0.0, 0.04], [0.0, 0.0, 0.4 * grip], [0.0, 0.0, grip - 0.02], at_cuff])
+    draw_mesh(window, f"{path}/shaft", shapes.tube(line, 0.0115, columns=12), STEEL, casts=True)
+    cuff = band(np.array(rings), top, bottom, rings=3)
+    handle = shapes.tube(np.array([[x, 0.0, grip] for x in (-0.012, 0.05, 0.105)]), 0.0155, columns=12)
+    draw_mesh(window, f"{path}/plastic", shapes.merged([cuff, handle]), PLASTIC, casts=True)
+    draw_mesh(window, f"{path}/tip", shapes.turned(_TIP, columns=20), RUBBER, casts=True)

@@ -12,7 +12,6 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, TorqueArc, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.surroundings import translation
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
 
 ROOT = "/meshcat/figure"
@@ -182,7 +181,7 @@ class Figure:
         middle = before.act(motor.centre) if motor.link == joint else motor.centre
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
-        placement = translation(middle + (0.5 * motor.length + _ARC_GAP) * face)
+        placement = shapes.translation(middle + (0.5 * motor.length + _ARC_GAP) * face)
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
             arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
@@ -242,9 +241,6 @@ def along(direction: np.ndarray) -> np.ndarray:
 
     ``direction`` from start to end in [m], shape ``(3,)``. Returns homogeneous transform, shape ``(4, 4)``.
     """
-    placement = np.eye(4)
-    unit = direction / np.linalg.norm(direction)
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), unit)
-    placement[:3, :3] = turn.matrix()
+    placement = shapes.frame(direction)
     placement[:3, 3] = 0.5 * direction
     return placement

@@ -142,13 +142,8 @@ class LiveFigure:
             offset = surroundings.belt_offset(self._travelled)
             self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
         numbers = [
-            {
-                **{
-                    key: self._factor(key) * float(columns[name][0])
-                    for key, name in self._columns[side].items()
-                },
-                "phase": code,
-            }
+            {key: self._factor(key) * float(columns[name][0]) for key, name in self._columns[side].items()}
+            | {"phase": code}
             for side, code in phases.items()
         ]
         sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}

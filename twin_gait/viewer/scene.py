@@ -12,12 +12,11 @@ import pinocchio as pin
 from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes, surroundings
-from twin_gait.viewer.aids import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
+from twin_gait.viewer.body import LEFT, ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
-from twin_gait.viewer.props import draw_rails
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import Visuals
 from twin_gait.vocabulary import Side
@@ -30,7 +29,6 @@ LONGEST_TRAIL = 60  # points; a stride with more frames is thinned
 MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
 FEWEST_POINTS = 4
 LOWEST_TRAIL = 0.008  # height of the path over the belt [m], so that it is seen
-_OUTWARD = {Side.LEFT: 1.0, Side.RIGHT: -1.0}  # face of a motor: 1 for its left one
 _TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
 _RADIUS = 0.006  # [m]
 _COLUMNS = 5
@@ -78,7 +76,7 @@ class Scene:
 
     def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
         """Draw the motors of a leg: covers, which show its phase, and arrows of their torques, hidden."""
-        material, outward = Material(colour=_IDLE, roughness=0.4, glow=0.12), _OUTWARD[side]
+        material, outward = Material(colour=_IDLE, roughness=0.4, glow=0.12), LEFT[side]
         self.legs[side], self.covers[side], self.arcs[side] = leg, [], {}
         for name, joint in leg.items():
             if name in drives:
@@ -101,7 +99,7 @@ class Scene:
             path = f"{ROPES}/{number}"
             draw_mesh(self._window, path, rope_shape(), ROPE)
             self.ropes.append(Rope(path, joint, hook, np.array([x, y, height]), on_rail))
-        draw = draw_rails if on_rail else surroundings.draw_mast
+        draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
         draw(self._window, np.array([rope.upper for rope in self.ropes]))
         self.apply(self._rope_state(neutral))
 

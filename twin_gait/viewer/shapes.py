@@ -224,6 +224,27 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30))
 
 
+def translation(centre: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Placement without a turn, shape ``(4, 4)``."""
+    placement = np.eye(4)
+    placement[:3, 3] = centre
+    return placement
+
+
+def frame(up: np.ndarray, forward: np.ndarray | None = None) -> np.ndarray:
+    """Placement that turns z into one direction and x as near to another as it goes, shape ``(4, 4)``.
+
+    ``forward``: None for one of the axes.
+    """
+    third = up / np.linalg.norm(up)
+    ahead = np.eye(3)[int(np.argmin(np.abs(third)))] if forward is None else forward
+    first = ahead - (ahead @ third) * third
+    first /= np.linalg.norm(first)
+    placement = np.eye(4)
+    placement[:3, :3] = np.column_stack((first, np.cross(third, first), third))
+    return placement
+
+
 def moved(shape: Shape, placement: np.ndarray) -> Shape:
     """Move a mesh by a homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round."""
     linear = placement[:3, :3]

@@ -11,12 +11,10 @@ import pinocchio as pin
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import ChairParameters, CrutchParameters, Patient
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.aids import DrawnCrutches, draw_harness
 from twin_gait.viewer.arrows import FORCE_ROOT
-from twin_gait.viewer.body import draw_wearer
+from twin_gait.viewer.body import DrawnCrutches, draw_harness, draw_wearer
 from twin_gait.viewer.commands import Window, set_transform
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.props import DrawnChair, DrawnWalkway, draw_bench
 from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
@@ -77,7 +75,7 @@ def build_scene(
         return scene
     if around is Surroundings.WALKWAY:
         assert model.forward_index is not None  # it walks
-        scene.elements.append(DrawnWalkway(window, model.forward_index))
+        scene.elements.append(surroundings.DrawnWalkway(window, model.forward_index))
     else:
         slope = setting.get("slope", 0.0)
         pose = surroundings.tilted(slope)
@@ -138,7 +136,7 @@ def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, se
         scene.elements.append(DrawnCrutches(window, scene.figure, crutches, patient, trunk))
         scene.view = replace(scene.view, target=(_TO_CRUTCHES, *scene.view.target[1:]))
     if chair is not None:
-        scene.elements.append(DrawnChair(window, chair))
+        scene.elements.append(surroundings.DrawnChair(window, chair))
 
 
 def _surround_bench_leg(
@@ -150,7 +148,7 @@ def _surround_bench_leg(
     height = top - bottom
     floor = bottom - 0.22 * height
     hip = scene.figure.world_point(pin.neutral(scene.figure.model), leg.hip)
-    draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
+    surroundings.draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
     x, y, z = RIGHT_SIDE
     scene.view = View(
         (float(hip[0]) + 0.10 * height, float(hip[1]), 0.5 * (top + floor) + 0.08 * height),
