@@ -2,8 +2,8 @@
 
 The starts exploit that every model is linear in part of its parameters: for a shape drawn from a scrambled
 Sobol sequence over its bounds, the best coefficients follow from one linear least squares. The best few are
-polished on part of the samples by :func:`scipy.optimize.least_squares` (trust region reflective), the winner
-on all of them by :mod:`twin_gait.identification.refining`.
+polished on part of the samples, the winner on all of them, by :func:`scipy.optimize.least_squares` (trust
+region reflective).
 """
 
 import math
@@ -16,30 +16,52 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from twin_gait.identification.friction_model import FrictionModel
-from twin_gait.identification.refining import (
-    Bounds,
-    best_coefficients,
-    huber_cost,
-    jacobian,
-    refine,
-    residuals,
-)
 from twin_gait.identification.samples import Samples, thinned, thinned_path
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count linearly
-_STARTS_PER_SHAPE, _MOST_STARTS = 24, 96
-_STATE_STARTS = 128  # of a model with a state, whose minima are narrow
-_START_SAMPLES, _POLISH_SAMPLES, _STATE_SAMPLES = 1_500, 3_000, 4_000
-_POLISHED, _STATE_POLISHED = 4, 6
+_DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shape parameter
+_STARTS = 128
+_START_SAMPLES = 4_000  # that starts are compared on and polished
+_POLISHED, _POLISH_TOLERANCE, _POLISH_STEPS = 6, 1e-5, 50  # starts; share of the loss; evaluations
 _APART = 0.1  # of the span of the bounds
 _REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
-_COARSE = 2_000  # samples of the descent before the last one
 _CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
 _NEGLIGIBLE = 1e-5  # of the loss per sample and variance: far below what noise moves the parameters by
+_SMALLEST_MOVE = 1e-10  # of the parameters: the last step
 MOST_SAMPLES = 40_000  # that a fit uses, evenly taken; statistics use all
 _GROSS_SIGMAS = 6.0  # robust standard deviations beyond which a residual may be an outlier
 _ALONE = 0.5  # share of such residuals with none beside them
+
+
+Bounds = tuple[np.ndarray, np.ndarray]  # least and largest parameter vector, shape ``(size,)`` each
+
+
+def residuals(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
+    """Measured less predicted torque of the samples that are used, in [N m], shape ``(n_used,)``."""
+    return np.asarray((samples.torque - model.predict(x, samples))[samples.used])
+
+
+def jacobian(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
+    """Derivative of the predicted torque by the parameter vector.
+
+    Exact for the linear coefficients, by central differences for the logarithms of the shape.
+    """
+    count = len(model.coefficients)
+    columns = [model.basis(np.exp(x[count:]), samples)[samples.used]]
+    for place in range(count, model.size):
+        step = np.zeros(model.size)
+        step[place] = _DIFFERENCE
+        ahead, behind = model.predict(x + step, samples), model.predict(x - step, samples)
+        columns.append(((ahead - behind)[samples.used] / (2.0 * _DIFFERENCE))[:, None])
+    return np.concatenate(columns, axis=1)
+
+
+def huber_weights(values: np.ndarray, threshold: float) -> np.ndarray:
+    """Weight of each residual in the normal equations: 1 up to the threshold, falling beyond."""
+    if math.isinf(threshold):
+        return np.ones_like(values)
+    return np.asarray(threshold / np.maximum(np.abs(values), threshold))
 
 
 class Loss(StrEnum):
@@ -92,7 +114,7 @@ def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
         lowest = item.physical_low if physical and item.physical_low is not None else item.low
         low.append(math.log(lowest * scale))
         high.append(math.log(item.high * scale))
-    return Bounds(np.array(low), np.array(high))
+    return np.array(low), np.array(high)
 
 
 def fit_model(
@@ -104,15 +126,18 @@ def fit_model(
     """
     full = rows_of(model, samples)
     limits, threshold = bounds(model, full, physical=options.physical), math.inf
+    number = int(full.used.sum())
+    # Share of the loss that is worth another step: less than noise decides, exact for few samples.
+    tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
     x = _best_start(model, full, limits, seeds, options)
-    x = _descended(model, samples, full, x, limits, threshold)
+    x = refine(model, full, x, limits, tolerance=tolerance)
     values = residuals(model, x, full)
     sigma = _robust_sigma(values)
     if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
         # The scale settles in two rounds: the first fit may itself be pulled by outliers.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
-            x = _descended(model, samples, full, x, limits, threshold)
+            x = refine(model, full, x, limits, threshold, tolerance=tolerance)
             sigma = _robust_sigma(residuals(model, x, full)) or sigma
     return Fit(model, x, limits, sigma, threshold)
 
@@ -130,30 +155,11 @@ def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
     return bool(beyond.any() and (beyond & ~beside).sum() >= _ALONE * beyond.sum())
 
 
-def _descended(
-    model: FrictionModel,
-    samples: Samples,
-    full: Samples,
-    start: np.ndarray,
-    limits: Bounds,
-    threshold: float,
-) -> np.ndarray:
-    """The minimum near a start: first on few samples, where a step costs little, then on all."""
-    number = int(full.used.sum())
-    # Share of the loss that is worth another step: less than noise decides, exact for few samples.
-    tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
-    candidates = [start]
-    coarse = rows_of(model, samples, _COARSE)
-    if 2 * len(coarse) < len(full):
-        candidates.append(refine(model, coarse, start, limits, threshold, tolerance=_REFIT_TOLERANCE))
-    best = min(candidates, key=lambda x: huber_cost(residuals(model, x, full), threshold))
-    return refine(model, full, best, limits, threshold, tolerance=tolerance)
-
-
-def rows_of(model: FrictionModel, samples: Samples, limit: int | None = None) -> Samples:
-    """Samples that a model is fitted to: at most so many count, and a state keeps its path."""
-    limit = MOST_SAMPLES if limit is None else limit
-    return thinned_path(samples, limit) if model.dynamic else thinned(samples.used_only(), limit)
+def rows_of(model: FrictionModel, samples: Samples) -> Samples:
+    """Samples that a model is fitted to: not too many count, and a state keeps its path."""
+    if model.dynamic:
+        return thinned_path(samples, MOST_SAMPLES)
+    return thinned(samples.used_only(), MOST_SAMPLES)
 
 
 def refit(fit: Fit, samples: Samples) -> Fit:
@@ -177,30 +183,29 @@ def _best_start(
 ) -> np.ndarray:
     count, dimensions = len(model.coefficients), len(model.shape)
     if not dimensions:
-        return limits.clip(best_coefficients(model, np.empty(0), samples)[0])
-    few_samples, more_samples = (_STATE_SAMPLES,) * 2 if model.dynamic else (_START_SAMPLES, _POLISH_SAMPLES)
-    few, more = _fewer(samples, model, few_samples), _fewer(samples, model, more_samples)
-    number = _STATE_STARTS if model.dynamic else min(_STARTS_PER_SHAPE * dimensions, _MOST_STARTS)
-    draws = qmc.Sobol(dimensions, seed=options.seed).random_base2(math.ceil(math.log2(number)))
-    starts, costs = [], []
-    for draw in limits.low[count:] + draws * (limits.high - limits.low)[count:]:
-        beta, cost = best_coefficients(model, np.exp(draw), few)
-        starts.append(limits.clip(np.concatenate([beta, draw])))
-        costs.append(cost)
-    kept = _apart(draws, np.array(costs), _STATE_POLISHED if model.dynamic else _POLISHED)
-    inherited = [limits.clip(seed) for seed in seeds]
-    polished = [_polish(model, more, x, limits) for x in [*(starts[i] for i in kept), *inherited]]
+        return np.clip(best_coefficients(model, np.empty(0), samples)[0], *limits)
+    few = _fewer(samples, model, _START_SAMPLES)
+    low, high = (limit[count:] for limit in limits)
+    draws = qmc.Sobol(dimensions, seed=options.seed).random(_STARTS)
+    shapes = low + draws * (high - low)
+    found = [best_coefficients(model, np.exp(shape), few) for shape in shapes]
+    kept = _apart(draws, np.array([cost for _, cost in found]))
+    starts = [*(np.concatenate([found[place][0], shapes[place]]) for place in kept), *seeds]
+    polished = [
+        refine(model, few, x, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS) for x in starts
+    ]
     # Compared on all samples, so that no model comes out worse than a simpler one that it contains.
-    return min([*polished, *inherited], key=lambda x: float(np.sum(residuals(model, x, samples) ** 2)))
+    candidates = [*polished, *(np.clip(seed, *limits) for seed in seeds)]
+    return min(candidates, key=lambda x: float(np.sum(residuals(model, x, samples) ** 2)))
 
 
-def _apart(places: np.ndarray, costs: np.ndarray, number: int) -> list[int]:
+def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
     """The best starts that do not lie beside a better one, in the unit cube of the shape."""
     chosen: list[int] = []
     for index in np.argsort(costs, kind="stable"):
         if all(np.abs(places[index] - places[other]).max() > _APART for other in chosen):
             chosen.append(int(index))
-        if len(chosen) == number:
+        if len(chosen) == _POLISHED:
             break
     return chosen
 
@@ -216,22 +221,45 @@ def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
     return chosen if chosen.used.sum() > 10 * model.size else samples
 
 
-def _polish(model: FrictionModel, samples: Samples, start: np.ndarray, limits: Bounds) -> np.ndarray:
-    def errors(x: np.ndarray) -> np.ndarray:
-        return -residuals(model, x, samples)
+def refine(
+    model: FrictionModel,
+    samples: Samples,
+    start: np.ndarray,
+    bounds: Bounds,
+    threshold: float = math.inf,
+    *,
+    tolerance: float = 1e-12,
+    steps: int = 200,
+) -> np.ndarray:
+    """Descend to the minimum near a start within the bounds, for a threshold of Huber's loss in [N m].
 
-    def derivative(x: np.ndarray) -> np.ndarray:
-        return jacobian(model, x, samples)
-
+    A step that lowers the loss by less than the share ``tolerance`` of it is the last.
+    """
+    robust = math.isfinite(threshold)
     result = least_squares(
-        errors,
-        np.clip(start, limits.low + 1e-9, limits.high - 1e-9),
-        jac=derivative,
-        bounds=limits,
+        lambda x: -residuals(model, x, samples),
+        np.clip(start, *bounds),
+        jac=lambda x: jacobian(model, x, samples),
+        bounds=bounds,
         x_scale="jac",
-        tr_solver="lsmr",
-        xtol=1e-5,
-        ftol=1e-5,
-        max_nfev=25,
+        loss="huber" if robust else "linear",
+        f_scale=threshold if robust else 1.0,
+        ftol=tolerance,
+        xtol=_SMALLEST_MOVE,
+        gtol=None,
+        max_nfev=steps,
     )
     return np.asarray(result.x)
+
+
+def best_coefficients(model: FrictionModel, shape: np.ndarray, samples: Samples) -> tuple[np.ndarray, float]:
+    """Coefficients of a shape that leave the least sum of squares, and that sum.
+
+    Zeros and infinity for a shape at which the law overflows.
+    """
+    basis = model.basis(shape, samples)[samples.used]
+    torque = (samples.torque - model.constant(shape, samples))[samples.used]
+    if not np.isfinite(basis).all():
+        return np.zeros(basis.shape[1]), math.inf
+    beta = np.asarray(np.linalg.lstsq(basis, torque, rcond=1e-12)[0])
+    return beta, float(np.sum((torque - basis @ beta) ** 2))

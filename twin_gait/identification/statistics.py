@@ -13,9 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from twin_gait.identification.fitting import MAD_TO_SIGMA, Fit, refit, rows_of
+from twin_gait.identification.fitting import (
+    MAD_TO_SIGMA,
+    Fit,
+    huber_weights,
+    jacobian,
+    refit,
+    residuals,
+    rows_of,
+)
 from twin_gait.identification.laws import LOGARITHMIC
-from twin_gait.identification.refining import huber_weights, jacobian, residuals
 from twin_gait.identification.samples import FrictionTest, Samples
 
 
