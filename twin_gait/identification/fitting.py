@@ -183,7 +183,7 @@ def _best_start(
 ) -> np.ndarray:
     count, dimensions = len(model.coefficients), len(model.shape)
     if not dimensions:
-        return np.clip(best_coefficients(model, np.empty(0), samples)[0], *limits)
+        return np.asarray(np.clip(best_coefficients(model, np.empty(0), samples)[0], *limits))
     few = _fewer(samples, model, _START_SAMPLES)
     low, high = (limit[count:] for limit in limits)
     draws = qmc.Sobol(dimensions, seed=options.seed).random(_STARTS)
@@ -235,11 +235,18 @@ def refine(
 
     A step that lowers the loss by less than the share ``tolerance`` of it is the last.
     """
+
+    def errors(x: np.ndarray) -> np.ndarray:
+        return -residuals(model, x, samples)
+
+    def derivative(x: np.ndarray) -> np.ndarray:
+        return jacobian(model, x, samples)
+
     robust = math.isfinite(threshold)
     result = least_squares(
-        lambda x: -residuals(model, x, samples),
+        errors,
         np.clip(start, *bounds),
-        jac=lambda x: jacobian(model, x, samples),
+        jac=derivative,
         bounds=bounds,
         x_scale="jac",
         loss="huber" if robust else "linear",

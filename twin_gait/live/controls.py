@@ -211,7 +211,7 @@ class Panel:
             item.joint: model.effective_inertia(np.zeros(model.nv), item.control_coordinate)
             for item in self.problem.joints
         }
-        monitored = [Place(None, joint, side) for side, joint in self.preset.monitor]
+        monitored = [Place("", joint, side) for side, joint in self.preset.monitor]
         knobs = list(self._own_knobs())
         for group, there in (("table", self._places), ("monitor", monitored)):
             knobs += [knob for place in there for knob in self._joint_knobs(place, group)]
@@ -277,7 +277,8 @@ class Panel:
             control = Control(
                 name=f"{place.prefix}.{name}", label=quantity.label, group=group, kind=ControlKind.NUMBER,
                 value=value, default=value, unit=quantity.unit, least=least, largest=largest,
-                step=quantity.step, phase=place.phase, joint=place.joint, side=place.side, help=quantity.help,
+                step=quantity.step, phase=place.phase or None, joint=place.joint, side=place.side,
+                help=quantity.help,
             )  # fmt: skip
             yield Knob(control, partial(_fields_of, place, fields), place.write, quantity.scale)
 

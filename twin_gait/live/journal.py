@@ -16,7 +16,7 @@ import itertools
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -135,13 +135,15 @@ class Journals:
         """
         self.paths: list[Path] = []
         self._columns, self._setup, self._tell = columns, setup, tell
-        self._held, self._stream, self._lost = contextlib.ExitStack(), None, False
+        self._held, self._lost = contextlib.ExitStack(), False
+        self._stream: Any = None
         self._begin(Path(setup["folder"]))
         self._thread = ThreadPoolExecutor(1, "journal")
 
     def keep(self, piece: Piece) -> None:
         """Take a piece, which may be the last of its walk; returns at once."""
-        self._thread.submit(self._write, piece)
+        # What the writer does not expect is an error of the program: it is printed, not lost.
+        self._thread.submit(self._write, piece).add_done_callback(Future.result)
 
     def close(self) -> None:
         """Wait until all pieces are written."""

@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
 
@@ -51,7 +51,7 @@ class Sender:
         self._passing.get(message["kind"], self._messages).append(message)
         if not self._called:
             self._called = True
-            self._thread.submit(self._write)
+            self._thread.submit(self._write).add_done_callback(Future.result)  # prints what is not expected
 
     def close(self) -> None:
         """Write what is left, as far as anybody reads it."""

@@ -91,12 +91,12 @@ class SetControl(Strict):
 class DoAction(Strict):
     """A page asks for an action."""
 
-    kind: Literal["do"] = "do"
+    kind: Literal["do"] = "do"  # there is no other
     id: Name  # by which the page recognises the answer
     user: User = ""  # who
     action: Action  # what to do
     # of the fields of the action; those left out take their defaults
-    values: Mapping[str, Said] = Field({}, max_length=MOST_VALUES)
+    values: Mapping[str, Said] = Field(default={}, max_length=MOST_VALUES)
 
     @property
     def subject(self) -> str:
@@ -126,7 +126,9 @@ def read_message(text: str | bytes) -> Message:
     if kind not in ("set", "try", "do"):
         raise MessageRefused(f"kind: expected set, try or do, got {short(kind)}")
     try:
-        return validate(DoAction if kind == "do" else SetControl, data, "message")
+        if kind == "do":
+            return validate(DoAction, data, "message")
+        return validate(SetControl, data, "message")
     except ParameterFileError as error:
         raise MessageRefused(str(error)) from None
 

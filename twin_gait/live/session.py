@@ -11,7 +11,7 @@ import contextlib
 import itertools
 from collections import deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -182,7 +182,8 @@ class LiveSession:
             return
         self._queue.append(message)
         with contextlib.suppress(RuntimeError):  # it has been closed
-            self._worker.submit(self._work_off)
+            # What the work does not expect is an error of the program: it is printed, not lost.
+            self._worker.submit(self._work_off).add_done_callback(Future.result)
 
     def refuse(self, reason: str, *, id: str = "", user: str = "") -> Event:
         """Record that a message could not even be read."""

@@ -178,7 +178,7 @@ def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict
     return found
 
 
-def resolved_damping(problem: Problem, side: Side, phase: str | None, joint: str) -> float:
+def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> float:
     """Damping b of a joint in a phase in [N m s] / [rad], its ratio resolved."""
     column = COLUMNS_PER_JOINT * problem.table.joints.index(joint) + DAMPING
     row = problem.phase_rows[problem.sides.index(side), problem.table.phase_index(phase)]
@@ -189,7 +189,7 @@ def resolved_damping(problem: Problem, side: Side, phase: str | None, joint: str
 class Place:
     """Where a control of a joint reaches: into the table, or to what the monitor sets."""
 
-    phase: str | None  # of gait; None for the monitor
+    phase: str  # of gait; empty for the monitor
     joint: str  # of the leg
     side: Side | None  # of the phases that differ on this side; None for those that both sides share
 
@@ -204,7 +204,7 @@ class Place:
 
     def read(self, settings: Settings) -> Any:
         """The impedance there, or what the monitor has."""
-        if self.phase is None:
+        if not self.phase:
             return settings.monitor[self.side, self.joint]  # type: ignore[index]
         return self._phases(settings.table)[self.phase].joints[self.joint]
 
@@ -212,7 +212,7 @@ class Place:
         """Settings with other fields of it."""
         joint: Any = replace(self.read(settings), **fields)
         table: GaitTable = settings.table
-        if self.phase is None:
+        if not self.phase:
             monitor: dict[Any, MonitorJoint] = {**settings.monitor, (self.side, self.joint): joint}
             return replace(settings, monitor=monitor)
         phases = self._phases(table)
