@@ -18,6 +18,7 @@ from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES, SignalSpace
 from twin_gait.configuration import load_experiment, packaged_gait_tables
 from twin_gait.configuration.documents import table_document
+from twin_gait.configuration.experiments import presets
 from twin_gait.configuration.gait_table_file import (
     gait_table_from_mapping,
     load_gait_table,
@@ -556,3 +557,9 @@ def test_keys_for_the_check_survive_being_written_and_read() -> None:
     assert str(again.transitions[0].driven_by) == "contact"
     assert again.waivers[0].transition == "clearance"
     assert again.cycles[1] == (EXTENSION, "early_stance")
+
+
+def test_the_name_of_a_preset_stands_for_its_own_table() -> None:
+    assert "day" in presets() and "day" not in packaged_gait_tables()
+    found, own = load_case("day"), load_case(None, "day")
+    assert (found.table, found.experiment) == (own.table, own.experiment)

@@ -22,6 +22,7 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.table_inheritance import gait_table_path
 from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model import packaged_urdf
+from twin_gait.measures.strides import stride_count
 
 FAST = ["--no-pictures"]
 
@@ -53,6 +54,14 @@ def test_simulate_with_pictures_writes_figures_and_animation(tmp_path):
     assert len(figures) >= 5
     assert all((out / "figures" / name).read_bytes().startswith(b"\x89PNG") for name in figures)
     assert (out / "animation.html").stat().st_size < 2_000_000
+
+
+def test_a_leg_in_the_air_is_told_as_such_with_strides_by_its_phases(tmp_path, capsys):
+    assert run("simulate", "bench_leg", "--duration", "8.5", "--out", str(tmp_path / "r"), *FAST) == 0
+    side = json.loads((tmp_path / "r" / "summary.json").read_text())["sides"]["right"]
+    counted, found = side["strides_by_phase_counted"], side["strides_by_phase"]
+    told = capsys.readouterr().out
+    assert f"right: in the air, by its phases {stride_count(counted, found)} of 2.01 s" in told
 
 
 def test_default_folder_is_below_runs(tmp_path, monkeypatch):

@@ -180,13 +180,13 @@ BAD_SETTINGS = {
     "plant.friction.knee={law: lugre, sigma0: 2}": "plant.friction.knee.sigma0: unknown key; allowed:",
     "plant.friction.knee={law: asymmetric, bristle_damping: 2}": "transition_velocity_rad_per_s",
     "plant.friction.knee={law: lugre, coulomb_friction_Nm: -2, bristle_stiffness_Nm_per_rad: 9}": (
-        "knee.coulomb_friction: expected a number above 0, got -2.0"
+        "knee.coulomb_friction_Nm: expected a number above 0, got -2"
     ),
     "control.friction_model.knee={law: lugre}": "input should be 'rotational', got 'lugre'",
     "scenario.amplitude_m=1": "unknown key; allowed: kind, belt_speed_m_per_s",
-    "table.phases.early_stance.hip.stiffness_Nm_per_deg=-2": "greater than or equal to 0",
+    "table.phases.early_stance.hip.stiffness_Nm_per_deg=-2": "hip.stiffness_Nm_per_deg: expected a number",
     "table.phases.early_stance.hip.stiffness_Nm=2": "unknown key",
-    "table.phases.early_stance.hip.friction_compensation_gain=1.5": "less than or equal to 1",
+    "table.phases.early_stance.hip.friction_compensation_gain=1.5": "_gain: expected a number from 0 to 1",
     "table.phases.early_stance.hip.damping_ratio=.inf": "finite number",
     "table.transitions[2].all[0]=hip.angle_deg < x": "expected 'signal < number'",
     "table.transitions[2].to=nowhere": "no phase 'nowhere'",
@@ -305,6 +305,15 @@ def test_unknown_base_preset_lists_those_there_are(tmp_path):
     path = tmp_path / "run.yaml"
     path.write_text("preset: moon\n")
     with pytest.raises(ParameterFileError, match=r"run.yaml: preset: no preset 'moon'; there are bench_leg"):
+        load_experiment(path)
+
+
+def test_an_experiment_that_extends_like_a_table_learns_of_preset(tmp_path):
+    path = tmp_path / "run.yaml"
+    path.write_text("extends: treadmill\n")
+    with pytest.raises(
+        ParameterFileError, match=r"run.yaml: extends: .*an experiment has preset: 'treadmill'"
+    ):
         load_experiment(path)
 
 

@@ -103,14 +103,14 @@ MISTAKES = {
     "patient.left.hip.efort=1": r"patient.left.hip.efort: unknown key; did you mean 'effort'\?",
     "patient.middle.hip.effort=1": "patient.middle: unknown key",
     "patient.left.ankle.effort=1": "patient.left.ankle: unknown key; .*hip, knee",
-    "patient.left.hip.effort=2": "patient: left.hip.effort: expected a number from 0 to 1, got 2",
+    "patient.left.hip.effort=2": "patient.left.hip.effort: expected a number from 0 to 1, got 2",
     "patient.both.knee.passive=true": "patient.both.knee.passive: expected a number, got true",
-    "patient.both.knee.passive=-1": "patient: both.knee.passive: expected 0 to 3, got -1",
+    "patient.both.knee.passive=-1": "patient.both.knee.passive: expected 0 to 3, got -1",
     "patient.both.knee.contracture_deg=5": "both.knee.contracture: expected 0 without a passive moment",
     "patient.both.knee={contracture_deg: 5, contracture_rad: 0.1}": (
         "patient.both.knee: expected exactly one of contracture_deg or contracture_rad"
     ),
-    "patient.effort_delay_ms=2000": "patient: effort_delay: expected 0 to 1 s, got 2",
+    "patient.effort_delay_ms=2000": "patient.effort_delay_ms: expected 0 to 1 s, got 2000 ms",
     "patient.effort_noise=.nan": "patient.effort_noise: .*finite",
     "patient=nobody": "patient: no person 'nobody': neither a file nor one of complete_sci, healthy,",
     "patient={preset: 7}": "patient: no person '7'",
@@ -218,7 +218,7 @@ def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
     ("text", "message"),
     [
         ("both: {knee: {pasive: 1}}", "mine.yaml: both.knee.pasive: unknown key; did you mean 'passive'"),
-        ("mass_kg: 200", "mine.yaml: mass: expected 30 to 110 kg"),
+        ("mass_kg: 200", "mine.yaml: mass_kg: expected 30 to 110 kg"),
         ("left: {hip: {effort: 3}}", "mine.yaml: left.hip.effort: expected a number from 0 to 1"),
         ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_ms or"),
         ("[1, 2]", "mine.yaml: expected keys and values"),

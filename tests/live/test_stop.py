@@ -196,9 +196,15 @@ def test_parameters_are_read_checked_and_written():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("stop_ramp_s=0", "stop_ramp: expected a time above 0, got 0"),
-        ("support.catch_stiffness_N_per_m=-1", "catch_stiffness: expected a number of 0 or more, got -1"),
-        ("support.catch_dissipation_s_per_m=-1", "catch_dissipation: expected a number of 0 or more, got -1"),
+        ("stop_ramp_s=0", "stop_ramp_s: expected a time above 0, got 0"),
+        (
+            "support.catch_stiffness_N_per_m=-1",
+            "catch_stiffness_N_per_m: expected a number of 0 or more, got -1",
+        ),
+        (
+            "support.catch_dissipation_s_per_m=-1",
+            "catch_dissipation_s_per_m: expected a number of 0 or more, got -1",
+        ),
     ],
 )
 def test_parameters_out_of_range_are_refused_in_one_line(setting, message):

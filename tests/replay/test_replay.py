@@ -10,6 +10,7 @@ import pytest
 from table_builder import FIVE_PHASES, phase, transition, two_phase_table
 
 from twin_gait import load_experiment, simulate
+from twin_gait.cli.replay import summary_lines
 from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait.scaling import scale_table
@@ -26,9 +27,9 @@ from twin_gait.replay import (
     replay,
     stride_period,
 )
-from twin_gait.replay.machine import needed_signals
+from twin_gait.replay.machine import assumed_signals, needed_signals
 from twin_gait.replay.reading import shifted
-from twin_gait.replay.writing import meant_cycles, stride_phases
+from twin_gait.replay.writing import meant_cycles, stride_phases, summarise_replay
 from twin_gait.vocabulary import JointName, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
@@ -343,6 +344,20 @@ def test_a_signal_that_the_log_lacks_is_named_with_its_transitions(condition, ch
     table = two_phase_table(transition("stance", "swing", condition, cause="why"))
     with pytest.raises(GaitTableError, match=message):
         replay(one_leg(np.zeros(5), **changes), table)
+
+
+def test_what_is_taken_for_a_signal_that_nothing_recorded_is_told():
+    table = two_phase_table(
+        transition("stance", "swing", "walk > 0.5", cause="told"),
+        transition("stance", "swing", "trunk.pitch_deg > 5", cause="lean"),
+    )
+    recording = one_leg(np.zeros(100), device={"trunk.pitch_deg": np.zeros(100)})
+    assert assumed_signals(recording, table) == {"walk": 1.0}
+    told = "\n".join(summary_lines(summarise_replay(replay(recording, table))))
+    assert "not in the log, so taken as: walk 1\n" in told
+    assert (
+        assumed_signals(recording, two_phase_table(transition("stance", "swing", "hip.angle_deg > 1"))) == {}
+    )
 
 
 def test_a_recorded_trunk_opens_guards():

@@ -9,7 +9,7 @@ from typing import Any
 from twin_gait.checking import exits, graph, leaving, network, sense, stability, torques
 from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, unknown_rule, unused_waiver, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
-from twin_gait.configuration import load_experiment, load_state_table
+from twin_gait.configuration import load_experiment, load_state_table, packaged_gait_tables
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
@@ -38,8 +38,9 @@ def load_case(
     """Load a table and what it is checked against.
 
     Args:
-        source: Name of a packaged table of gait or of modes, or path of a file of one; None for the
-            experiment's own gait table. Modes are checked by themselves.
+        source: Name of a packaged table of gait or of modes, or path of a file of one; None, or
+            the name of a preset that is no table's, for the experiment's own gait table. Modes are checked by
+            themselves.
         experiment: Preset, or path of an experiment file or run directory. Without it a table for the joints
             of the preset of its name, or the default one, is checked against that, and one for other joints
             by itself.
@@ -51,6 +52,8 @@ def load_case(
     Raises:
         TwinGaitError: If a file has a mistake, or the experiment cannot drive the joints of the table.
     """
+    if experiment is None and source in presets() and source not in packaged_gait_tables():
+        source, experiment = None, source
     if source is None:
         own = load_experiment(experiment or DEFAULT_PRESET, settings).experiment
         return build_case(own.table, own)

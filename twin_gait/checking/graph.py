@@ -72,7 +72,8 @@ def missing_time_out(case: CheckCase) -> Iterator[Finding]:
         if items and not any(item.is_time_out for item in items):
             reason = f"{phase} has no time-out: if none of its exits opens, the leg stays in it for ever"
             suggestion = (
-                f"add a transition from {phase} with after_s alone, or waive it if the leg is to wait"
+                f"add a transition from {phase} with after_s but neither all nor any, or waive it if the "
+                "leg is to wait"
             )
             yield Finding(Severity.WARNING, reason, suggestion, phase=phase)
 

@@ -100,6 +100,9 @@ def make_request(arguments: argparse.Namespace) -> ReplayRequest:
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """What a reader wants first: strides, switches by cause, agreement."""
     yield f"{summary['log']}: {summary['duration_s']:g} s through the table {summary['table']}"
+    if summary["assumed_signals"]:
+        taken = ", ".join(f"{name} {value:g}" for name, value in summary["assumed_signals"].items())
+        yield f"not in the log, so taken as: {taken}"
     for side, values in summary["sides"].items():
         yield f"{side}: {_strides(values, summary['cycles'])}"
         for item in values["switches"]:

@@ -150,7 +150,10 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
 
     for side, values in summary["sides"].items():
         found, counted = values.get("strides"), values.get("strides_counted")
-        if found is None:
+        if found is None:  # in the air there are no contacts
+            found, counted = values["strides_by_phase"], values["strides_by_phase_counted"]
+            times = f" of {values['stride_time_by_phase_mean_s']:.2f} s" if counted else ""
+            yield f"{side}: in the air, by its phases {stride_count(counted, found)}{times}"
             continue
         if not counted:
             yield f"{side}: {stride_count(0, found)}"

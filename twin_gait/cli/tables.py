@@ -44,7 +44,7 @@ def add_parser(commands: Any) -> None:
 
     parser = options.add_command(commands, "check", check_table)
     add = parser.add_argument
-    add("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
+    add("table", nargs="?", metavar="TABLE", help="packaged table, YAML file, or a preset for its own")
     text = "preset, experiment file or run directory that it drives; without TABLE its own is checked"
     add("--experiment", metavar="FILE", help=text)
     options.add_settings(parser)

@@ -29,6 +29,7 @@ from twin_gait.configuration.validation import (
     packaged,
     parse_assignments,
     read_yaml,
+    short,
     validate,
     yaml_files,
 )
@@ -202,6 +203,9 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     name, named = data.get("preset"), names_a_person(data.get("patient"))
     if named:
         data = {**data, "patient": _person(data["patient"], path, str(path))}
+    if name is None and "extends" in data:
+        problem = f"gait tables extend each other; an experiment has preset: {short(data['extends'])}"
+        raise ParameterFileError(path, "extends", problem)
     if name is None:
         return data
     below = _preset(name) if isinstance(name, str) else None

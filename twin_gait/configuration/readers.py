@@ -11,8 +11,7 @@ from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.validation import Number, Strict, merge
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.gait.modes import Mode
-from twin_gait.gait.table import Blending, JointImpedance, PhaseParameters, Scaling
+from twin_gait.gait.table import JointImpedance, PhaseParameters, Scaling
 from twin_gait.parameters import JointCondition, Patient, StribeckFriction
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
@@ -139,14 +138,8 @@ class ExperimentReader(Section):
         return {**super().document(parameters), "scenario": section_of(type(world)).document(world)}
 
 
-class _Bounded(Section):
-    """What is out of range is refused at its key, before all else."""
-
-    bounded: ClassVar = True
-
-
 @reads(Scaling)
-class ScalingReader(_Bounded):
+class ScalingReader(Section):
     """Scaling laws; what is usual is not written."""
 
     @classmethod
@@ -158,7 +151,7 @@ class ScalingReader(_Bounded):
 
 
 @reads(PhaseParameters)
-class PhaseReader(_Bounded):
+class PhaseReader(Section):
     """What a phase sets: the impedance of each joint beside the rest."""
 
     joints: ClassVar[tuple[str, ...]] = ()
@@ -175,6 +168,4 @@ class PhaseReader(_Bounded):
         return joints | super().document(parameters)
 
 
-for _kind in (Blending, JointImpedance, Mode):
-    reads(_kind)(_Bounded)
 _Joint = section_of(JointImpedance)

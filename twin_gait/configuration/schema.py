@@ -4,7 +4,6 @@ from typing import Any
 
 from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile, phase_section
 from twin_gait.configuration.readers import section_of
-from twin_gait.configuration.sections import LIMITS
 from twin_gait.experiment import Experiment
 from twin_gait.parameters.quantities import Word, declarations
 from twin_gait.vocabulary import JointName
@@ -13,6 +12,7 @@ from twin_gait.worlds import world_kinds, world_of
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # What a text of a guard looks like; which signals there are depends on the table.
 _GUARD = r"^[^<>]+[<>]\s*[-+.\d][^<>]*$|^\s*(other\.phase|request)\s+in\s*\[[^\]]+\]\s*$"
+_LIMITS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # in the words of JSON Schema
 
 
 def comment_for(kind: str) -> str:
@@ -91,7 +91,7 @@ def _lenient(schema: Any) -> Any:
     if not isinstance(schema, dict):
         return schema
     return {
-        LIMITS.get(key, key) if isinstance(value, (float, int)) else key: (
+        _LIMITS.get(key, key) if isinstance(value, (float, int)) else key: (
             value if key == "not" else _lenient(value)
         )
         for key, value in schema.items()

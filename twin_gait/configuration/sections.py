@@ -8,7 +8,7 @@ import math
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, replace
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
@@ -21,7 +21,6 @@ from twin_gait.parameters import quantities
 _PLAIN = {float: Number, int: Count}
 # Null in a file.
 _ENDLESS = AfterValidator(lambda value: math.inf if value is None else value)
-LIMITS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # of a JSON Schema
 
 
 class Section(Strict):
@@ -32,7 +31,6 @@ class Section(Strict):
     """
 
     parameters: ClassVar[type[Any]]
-    bounded: ClassVar[bool] = False  # whether values out of range are refused at the key, before all others
 
     def value_of(self, item: quantities.Declaration, beneath: Any, *, named: bool = True) -> Any:
         """Value of a declared field in SI over what is ``beneath``; ``MISSING`` where none is given.
@@ -299,7 +297,7 @@ def section_of(parameters: type[Any]) -> Any:
             if item.mark(quantities.Inline):
                 fields |= {key: (Union[form_of(item).inner.kind, None], None) for key in form_of(item).keys}  # noqa: UP007
             elif not item.mark(quantities.AsInFile):
-                fields |= {key: _field(item, factor, base.bounded) for key, factor in item.keys.items()}
+                fields |= {key: _field(item, key, factor) for key, factor in item.keys.items()}
                 groups += [list(item.keys)] if len(item.keys) > 1 else []
         model = create_model(parameters.__name__, __base__=base, **fields)
         model.parameters = parameters
@@ -317,30 +315,37 @@ def _with_schema(model: Any, groups: list[list[str]]) -> Any:
     return model
 
 
-def _field(item: quantities.Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
-    """Type of a key, with its default and what a JSON Schema says of it."""
+def _field(item: quantities.Declaration, key: str, factor: float) -> tuple[Any, Any]:
+    """Type of a key, with its range, its default and what a JSON Schema says of it."""
     plain = not isinstance(item.default, (Mapping, quantities.Parameters, tuple)) and len(item.keys) == 1
     default = item.default if plain and item.default is not MISSING else None
     kind = form_of(item).kind
+    said: dict[str, Any] = {}
+    if item.range is not None and item.kind in (int, float):
+        unit = key.removeprefix(item.key).replace("_", " ", 1) if factor != 1.0 else ""
+        kind = Annotated[kind, AfterValidator(partial(_in_range, item.range, factor, unit))]
+        if math.isfinite(item.range.least):
+            limit = "exclusiveMinimum" if item.range.above else "minimum"
+            said[limit] = _rounded(item.range.least / factor)
+        if math.isfinite(item.range.most):
+            said["maximum"] = _rounded(item.range.most / factor)
     if item.range is not None and item.range.endless:
         kind = Annotated[Union[kind, None], _ENDLESS]  # noqa: UP007
     elif default is None and not (item.unit is None and item.default is MISSING and not item.optional):
         kind = Union[kind, None]  # noqa: UP007
     else:
         default = default if item.default is not MISSING else ...
-    limits: dict[str, float] = {}
-    if item.range is not None and item.kind in (int, float):
-        if math.isfinite(item.range.least):
-            limits["gt" if item.range.above else "ge"] = item.range.least / factor
-        if math.isfinite(item.range.most):
-            limits["le"] = item.range.most / factor
-    meaning = item.meaning or None
-    if bounded:
-        return kind, Field(default, description=meaning, **limits)  # type: ignore[call-overload]
-    said: Any = {LIMITS[name]: _rounded(value) for name, value in limits.items()}
     if isinstance(item.default, float) and math.isfinite(item.default):
         said["default"] = _rounded(item.default / factor)
-    return kind, Field(default, description=meaning, json_schema_extra=said or None)
+    return kind, Field(default, description=item.meaning or None, json_schema_extra=said or None)
+
+
+def _in_range(limits: quantities.Range, factor: float, unit: str, value: float) -> float:
+    """A value of a key, in range by the ``factor`` of its unit."""
+    if not limits.holds(factor * value):
+        scaled = replace(limits, least=limits.least / factor, most=limits.most / factor)
+        raise ValueError(f"expected {scaled.expected}, got {value:g}{unit}")
+    return value
 
 
 def _rounded(value: float) -> float:

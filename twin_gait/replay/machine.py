@@ -19,9 +19,12 @@ from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch, signal_list
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
+    ANGLE,
     DEVICE_SIGNALS,
     LOAD,
     OTHER,
+    TIME_IN_PHASE,
+    VELOCITY,
     LegSignals,
     Scope,
     all_signal_names,
@@ -165,6 +168,19 @@ def needed_signals(table: GaitTable) -> dict[str, list[str]]:
             for signal in found:
                 needed.setdefault(signal, {})[label] = None
     return {signal: list(readers) for signal, readers in needed.items()}
+
+
+_HEARD = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)  # without which no log is replayed
+
+
+def assumed_signals(recording: Recording, table: GaitTable) -> dict[str, float]:
+    """Signals that guards read and nothing recorded, with what they stay at in the unit of the table."""
+    declared = {name: signal_of(name) for name in needed_signals(table) if name != OTHER_PHASE}
+    return {
+        name: signal.first / signal.unit.factor
+        for name, signal in declared.items()
+        if signal not in _HEARD and name not in recording.device
+    }
 
 
 def _check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:

@@ -14,7 +14,7 @@ from twin_gait.files import finite_or_none, write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
 from twin_gait.replay.figure import joints_of, replay_figure
-from twin_gait.replay.machine import Replay
+from twin_gait.replay.machine import Replay, assumed_signals
 from twin_gait.report.canvas import save
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
@@ -126,6 +126,7 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
         "log": result.recording.source,
         "table": result.table.name,
         "duration_s": result.recording.n_ticks * TICK,
+        "assumed_signals": assumed_signals(result.recording, result.table),
         "cycles": [[names[index] for index in cycle] for cycle in sorted(meant_cycles(result.table))],
         "sides": {
             str(side): {
