@@ -67,3 +67,11 @@ def test_results_of_the_quick_form_are_not_quoted(insert, tmp_path):
     keep(tmp_path / "benchmarks" / "results" / "engines", quick=True, ratio=2.0)
     with pytest.raises(ValueError, match="engines: its results are of the quick form"):
         insert.with_results("<!-- value engines ratio -->1<!-- / -->")
+
+
+def test_no_line_begins_with_a_quoted_number():
+    """To Markdown a comment at the beginning of a line is the end of the paragraph."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    begun = [(page, line) for page in pages for line in page.read_text(encoding="utf-8").splitlines()]
+    assert sum("<!-- value " in line for _, line in begun) > 100
+    assert [place for place in begun if place[1].lstrip().startswith("<!-- value ")] == []
