@@ -114,7 +114,7 @@ def _row(name: str, counts: list[tuple[int, int | None]]) -> str:
 
 
 def _reasons(results: list[MutationResult]) -> list[str]:
-    lines = ["Equivalent mutants, each with the reason that was proved:", ""]
+    lines = ["<details><summary>Equivalent mutants, each with the reason that was proved</summary>", ""]
     for item in results:
         lines += [f"- {item.table}: {mutant.text} – {why}" for mutant, why in item.equivalent]
-    return lines
+    return [*lines, "", "</details>"]
