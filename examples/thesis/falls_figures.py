@@ -19,7 +19,7 @@ from thesis.falls import (
 )
 from thesis.friction import FACTOR
 
-from twin_gait.core import breakaway_duty, viscous_duty
+from twin_gait.core import Transparency, breakaway_duty, viscous_duty
 from twin_gait.gait import TICK
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report import style_panel
@@ -37,7 +37,8 @@ def draw_static_duty(falls: Sequence[Fall]) -> Figure:
     ticks = np.arange(int(TRANSPARENCY_STEPS / FREQUENCY) + 1)
     amplitudes = (AMPLITUDES[0], sum(AMPLITUDES) / 2.0, AMPLITUDES[1])
     for amplitude, colour in zip(amplitudes, (BLUE, SKY_BLUE, ORANGE), strict=True):
-        duty = [breakaway_duty(float(tick), amplitude, FREQUENCY, TRANSPARENCY_STEPS) for tick in ticks]
+        shaking = Transparency(amplitude, FREQUENCY, TRANSPARENCY_STEPS)
+        duty = [breakaway_duty(shaking, float(tick)) for tick in ticks]
         law.plot(TICK * ticks, duty, color=colour, label=f"A = {amplitude:g}")
     style_panel(law, f"A sin(2π f n/{TRANSPARENCY_STEPS:g}), f = {FREQUENCY:g} Hz", "duty [counts]")
     for fall, colour in zip(falls, (BLUE, VERMILLION, BLUISH_GREEN), strict=True):
@@ -58,14 +59,20 @@ def draw_viscous_duty(falls: Sequence[Fall]) -> Figure:
     axes, duty = figure.subplots(), DutyControl()
     end = 1.1 * max(float(fall.velocity.max()) for fall in falls)
     counts, bus, lowest = BENCH.drive.counts, BENCH.battery.voltage, duty.lowest_velocity
-    speeds, voltages = np.linspace(lowest, end, 200), duty.voltages(BENCH.actuator)
+    speeds, (static, linear, quadratic) = np.linspace(lowest, end, 200), duty.voltages(BENCH.actuator)
     for gain, colour in GAIN_COLOURS.items():
         for fall in falls:
             if fall.gain == gain:
                 moving = fall.velocity[::5], counts * fall.duty[::5]
                 axes.plot(*moving, ".", color=colour, markersize=2.0, alpha=0.4)
-        law = [viscous_duty(float(speed), gain, *voltages, bus, float(counts)) for speed in speeds]
-        axes.plot(speeds, law, color=colour, linewidth=2.0, label=f"K = {gain:g}")
+        law = Transparency(
+            transparency_gain=gain,
+            static_voltage=static,
+            voltage_per_velocity=linear,
+            voltage_per_velocity_squared=quadratic,
+        )
+        followed = [viscous_duty(law, float(speed), bus, float(counts)) for speed in speeds]
+        axes.plot(speeds, followed, color=colour, linewidth=2.0, label=f"K = {gain:g}")
     axes.axvline(lowest, color=BLACK, linestyle=":", linewidth=1.0)
     axes.text(lowest, 0.97, " ω_min", transform=axes.get_xaxis_transform(), va="top")
     axes.axhline(0.0, color=GREY, linewidth=0.6)

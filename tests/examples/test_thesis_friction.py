@@ -38,7 +38,7 @@ from thesis.velocity import delay_of, filtered_fall
 from thesis.velocity import fall_numbers as velocity_numbers
 
 from twin_gait import JointName
-from twin_gait.core import viscous_duty
+from twin_gait.core import Transparency, viscous_duty
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
 from twin_gait.worlds import DutyControl
 
@@ -153,8 +153,9 @@ def test_a_count_of_duty_is_a_tenth_of_a_newton_metre() -> None:
 def test_at_the_neutral_gain_duty_and_viscous_friction_cancel_at_every_speed(joint, actuator) -> None:
     per_current = actuator.torque_constant * actuator.gear_ratio
     _, linear, _ = DutyControl().voltages(actuator)
+    law = Transparency(transparency_gain=neutral_gain(joint), voltage_per_velocity=linear)
     for speed in (0.1, 0.5, 2.0):
-        voltage = viscous_duty(speed, neutral_gain(joint), 0.0, linear, 0.0, 28.8, 6000.0) * 28.8 / 6000.0
+        voltage = viscous_duty(law, speed, 28.8, 6000.0) * 28.8 / 6000.0
         torque = per_current * (voltage - per_current * speed) / actuator.resistance
         assert torque == pytest.approx(TABLE[joint][3] * speed, rel=1e-9)
 

@@ -50,6 +50,7 @@ from .impedance import impedance_torque as impedance_torque
 from .inertial import angular_acceleration as angular_acceleration
 from .inertial import tangential_specific_force as tangential_specific_force
 from .motor_drive import drive_efficiency as drive_efficiency
+from .transparency import Transparency as Transparency
 from .transparency import breakaway_duty as breakaway_duty
 from .transparency import viscous_duty as viscous_duty
 from .wearer import passive_hip_torque as passive_hip_torque

@@ -7,6 +7,7 @@ significant bit comes first.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -58,19 +59,12 @@ def _run_through(run: int, bits: Iterable[int]) -> tuple[int, int]:
     return run, stuffed
 
 
-def _crc_entry(byte: int) -> int:
-    crc = 0
-    for bit in _bits(byte, 8):
-        crc = _next_crc(crc, bit)
-    return crc
-
-
 def _run_entry(run: int, byte: int) -> int:
     run, stuffed = _run_through(run, _bits(byte, 8))
     return run | stuffed << 3
 
 
-_CRC = np.array([_crc_entry(byte) for byte in range(256)], np.int16)
+_CRC = np.array([reduce(_next_crc, _bits(byte, 8), 0) for byte in range(256)], np.int16)
 # The next run in the lowest three bits, the stuff bits above; by run and byte.
 _RUN = np.array([_run_entry(run, byte) for run in range(8) for byte in range(256)], np.int8)
 
@@ -78,11 +72,8 @@ _RUN = np.array([_run_entry(run, byte) for run in range(8) for byte in range(256
 def new_header(identifier: int, length: int) -> Header:
     """Header of a data frame, by its identifier of 11 bits and its length in bytes, 0 to 8."""
     bits = (0, *_bits(identifier, 11), 0, 0, 0, *_bits(length, 4))
-    crc = 0
-    for bit in bits:
-        crc = _next_crc(crc, bit)
     run, stuffed = _run_through(0, bits[1:])  # the start of frame is the first dominant bit of its run
-    return Header(length, crc, run, stuffed)
+    return Header(length, reduce(_next_crc, bits, 0), run, stuffed)
 
 
 def frame_crc(header: Header, halves: Sequence[int]) -> int:

@@ -134,7 +134,7 @@ def _torque_control(test: BenchJoint) -> TorqueControl:
 def _transparency(test: BenchJoint) -> Transparency:
     control, counts = test.control, test.drive.counts
     if not isinstance(control, DutyControl):
-        return Transparency(*(0.0 for _ in range(9)))
+        return Transparency()
     require(counts > 0, "pwm counts", "1 or more for a controller of duties", counts)
     static, linear, quadratic = control.voltages(test.actuator)
     return taken_from(
