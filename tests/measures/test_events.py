@@ -8,9 +8,10 @@ from twin_gait import load_experiment, simulate
 from twin_gait.live.finishing import walked_run
 from twin_gait.live.journal import AppliedChange, Piece
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.measures.outcome import EventKind, held_from, run_events
+from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.runs.record import load_run, write_run
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.run import RunStatus, run_events
 from twin_gait.worlds.faults import parse_fault
 
 INJECTED, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"
@@ -51,8 +52,8 @@ def test_a_directory_tells_the_same_events(tripped, tmp_path):
 
 
 def test_a_fault_after_the_end_did_not_strike(tripped):
-    assert len(run_events(tripped.experiment.faults, None, "fell", 1.0)) == 2
-    fault, fall = run_events(tripped.experiment.faults, None, "fell", 1.0)
+    assert len(run_events(tripped.experiment.faults, None, RunStatus.FELL, 1.0)) == 2
+    fault, fall = run_events(tripped.experiment.faults, None, RunStatus.FELL, 1.0)
     assert fault.kind is EventKind.FAULT and fall == (EventKind.FALL, 1.0, "", "")
 
 
@@ -60,7 +61,7 @@ def test_a_fault_after_the_end_did_not_strike(tripped):
     ("status", "kinds"), [("completed", []), ("interrupted", []), ("diverged", ["divergence"])]
 )
 def test_a_run_that_went_well_has_no_events(status, kinds):
-    events = run_events((), None, status, 2.0)
+    events = run_events((), None, RunStatus(status), 2.0)
     assert [event.kind for event in events] == kinds
     assert held_from(events) is None
 

@@ -21,13 +21,13 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.fading import Fade, arrive, fade_anew
-from twin_gait.measures.outcome import RunEvent, run_events
+from twin_gait.measures.outcome import RunEvent
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import entries
-from twin_gait.simulation.run import RunStatus, log_table
+from twin_gait.simulation.run import RunStatus, log_table, run_events
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
 from twin_gait.worlds.faults import Fault, FaultKind
 

@@ -23,7 +23,6 @@ from .outcome import RunEvent as RunEvent
 from .outcome import Verdict as Verdict
 from .outcome import gait_verdict as gait_verdict
 from .outcome import held_from as held_from
-from .outcome import run_events as run_events
 from .phases import PhaseSpell as PhaseSpell
 from .phases import entry_lags as entry_lags
 from .phases import phase_durations as phase_durations

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -114,57 +114,9 @@ class RunEvent(NamedTuple):
         return f"{self.kind}: {details}" if details else str(self.kind)
 
 
-class _Fault(Protocol):
-    """What is read of a :class:`twin_gait.worlds.Fault`."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def place(self) -> str: ...
-
-
-class _Trip(Protocol):
-    """What is read of a :class:`twin_gait.control.Trip`."""
-
-    @property
-    def cause(self) -> str: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def place(self) -> str: ...
-
-
-# By the status of a run; the others end without an event.
-_ENDINGS = {"fell": EventKind.FALL, "diverged": EventKind.DIVERGENCE}
-
-
-def run_events(faults: Iterable[_Fault], trip: _Trip | None, status: str, end: float) -> tuple[RunEvent, ...]:
-    """The events of a run in the order of time; of those at the same time the cause stands first.
-
-    ``faults`` of the experiment; those after the end did not occur; ``trip``: what the safety monitor tripped
-    on, or None; ``status``: how the run ended; ``end``: last moment of the log in [s].
-    """
-    found = [
-        RunEvent(EventKind.FAULT, item.time, _words(item.kind), _words(item.place))
-        for item in faults
-        if item.time <= end
-    ]
-    if trip is not None:
-        found.append(RunEvent(EventKind.TRIP, trip.time, _words(trip.cause), trip.place))
-    if status in _ENDINGS:
-        found.append(RunEvent(_ENDINGS[status], end))
-    return tuple(sorted(found, key=lambda event: event.time))
-
-
 def held_from(events: Iterable[RunEvent]) -> float | None:
     """From when on the phases of a run no longer say what the legs do.
 
     Returns time of the trip in [s]; None without one.
     """
     return next((event.time for event in events if event.kind is EventKind.TRIP), None)
-
-
-def _words(name: str) -> str:
-    return str(name).replace("_", " ")

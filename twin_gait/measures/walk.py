@@ -25,18 +25,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from twin_gait.measures import strides
 from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, swings
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_entries
-from twin_gait.measures.strides import (
-    SKIPPED_STRIDES,
-    cadence,
-    in_strides,
-    normalise_strides,
-    step_times,
-    stride_extremes,
-    stride_times,
-)
 from twin_gait.vocabulary import JointName, Side
 
 MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which the trough between the peaks is looked for
@@ -112,7 +104,7 @@ def walk_measures(
     walkway: Walkway,
     *,
     swing_phase: int | None,
-    skip: int = SKIPPED_STRIDES,
+    skip: int = strides.SKIPPED_STRIDES,
 ) -> WalkMeasures:
     """Measure one leg of a walk on a belt.
 
@@ -123,27 +115,28 @@ def walk_measures(
     assert contacts is not None and others is not None  # there is ground
     assert leg.clearance is not None and force is not None
     bounds = leg.strides(skip=skip)
-    times = stride_times(bounds, leg.tick)
-    strikes = contacts.heel_strikes[in_strides(contacts.heel_strikes, bounds, last=True)]
-    steps = step_times(strikes, others.heel_strikes, leg.tick)
+    times = strides.stride_times(bounds, leg.tick)
+    strikes = contacts.heel_strikes[strides.in_strides(contacts.heel_strikes, bounds, last=True)]
+    steps = strides.step_times(strikes, others.heel_strikes, leg.tick)
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
     fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
     load = force / walkway.carried_weight
-    clearances = swing_clearances(leg.clearance, contacts)
+    counted = strides.in_strides(swings(contacts)[:, 0], bounds)
+    clearances = swing_clearances(leg.clearance, contacts)[counted]
     powers = {joint: _powers(log, leg.side, joint, bounds) for joint in leg.angles}
     return WalkMeasures(
         strides=len(bounds),
         stride_time=_mean(times),
-        cadence=cadence(times),
+        cadence=strides.cadence(times),
         step_length=ground_speed(log, bounds, leg.tick, walkway) * _mean(steps),
-        load_peak=_mean(stride_extremes(load, bounds)[:, 1]),
+        load_peak=_mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         **_pressure(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
         **_joints(log, leg.side, bounds),
-        clearance=float(min(clearances[in_strides(swings(contacts)[:, 0], bounds)], default=math.nan)),
+        clearance=float(min(clearances, default=math.nan)),
         slip=mean_over(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
-        **_swing(force, entries[in_strides(entries, bounds)], bounds),
+        **_swing(force, entries[strides.in_strides(entries, bounds)], bounds),
         further_contacts=len(contacts.further_contacts),
         motor_power={joint: motor for joint, (motor, _) in powers.items()},
         wearer_power=sum(wearer for _, wearer in powers.values()),
@@ -179,7 +172,7 @@ def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """
     if len(bounds) == 0:
         return np.full(101, np.nan)
-    return np.asarray(normalise_strides(signal, bounds).mean(axis=0))
+    return np.asarray(strides.normalise_strides(signal, bounds).mean(axis=0))
 
 
 def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
@@ -221,7 +214,7 @@ def knee_shape(cycle: np.ndarray) -> dict[str, float]:
 
 
 def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkway) -> dict[str, float]:
-    time, mean = _mean(stride_times(bounds, tick)), mean_over(force, bounds)
+    time, mean = _mean(strides.stride_times(bounds, tick)), mean_over(force, bounds)
     return {
         "braking_impulse": time * mean_over(np.minimum(force, 0.0), bounds),
         "propulsion_impulse": time * mean_over(np.maximum(force, 0.0), bounds),
@@ -261,9 +254,9 @@ def _joints(log: pd.DataFrame, side: Side, bounds: np.ndarray) -> dict[str, floa
     hip, knee, ankle = (wearer_column(log.columns, side, joint, "angle_rad") for joint in JointName)
     lowest = ankle_range = math.nan
     if len(bounds):
-        lowest = float(stride_extremes(log[hip].to_numpy(), bounds)[:, 0].mean())
+        lowest = float(strides.stride_extremes(log[hip].to_numpy(), bounds)[:, 0].mean())
     if len(bounds) and ankle in log:
-        ankle_range = float(np.ptp(stride_extremes(log[ankle].to_numpy(), bounds), axis=1).mean())
+        ankle_range = float(np.ptp(strides.stride_extremes(log[ankle].to_numpy(), bounds), axis=1).mean())
     return {
         "ankle_range": ankle_range,
         "hip_lowest": lowest,

@@ -7,13 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from twin_gait.experiment import Experiment
-from twin_gait.measures.reference import (
-    GroundForce,
-    normative_ground_force,
-    reference_covers,
-    reference_curve,
-    reference_cycle_time,
-)
+from twin_gait.measures import reference
 from twin_gait.measures.strides import PERCENT, cadence
 from twin_gait.measures.walk import fore_aft_peaks, knee_shape, load_shape
 from twin_gait.vocabulary import JointName
@@ -24,7 +18,7 @@ def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
     walking, patient = experiment.scenario.walking, experiment.patient
     if walking is None or patient is None:
         return None
-    return (walking.speed, patient.height) if reference_covers(walking.speed) else None
+    return (walking.speed, patient.height) if reference.reference_covers(walking.speed) else None
 
 
 def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | None:
@@ -39,7 +33,7 @@ def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | No
 @lru_cache(maxsize=16)
 def _cycle(joint: JointName, speed: float, height: float) -> np.ndarray:
     """A summary asks for it some ten times, and building the spline takes as long as reading the strides."""
-    curve = reference_curve(joint, PERCENT, speed=speed, height=height)
+    curve = reference.reference_curve(joint, PERCENT, speed=speed, height=height)
     curve.setflags(write=False)
     return curve
 
@@ -47,16 +41,16 @@ def _cycle(joint: JointName, speed: float, height: float) -> np.ndarray:
 def reference_stride_time(experiment: Experiment) -> float | None:
     """Duration of a stride of the reference walk. Returns duration in [s]; None without a reference walk."""
     walk = _reference_walk(experiment)
-    return None if walk is None else reference_cycle_time(*walk)
+    return None if walk is None else reference.reference_cycle_time(*walk)
 
 
-def reference_ground_force(experiment: Experiment) -> GroundForce | None:
+def reference_ground_force(experiment: Experiment) -> reference.GroundForce | None:
     """Force of the ground on a foot of the reference walk over the weight that it carries, at ``PERCENT``.
 
     Returns shape ``(101,)`` each; None without a reference walk.
     """
     walk = _reference_walk(experiment)
-    return None if walk is None else normative_ground_force(PERCENT, speed=walk[0])
+    return None if walk is None else reference.normative_ground_force(PERCENT, speed=walk[0])
 
 
 def reference_measures(experiment: Experiment) -> dict[str, float]:
@@ -69,7 +63,7 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
     walk, force = _reference_walk(experiment), reference_ground_force(experiment)
     if walk is None or force is None:
         return {}
-    time = reference_cycle_time(*walk)
+    time = reference.reference_cycle_time(*walk)
     hip, knee, ankle = (_cycle(joint, *walk) for joint in JointName)
     return {
         "stride_time": time, "cadence": cadence(np.array([time])), "step_length": 0.5 * walk[0] * time,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -20,13 +20,14 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.leg_record import LegRecord, leg_record
-from twin_gait.measures.outcome import RunEvent, Verdict, gait_verdict, run_events
+from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, gait_verdict
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
 from twin_gait.simulation.answers import Answer, answers_in
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
+from twin_gait.worlds.faults import Fault
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,6 +44,34 @@ class RunStatus(StrEnum):
     FELL = "fell"
     DIVERGED = "diverged"
     INTERRUPTED = "interrupted"
+
+
+# Statuses that are events; a run with another one ends without.
+_ENDINGS = {RunStatus.FELL: EventKind.FALL, RunStatus.DIVERGED: EventKind.DIVERGENCE}
+
+
+def run_events(
+    faults: Iterable[Fault], trip: Trip | None, status: RunStatus, end: float
+) -> tuple[RunEvent, ...]:
+    """The events of a run in the order of time; of those at the same time the cause stands first.
+
+    ``faults`` of the experiment; those after the end did not occur; ``trip``: what the safety monitor tripped
+    on, or None; ``end``: last moment of the log in [s].
+    """
+
+    def words(name: str) -> str:
+        return name.replace("_", " ")
+
+    found = [
+        RunEvent(EventKind.FAULT, item.time, words(item.kind), words(item.place))
+        for item in faults
+        if item.time <= end
+    ]
+    if trip is not None:
+        found.append(RunEvent(EventKind.TRIP, trip.time, words(trip.cause), trip.place))
+    if status in _ENDINGS:
+        found.append(RunEvent(_ENDINGS[status], end))
+    return tuple(sorted(found, key=lambda event: event.time))
 
 
 @dataclass(frozen=True, repr=False)

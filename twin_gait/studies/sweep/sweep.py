@@ -28,14 +28,7 @@ from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit
 from twin_gait.runs.folders import hold
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import (
-    SUMMARY_COLUMNS,
-    Flat,
-    flat_summary,
-    run_episodes,
-    setting_columns,
-    summary_table,
-)
+from twin_gait.studies import batch
 from twin_gait.studies.jobs import JobFailed, Progress, Watch, run_jobs
 from twin_gait.studies.sweep.spec import Sweep, check_episode, experiment_of_episode
 from twin_gait.studies.workers import Workers
@@ -59,12 +52,12 @@ class SweepStore:
         for path in self._files():
             self.done[_read_parquet(path, ["episode"])["episode"]] = True
 
-    def append(self, rows: Mapping[int, Flat]) -> None:
+    def append(self, rows: Mapping[int, batch.Flat]) -> None:
         """Keep the summaries of some episodes in a part of their own."""
         if not rows:
             return
         episodes = sorted(rows)
-        table = summary_table([rows[index] for index in episodes])
+        table = batch.summary_table([rows[index] for index in episodes])
         table.insert(0, "episode", episodes)
         write_parquet(self._parts / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet", table)
         self.done[episodes] = True
@@ -74,13 +67,13 @@ class SweepStore:
         files = self._files()
         rows = pd.concat([pd.DataFrame({"episode": []}, dtype=int), *map(_read_parquet, files)])
         rows = rows.drop_duplicates("episode").sort_values("episode", ignore_index=True)
-        names = setting_columns(self._sweep.design.keys)
+        names = batch.setting_columns(self._sweep.design.keys)
         settings = {
             names[key]: _typed(self._sweep.design.column(key)).iloc[rows["episode"]].reset_index(drop=True)
             for key in names
         }
         # Columns in the order of a summary, whatever part came first; settings are those of the design.
-        results = rows[[name for name in SUMMARY_COLUMNS if name in rows.columns]]
+        results = rows[[name for name in batch.SUMMARY_COLUMNS if name in rows.columns]]
         table = pd.concat([pd.DataFrame({"episode": rows["episode"], **settings}), results], axis=1)
         write_parquet(
             self._directory / TABLE_FILE,
@@ -251,15 +244,15 @@ def _run(
     total, there = len(store.done), len(store.done) - len(pending)
     tell, processors = watch.get("progress") or (lambda done, total: None), set[str]()
 
-    def keep(rows: dict[int, Flat], processor: str) -> None:
+    def keep(rows: dict[int, batch.Flat], processor: str) -> None:
         store.append({pending[place]: flat for place, flat in rows.items()})
         processors.add(processor)
 
     tell(there, total)
     try:
-        run_episodes(
+        batch.run_episodes(
             partial(experiment_of_episode, json.dumps(sweep.document)),
-            flat_summary,
+            batch.flat_summary,
             pending,
             columns=READ_IN_BRIEF,
             workers=workers,
@@ -287,7 +280,7 @@ def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> di
 
 def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
-    parameters = list(setting_columns(sweep.design.keys).values())
+    parameters = list(batch.setting_columns(sweep.design.keys).values())
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
     pictures = write_pictures(sweep_figures(table, parameters, measures, title), directory / FIGURES_FOLDER)
