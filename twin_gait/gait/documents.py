@@ -71,7 +71,7 @@ class PhaseLogic:
         """First exit that is not closed, or None, and whether it is known to be open."""
         for index, needs in self.needs.items():
             waits = [known.get(item) for item in needs if isinstance(item, (Stay, Held))]
-            due = _every([*waits, _truth(self._table.transitions[index].guard, known)])
+            due = _joined([*waits, _truth(self._table.transitions[index].guard, known)], False)
             if due is not False:
                 return index, due is True
         return None, True
@@ -132,21 +132,16 @@ def _needs(table: StateTable, index: int) -> list[Condition]:
 
 def _truth(guard: Guard, known: Truths) -> bool | None:
     """Truth of a guard; None while it depends on conditions that are not known."""
-    if isinstance(guard, AllOf):
-        return _every(_truth(inner, known) for inner in guard.guards)
-    if isinstance(guard, AnyOf):
-        closed = _every(_negated(_truth(inner, known)) for inner in guard.guards)
-        return _negated(closed)
+    if isinstance(guard, (AllOf, AnyOf)):
+        return _joined([_truth(inner, known) for inner in guard.guards], isinstance(guard, AnyOf))
     return known.get(guard)
 
 
-def _every(truths: Iterable[bool | None]) -> bool | None:
-    found = list(truths)
-    return False if False in found else None if None in found else True
-
-
-def _negated(truth: bool | None) -> bool | None:
-    return None if truth is None else not truth
+def _joined(truths: Sequence[bool | None], decisive: bool) -> bool | None:
+    """Truth that one ``decisive`` part settles, and the others only together; None while it is open."""
+    if decisive in truths:
+        return decisive
+    return None if None in truths else not decisive
 
 
 def _without(row: TruthRow, condition: Condition) -> TruthRow:

@@ -15,7 +15,7 @@ from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.guards import LEG_WORDS
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import OTHER, TIME, LegSignals, values_of_device, values_of_leg
+from twin_gait.gait.signals import DEVICE_SIGNALS, OTHER, TIME, LegSignals, values_of_leg
 from twin_gait.gait.table import TICK, StateTable
 from twin_gait.vocabulary import Side
 
@@ -187,4 +187,4 @@ def signal_list(
             )
     first = values_of_leg(own, time_in_phase)
     second = [math.nan] * len(first) if other is None else values_of_leg(other, other_time_in_phase)
-    return [*first, *second, *values_of_device(own)]
+    return [*first, *second, *(getattr(own, signal.field) for signal in DEVICE_SIGNALS)]

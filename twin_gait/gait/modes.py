@@ -150,11 +150,6 @@ def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request:
     if isinstance(guard, (guards.AllOf, guards.AnyOf)):
         parts = [_closed(table, inner, values, request) for inner in guard.guards]
         return [text for part in parts for text in part]
-    return [f"{guard} is not true{_measured(table, guard, values)}"]
-
-
-def _measured(table: ModeTable, atom: guards.Comparison | guards.PhaseMembership, values: list[float]) -> str:
-    if isinstance(atom, guards.PhaseMembership):
-        return ""
-    shown = [f"{name} is {values[table.signals.index(name)] / signal_scale(name):.4g}" for name in atom.names]
-    return f": {' and '.join(shown)}"
+    named = dict(zip(table.signals, values, strict=True))
+    read = [f"{name} is {named[name] / signal_scale(name):.4g}" for name in guards.compared(guard)]
+    return [f"{guard} is not true{': ' if read else ''}{' and '.join(read)}"]

@@ -219,8 +219,3 @@ def values_of_leg(leg: LegSignals, time_in_phase: float) -> list[float]:
     columns = [getattr(leg, signal.field) or (signal.first,) * len(leg.angles) for signal in JOINT_SIGNALS]
     values = [value for joint in zip(*columns, strict=True) for value in joint]
     return values + [getattr(leg, signal.field) if signal.field else time_in_phase for signal in LEG_SIGNALS]
-
-
-def values_of_device(leg: LegSignals) -> list[float]:
-    """Signals of the device as a leg has them, in the order of ``DEVICE_NAMES``, in SI."""
-    return [getattr(leg, signal.field) for signal in DEVICE_SIGNALS]
