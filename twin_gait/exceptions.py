@@ -53,6 +53,15 @@ class RunDirectoryError(TwinGaitError):
     """A run directory cannot be made, read or written."""
 
 
+class JobFailed(TwinGaitError):
+    """One of many jobs failed: ``index`` of its item, and ``problem``, the message of the error behind it."""
+
+    def __init__(self, index: int, problem: str) -> None:
+        """Compose the message."""
+        self.index, self.problem = index, problem
+        super().__init__(f"job {index}: {problem}")
+
+
 class ViewerError(TwinGaitError):
     """The viewer or its server could not be started."""
 

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait import Run, load_experiment, simulate, simulate_batch
-from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise
 from twin_gait.simulation import loops, together
@@ -24,7 +24,6 @@ from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
 from twin_gait.simulation.together import (
     FEWEST_IN_ALL,
     MOST_TICKS,
-    EpisodeFailed,
     block_size,
     blocks_of,
     simulate_together,
@@ -226,7 +225,7 @@ def test_no_log_outlives_its_turn(bench):
 def test_what_comes_before_a_failure_is_done_and_the_failure_has_its_number(bench):
     broken = replace(bench, leg=replace(bench.leg, urdf="nowhere.urdf"))
     done: list[int] = []
-    with pytest.raises(EpisodeFailed, match=r"^episode 2: .*nowhere\.urdf") as error:
+    with pytest.raises(JobFailed, match=r"^job 2: .*nowhere\.urdf") as error:
         for place, _ in simulate_together([bench, bench, broken, bench]):
             done.append(place)
     assert done == [0, 1]
@@ -238,7 +237,7 @@ def test_an_error_in_making_an_experiment_has_its_number(bench):
         yield bench
         raise ParameterError("no such person")
 
-    with pytest.raises(EpisodeFailed, match=r"^episode 1: no such person"):
+    with pytest.raises(JobFailed, match=r"^job 1: no such person"):
         list(simulate_together(asked()))
 
 

@@ -23,7 +23,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
 
-from twin_gait.exceptions import TwinGaitError
+from twin_gait.exceptions import JobFailed, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -40,20 +40,6 @@ FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compi
 # that a summary reads.
 MOST_TICKS = 2_000_000
 _LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
-
-
-class EpisodeFailed(TwinGaitError):
-    """An episode cannot be run.
-
-    Attributes:
-        index: Of its experiment.
-        problem: The error's message.
-    """
-
-    def __init__(self, index: int, problem: str) -> None:
-        """Compose the message."""
-        self.index, self.problem = index, problem
-        super().__init__(f"episode {index}: {problem}")
 
 
 def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tuple[int, ...]]:
@@ -117,10 +103,10 @@ def simulate_together(
         Position and run of each, in the order in which they are done.
 
     Raises:
-        EpisodeFailed: If one cannot be run.
+        JobFailed: If one cannot be run.
     """
     waiting, first = iter(experiments), 0
-    failure: EpisodeFailed | None = None
+    failure: JobFailed | None = None
     while failure is None:
         engines, failure = _laid_out(waiting, first, on_compile)
         if not engines and failure is None:
@@ -137,14 +123,14 @@ def simulate_together(
 
 def _laid_out(
     waiting: Iterator[Experiment], first: int, on_compile: Callable[[], None] | None
-) -> tuple[list[AnyEngine], EpisodeFailed | None]:
+) -> tuple[list[AnyEngine], JobFailed | None]:
     """Engines of the next episodes, up to the first that cannot be laid out."""
     engines: list[AnyEngine] = []
     try:
         for experiment in islice(waiting, _LAID_OUT):
             engines.append(engine_of(build_problem(experiment), on_compile))
     except TwinGaitError as error:
-        failure = EpisodeFailed(first + len(engines), str(error))
+        failure = JobFailed(first + len(engines), str(error))
         failure.__cause__ = error
         return engines, failure
     return engines, None
@@ -170,7 +156,7 @@ def _run(
 ) -> list[Run]:
     """Runs of the episodes of a block, or of a single one.
 
-    Raises EpisodeFailed if a single one cannot be run, telling that it is the one with this number.
+    Raises JobFailed if a single one cannot be run, telling that it is the one with this number.
     """
     names, kept = engines[0].layout.names, None
     if columns is not None:
@@ -183,7 +169,7 @@ def _run(
         else:
             results = [engine.run(columns=kept) for engine in engines]
     except TwinGaitError as error:
-        raise EpisodeFailed(first, str(error)) from error
+        raise JobFailed(first, str(error)) from error
     share = (time.perf_counter() - began) / len(engines)
     return [
         run_of(engine.problem, result, share, kept) for engine, result in zip(engines, results, strict=True)

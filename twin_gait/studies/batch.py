@@ -20,12 +20,12 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiment_file import Converted, experiment_from_mapping
 from twin_gait.configuration.experiments import names_a_person, person_document
 from twin_gait.configuration.validation import assign, converting, parse_assignment
-from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise_in_brief
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.simulation.together import EpisodeFailed, block_size, compile_ahead, simulate_together
-from twin_gait.studies.jobs import JobFailed, Watch, run_blocks
+from twin_gait.simulation.together import block_size, compile_ahead, simulate_together
+from twin_gait.studies.jobs import Watch, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
 
@@ -66,11 +66,8 @@ def _measured(
     columns: tuple[str, ...] | None,
     items: Sequence[Item],
 ) -> Iterator[tuple[int, Result]]:
-    try:
-        for place, run in simulate_together(map(experiment_of, items), columns=columns):
-            yield place, measure(run)
-    except EpisodeFailed as error:
-        raise JobFailed(error.index, error.problem) from error
+    for place, run in simulate_together(map(experiment_of, items), columns=columns):
+        yield place, measure(run)
 
 
 def _block_ahead(

@@ -9,12 +9,12 @@ from typing import Any, Unpack
 import numpy as np
 import pandas as pd
 
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import JobFailed, ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Watch
+from twin_gait.studies.jobs import Watch
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 import twin_gait
+from twin_gait.exceptions import JobFailed as JobFailed  # which a caller of this catches
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.studies.workers import Item, Result, Workers, WorkersLost
 
@@ -44,15 +45,6 @@ class Watch(TypedDict, total=False):
     progress: Progress | None
     should_stop: Stop | None
     on_compile: Callable[[], None] | None
-
-
-class JobFailed(TwinGaitError):
-    """A job raised an error of this package: ``index`` of its item, and ``problem``, the error's message."""
-
-    def __init__(self, index: int, problem: str) -> None:
-        """Compose the message."""
-        self.index, self.problem = index, problem
-        super().__init__(f"job {index}: {problem}")
 
 
 class _Portion(NamedTuple):

@@ -14,13 +14,13 @@ from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import JobFailed, ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.simulation import Run
 from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.compare.measures import Measures, run_measures
-from twin_gait.studies.jobs import JobFailed, Watch
+from twin_gait.studies.jobs import Watch
 from twin_gait.worlds.scenario import BELT_SPEED
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and

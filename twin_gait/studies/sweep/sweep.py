@@ -20,7 +20,7 @@ import pandas as pd
 import pyarrow as pa
 
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_pictures
 from twin_gait.report.pages import figures_page
@@ -29,7 +29,7 @@ from twin_gait.runs.folders import hold
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
-from twin_gait.studies.jobs import JobFailed, Progress, Watch, run_jobs
+from twin_gait.studies.jobs import Progress, Watch, run_jobs
 from twin_gait.studies.sweep.spec import Sweep, check_episode, experiment_of_episode
 from twin_gait.studies.workers import Workers
 

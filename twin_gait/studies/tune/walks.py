@@ -8,7 +8,7 @@ from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
@@ -17,7 +17,7 @@ from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import HEAVIEST_WEARER, Patient
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import JobFailed, Watch
+from twin_gait.studies.jobs import Watch
 from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds import Walking
