@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from synthetic_run import synthetic_run
@@ -42,6 +44,20 @@ def drawn_here(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
     return runs
 
 
+@pytest.fixture
+def processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
+    """Processes that are started to draw."""
+    started: list[subprocess.Popen[bytes]] = []
+
+    class Noted(subprocess.Popen):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            started.append(self)
+
+    monkeypatch.setattr(drawing.subprocess, "Popen", Noted)
+    return started
+
+
 @pytest.mark.parametrize(("processors", "expected"), [(1, False), (2, True), (16, True)])
 def test_a_process_draws_what_this_one_would(
     processors: int,
@@ -51,26 +67,24 @@ def test_a_process_draws_what_this_one_would(
     tmp_path: Path,
     monkeypatch,
     drawn_here,
+    processes,
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
-    with drawing_beside() as worker:
-        process = worker._process
-        worker.begin(walk, tmp_path)
-        worker.finish()
+    with drawing_beside() as draw:
+        draw(walk, tmp_path)()
     assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES) - 1  # no crutches
-    assert (process is not None) == expected and len(drawn_here) == (not expected)
-    assert process is None or process.returncode == 0
+    assert len(processes) == expected and len(drawn_here) == (not expected)
+    assert all(process.returncode == 0 for process in processes)
 
 
 @pytest.mark.slow
 def test_a_process_that_is_lost_is_done_without(
-    walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here
+    walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here, processes
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_beside() as worker:
-        worker._process.kill()
-        worker.begin(walk, tmp_path)
-        worker.finish()
+    with drawing_beside() as draw:
+        processes[0].kill()
+        draw(walk, tmp_path)()
     assert contents(list(tmp_path.iterdir())) == pictures
     assert len(drawn_here) == 1
 
@@ -80,26 +94,25 @@ def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
     walk: Run, tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_beside() as worker:
-        worker.begin(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path)
+    with drawing_beside() as draw:
+        finish = draw(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path)
         with pytest.raises(KeyError, match="battery_power_W"):
-            worker.finish()
+            finish()
 
 
-def test_a_process_that_is_not_needed_is_ended(monkeypatch) -> None:
+def test_a_process_that_is_not_needed_is_ended(monkeypatch, processes) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_beside(wanted=False) as worker:
-        assert worker._process is None
-    with drawing_beside() as worker:
-        process = worker._process
-    assert process.returncode is not None
+    with drawing_beside(wanted=False):
+        assert not processes
+    with drawing_beside():
+        pass
+    assert processes[0].returncode is not None
 
 
 @pytest.mark.slow
 def test_a_long_log_stays_in_this_process(walk: Run, tmp_path: Path, monkeypatch, drawn_here) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(drawing, "LARGEST_LOG", 1000)
-    with drawing_beside() as worker:
-        worker.begin(walk, tmp_path)
-        worker.finish()
+    with drawing_beside() as draw:
+        draw(walk, tmp_path)()
     assert len(drawn_here) == 1

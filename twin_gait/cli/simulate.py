@@ -19,7 +19,7 @@ from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
     from twin_gait.live.session import LiveSession
-    from twin_gait.runs.drawing import Drawing
+    from twin_gait.runs.drawing import Draw
     from twin_gait.simulation import Run
 
 _ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -63,11 +63,11 @@ def simulate(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.runs.drawing import drawing_beside
 
-    with drawing_beside(wanted=not arguments.no_pictures) as drawing:
-        return _simulate(arguments, drawing)
+    with drawing_beside(wanted=not arguments.no_pictures) as draw:
+        return _simulate(arguments, draw)
 
 
-def _simulate(arguments: argparse.Namespace, drawing: Drawing) -> int:
+def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
     from twin_gait.simulation import RunStatus
@@ -90,7 +90,7 @@ def _simulate(arguments: argparse.Namespace, drawing: Drawing) -> int:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
         summary = write_run(
             result, staging, document=loaded.document, pictures=not arguments.no_pictures, accuracy=accuracy,
-            on_step=terminal.note_step, drawing=drawing,
+            on_step=terminal.note_step, draw=draw,
         )  # fmt: skip
     terminal.clear_line()
     lines = list(report(result, summary, out))

@@ -13,66 +13,68 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from twin_gait.simulation.run import Run
 
 LARGEST_LOG = 2**28  # [bytes] that are handed over; the process holds it twice while it comes
+# Has the pictures of a run drawn into a folder; what it gives back waits until they are there.
+Draw = Callable[["Run", Path], Callable[[], None]]
 
 
-class Drawing:
-    """Draws the pictures of one run: by a process of its own, or here without one."""
+def draw_here(run: Run, folder: Path) -> Callable[[], None]:
+    """Draw in this process, when the pictures are waited for; an error reaches whoever waits."""
 
-    def __init__(self, process: subprocess.Popen[bytes] | None = None) -> None:
-        """Draw by a process that waits for a run at its standard input."""
-        self._process = process
-        self._waiting: threading.Thread | None = None
-
-    def begin(self, run: Run, folder: Path) -> None:
-        """Have the pictures of a run drawn into a folder; :meth:`finish` waits for them."""
-        self._run, self._folder = run, folder
-        if self._process is None or run.log.memory_usage().sum() > LARGEST_LOG:
-            return
-        # In a thread, because a process that is still importing does not take it yet.
-        packed = pickle.dumps((run, folder))
-        self._waiting = threading.Thread(target=self._process.communicate, args=(packed,))
-        self._waiting.start()
-
-    def finish(self) -> None:
-        """Wait until the pictures are there; draw here what the process could not."""
-        if self._process is not None and self._waiting is not None:
-            self._waiting.join()
-            if self._process.returncode == 0:
-                return
+    def draw() -> None:
         from twin_gait.report.figures import write_figures
 
-        write_figures(self._run, self._folder)  # here an error reaches whoever asked for the pictures
+        write_figures(run, folder)
+
+    return draw
 
 
 @contextlib.contextmanager
-def drawing_beside(*, wanted: bool = True) -> Iterator[Drawing]:
-    """Somebody who draws beside this process; no process is started on a machine with one processor."""
-    process = None
-    if wanted and (os.cpu_count() or 1) > 1:
-        # Modules are found where this process finds them. In a session of its own, because Ctrl-C reaches
-        # every process of a terminal, and only this one knows what to do about it.
-        work = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _draw; _draw()"
-        process = subprocess.Popen(
-            [sys.executable, "-c", work],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+def drawing_beside(*, wanted: bool = True) -> Iterator[Draw]:
+    """What draws beside this process, and here what the process could not.
+
+    No process is started where none is wanted, nor on a machine with one processor.
+    """
+    if not wanted or (os.cpu_count() or 1) == 1:
+        yield draw_here
+        return
+    # Modules are found where this process finds them. In a session of its own, because Ctrl-C reaches every
+    # process of a terminal, and only this one knows what to do about it.
+    work = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _draw; _draw()"
+    streams: dict[str, Any] = {
+        "stdin": subprocess.PIPE,
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+    }
+    process = subprocess.Popen([sys.executable, "-c", work], start_new_session=True, **streams)
+
+    def draw(run: Run, folder: Path) -> Callable[[], None]:
+        here = draw_here(run, folder)
+        if run.log.memory_usage().sum() > LARGEST_LOG:
+            return here
+        # In a thread, because a process that is still importing does not take it yet.
+        handing = threading.Thread(target=process.communicate, args=(pickle.dumps((run, folder)),))
+        handing.start()
+
+        def finish() -> None:
+            handing.join()
+            if process.returncode != 0:
+                here()
+
+        return finish
+
     try:
-        yield Drawing(process)
+        yield draw
     finally:
-        if process is not None:
-            process.kill()
-            process.communicate()
+        process.kill()
+        process.communicate()
 
 
 def _draw() -> None:

@@ -18,7 +18,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.runs.drawing import Drawing
+from twin_gait.runs.drawing import Draw, draw_here
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -50,18 +50,17 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
-    drawing: Drawing | None = None,
+    draw: Draw = draw_here,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
-    ``drawing``: who draws the figures while all else is written; by default they are drawn here.
+    ``draw``: what draws the figures, maybe while all else is written.
     """
     tell = on_step or (lambda name: None)
-    drawing = drawing or Drawing()
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
-        drawing.begin(run, directory / FIGURES_FOLDER)
+        finish_drawing = draw(run, directory / FIGURES_FOLDER)
     tell(EXPERIMENT_FILE)
     resolved = resolved_document(run.experiment, document, versions())
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
@@ -79,7 +78,7 @@ def write_run(
         tell(ANIMATION_FILE)
         write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run, summary)]))
         tell(FIGURES_FOLDER)
-        drawing.finish()
+        finish_drawing()
     return summary
 
 
