@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from twin_gait import Run, load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
-from twin_gait.runs.summary import READ_IN_BRIEF, summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import loops, together
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
@@ -28,7 +28,7 @@ from twin_gait.simulation.together import (
     blocks_of,
     simulate_together,
 )
-from twin_gait.studies.batch import SUMMARY_COLUMNS, Base, flat_summary
+from twin_gait.studies.batch import READ_IN_BRIEF, SUMMARY_COLUMNS, Base, flat_summary
 
 PLACES = ("left_hip", "left_knee", "right_hip", "right_knee")
 FALLING = {

@@ -20,7 +20,7 @@ from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import summary_of_traffic, with_units
-from twin_gait.runs.leg_summary import reference_error, side_in_brief, summarise_side
+from twin_gait.runs.leg_summary import reference_error, summarise_side
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
@@ -72,48 +72,15 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "sides": sides,
         **_walk(run, skip_strides),
         "symmetry": _symmetry(sides),
-        **_battery(run),
+        **battery_in_numbers(run),
         "safety": _safety(run),
         **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
         **_guide(run),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),
-        **_energy(run),
+        **energy_in_numbers(run),
     }
     found: dict[str, Any] = plain(summary)
-    return found
-
-
-# Ends of the names of the columns of a log that a summary in brief reads, beside time and phases.
-READ_IN_BRIEF = (
-    "_angle_rad",
-    "_motor_command_torque_Nm",
-    "_motor_torque_Nm",
-    "_target_current_A",
-    "_measured_current_A",
-    "_foot_normal_force_N",
-    "_foot_clearance_m",
-    "battery_power_W",
-    "kinetic_energy_J",
-    "potential_energy_J",
-    "_work_J",
-)
-
-
-def summarise_in_brief(run: Run) -> dict[str, Any]:
-    """What a table of many runs holds of :func:`summarise`; needs no columns but ``READ_IN_BRIEF``."""
-    found: dict[str, Any] = plain(
-        {
-            "seed": run.experiment.seed,
-            "duration_s": run.duration,
-            "status": run.status,
-            "outcome": run.verdict.outcome,
-            "fell": run.status is RunStatus.FELL,
-            "sides": {side: side_in_brief(run, side) for side in run.sides},
-            **_battery(run),
-            **_energy(run),
-        }
-    )
     return found
 
 
@@ -136,7 +103,8 @@ def _walk(run: Run, skip: int) -> dict[str, Any]:
     }
 
 
-def _battery(run: Run) -> dict[str, float]:
+def battery_in_numbers(run: Run) -> dict[str, float]:
+    """What a run takes from the battery, and how long that lasts."""
     battery = run.experiment.plant.battery
     use = effort.battery_use(run.log["battery_power_W"].to_numpy(), TICK, battery.continuous_power)
     return {
@@ -158,7 +126,8 @@ def _guide(run: Run) -> dict[str, float]:
     }
 
 
-def _energy(run: Run) -> dict[str, float]:
+def energy_in_numbers(run: Run) -> dict[str, float]:
+    """How well the energy of a run balances with the work of all sources."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
     balance = effort.energy_balance(energy, works)

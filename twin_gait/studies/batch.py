@@ -22,7 +22,9 @@ from twin_gait.configuration.experiments import names_a_person, person_document
 from twin_gait.configuration.validation import assign, converting, parse_assignment
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
-from twin_gait.runs.summary import READ_IN_BRIEF, summarise_in_brief
+from twin_gait.files import plain
+from twin_gait.runs.leg_summary import side_in_brief
+from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.together import block_size, compile_ahead, simulate_together
 from twin_gait.studies.jobs import Watch, run_blocks
@@ -89,6 +91,21 @@ def _block_ahead(
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
 Override = Mapping[str, Any]
 Flat = dict[str, float | str | bool | None]
+
+# Ends of the names of the columns of a log that :func:`flat_summary` reads, beside time and phases.
+READ_IN_BRIEF = (
+    "_angle_rad",
+    "_motor_command_torque_Nm",
+    "_motor_torque_Nm",
+    "_target_current_A",
+    "_measured_current_A",
+    "_foot_normal_force_N",
+    "_foot_clearance_m",
+    "battery_power_W",
+    "kinetic_energy_J",
+    "potential_energy_J",
+    "_work_J",
+)
 
 # Columns of a flat summary with their types, by what has them: the run, each leg, each joint.
 _RUN = {
@@ -201,15 +218,22 @@ def flat_summary(run: Run) -> Flat:
 
     The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, with
     side and joint in front: ``left_stride_time_mean_s``, ``left_knee_saturated_share``; None where one is
-    not defined. Nothing in it depends on the machine's speed.
+    not defined. Nothing in it depends on the machine's speed. Of a log it needs ``READ_IN_BRIEF``.
     """
-    whole = summarise_in_brief(run)
-    flat: Flat = {name: whole[name] for name in _RUN}
-    for side, values in whole["sides"].items():
+    whole = {
+        **{"status": run.status, "outcome": run.verdict.outcome, "fell": run.status is RunStatus.FELL},
+        **{"seed": run.experiment.seed, "duration_s": run.duration},
+        **battery_in_numbers(run),
+        **energy_in_numbers(run),
+    }
+    flat = {name: whole[name] for name in _RUN}
+    for side in run.sides:
+        values = side_in_brief(run, side)
         flat |= {f"{side}_{name}": values.get(name) for name in _SIDE}
         for joint, effort in values["joints"].items():
             flat |= {f"{side}_{joint}_{name}": effort[name] for name in _JOINT}
-    return flat
+    found: Flat = plain(flat)
+    return found
 
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:

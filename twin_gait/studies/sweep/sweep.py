@@ -26,7 +26,6 @@ from twin_gait.report.canvas import write_pictures
 from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit_of_column, values_of
 from twin_gait.runs.folders import hold
-from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.jobs import Progress, Watch, run_jobs
@@ -254,7 +253,7 @@ def _run(
             partial(experiment_of_episode, json.dumps(sweep.document)),
             batch.flat_summary,
             pending,
-            columns=READ_IN_BRIEF,
+            columns=batch.READ_IN_BRIEF,
             workers=workers,
             keep=keep,
             **watch | {"progress": lambda done, _: tell(there + done, total)},
