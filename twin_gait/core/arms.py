@@ -147,10 +147,7 @@ def arm_force(
     length = math.sqrt(ahead * ahead + up * up)
     ex, ez = ahead / length, up / length
     # Where the grip would have the strut: down along the trunk, turned forwards by its angle.
-    wanted_x, wanted_z = (
-        cosine * grip.sine - sine * grip.cosine,
-        -(sine * grip.sine + cosine * grip.cosine),
-    )
+    wanted_x, wanted_z = (cosine * grip.sine - sine * grip.cosine, -(sine * grip.sine + cosine * grip.cosine))
     aside = grip.length * (wanted_z * ex - wanted_x * ez)
     along_speed, aside_speed = forward * ex + upward * ez, upward * ex - forward * ez
     push = grip.push + grip.stiffness * (grip.length - length) - grip.damping * along_speed

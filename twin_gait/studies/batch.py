@@ -73,9 +73,7 @@ def _measured(
 
 
 def _block_ahead(
-    experiment_of: Callable[[Item], Experiment],
-    items: Sequence[Item],
-    on_compile: Callable[[], None] | None,
+    experiment_of: Callable[[Item], Experiment], items: Sequence[Item], on_compile: Callable[[], None] | None
 ) -> int:
     """Compile before the workers need it, and tell how many episodes to hand over at a time."""
     if not items:

@@ -232,12 +232,7 @@ def check_sweep(sweep: Sweep, workers: Workers | None = None, **watch: Unpack[Wa
         raise KeyboardInterrupt
 
 
-def _run(
-    sweep: Sweep,
-    store: SweepStore,
-    workers: Workers,
-    **watch: Unpack[Watch],
-) -> list[str]:
+def _run(sweep: Sweep, store: SweepStore, workers: Workers, **watch: Unpack[Watch]) -> list[str]:
     """Run what is not done yet; types of the processors that did it."""
     pending = np.flatnonzero(~store.done).tolist()
     total, there = len(store.done), len(store.done) - len(pending)
