@@ -19,6 +19,7 @@ import pandas as pd
 from twin_gait import JointName, Run, Side
 from twin_gait.control import Controller, Plan
 from twin_gait.core import (
+    Motor,
     current_to_torque,
     motor_electrical_power,
     sagged_bus_voltage,
@@ -412,7 +413,7 @@ def plant_of(problem: Problem) -> Any:
         ohms = item.resistance + electronics.inverter_resistance
         current = torque_to_current(torque[k], item.torque_constant, item.gear_ratio)
         voltages.append(ohms * current + item.torque_constant * item.gear_ratio * speed)
-        power += motor_electrical_power(current, speed, ohms, item.torque_constant, item.gear_ratio)
+        power += motor_electrical_power(Motor(item.torque_constant, item.gear_ratio, ohms), current, speed)
         power += electronics.inverter_power
     bus = sagged_bus_voltage(battery.voltage, battery.internal_resistance, power, battery.voltage)
     laws = {

@@ -35,7 +35,7 @@ voltages = st.floats(1.0, 60.0)
 
 
 def knee_current(current: float, velocity: float, voltage: float = BATTERY) -> float:
-    return voltage_limited_current(current, velocity, voltage, R, K_T, RATIO)
+    return voltage_limited_current(MOTOR, current, velocity, voltage)
 
 
 @given(torque=torques)
@@ -91,7 +91,7 @@ def test_voltage_limit_of_the_knee_by_hand(velocity: float, highest: float, lowe
 def test_limited_current_needs_no_more_than_the_bus_voltage(
     current: float, velocity: float, voltage: float
 ) -> None:
-    driven = voltage_limited_current(current, velocity, voltage, R, K_T, RATIO)
+    driven = voltage_limited_current(MOTOR, current, velocity, voltage)
     terminal = R * driven + K_T * RATIO * velocity
     assert abs(terminal) <= voltage * (1.0 + 1e-9) + 1e-9  # rounding only
     wanted = R * current + K_T * RATIO * velocity
@@ -102,15 +102,15 @@ def test_limited_current_needs_no_more_than_the_bus_voltage(
 @given(current=currents, velocity=speeds)
 def test_electrical_power_is_copper_loss_plus_mechanical_power(current: float, velocity: float) -> None:
     mechanical = current_to_torque(current, K_T, RATIO) * velocity
-    power = motor_electrical_power(current, velocity, R, K_T, RATIO)
+    power = motor_electrical_power(MOTOR, current, velocity)
     assert_allclose(power, R * current**2 + mechanical, rtol=1e-12, atol=1e-9)
 
 
 def test_motor_draws_power_when_it_drives_and_feeds_the_bus_when_it_brakes() -> None:
-    assert motor_electrical_power(5.0, 2.0, R, K_T, RATIO) > 0.0
-    assert motor_electrical_power(-5.0, 2.0, R, K_T, RATIO) < 0.0
+    assert motor_electrical_power(MOTOR, 5.0, 2.0) > 0.0
+    assert motor_electrical_power(MOTOR, -5.0, 2.0) < 0.0
     # 0.343 · 25 W of copper loss at stall, whatever the direction.
-    assert_allclose(motor_electrical_power(-5.0, 0.0, R, K_T, RATIO), 8.575, rtol=1e-12)
+    assert_allclose(motor_electrical_power(MOTOR, -5.0, 0.0), 8.575, rtol=1e-12)
 
 
 def test_battery_feeds_the_electronics_and_takes_back_its_share() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from twin_gait.control import TripCause
 from twin_gait.core import faults, safety
-from twin_gait.core.actuator import winding_voltage
+from twin_gait.core.actuator import Motor, winding_voltage
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.estimation import quantise
 from twin_gait.exceptions import ParameterError
@@ -37,12 +37,13 @@ def test_stopping_angle_is_where_a_braked_joint_comes_to_rest(angle, velocity, d
 def test_a_drive_with_the_right_resistance_infers_the_true_speed(current, velocity):
     constant = KNEE_ACTUATOR.torque_constant * KNEE_ACTUATOR.gear_ratio
     resistance = KNEE_ACTUATOR.resistance
-    voltage = winding_voltage(current, velocity, resistance, constant)
+    cold, warm = (Motor(constant, 1.0, ratio * resistance) for ratio in (1.0, 1.39))
+    voltage = winding_voltage(cold, current, velocity)
     inferred = safety.motor_speed(voltage, current, constant, resistance)
     assert inferred == pytest.approx(velocity, abs=1e-12)
-    voltage = winding_voltage(current, velocity, 1.39 * resistance, constant)
-    warm = safety.motor_speed(voltage, current, constant, resistance)
-    assert warm - velocity == pytest.approx(0.39 * resistance * current / constant, abs=1e-12)
+    voltage = winding_voltage(warm, current, velocity)
+    faster = safety.motor_speed(voltage, current, constant, resistance)
+    assert faster - velocity == pytest.approx(0.39 * resistance * current / constant, abs=1e-12)
 
 
 def test_winding_heats_as_the_exponential_of_its_time_constant():

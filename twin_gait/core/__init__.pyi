@@ -1,3 +1,4 @@
+from .actuator import Motor as Motor
 from .actuator import battery_power as battery_power
 from .actuator import current_to_torque as current_to_torque
 from .actuator import dead_zone as dead_zone

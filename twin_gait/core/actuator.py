@@ -56,21 +56,14 @@ def current_to_torque(current: float, torque_constant: float, gear_ratio: float)
     return current * torque_constant * gear_ratio
 
 
-def voltage_limited_current(
-    current: float,
-    joint_velocity: float,
-    bus_voltage: float,
-    resistance: float,
-    torque_constant: float,
-    gear_ratio: float,
-) -> float:
+def voltage_limited_current(motor: Motor, current: float, joint_velocity: float, bus_voltage: float) -> float:
     r"""Current that the bus voltage can drive through the winding against the back-EMF.
 
     :math:`\frac{-V_{bus} - K_e\,\tau\,\omega}{R} \le I \le \frac{V_{bus} - K_e\,\tau\,\omega}{R}`
     """
-    back_emf = torque_constant * gear_ratio * joint_velocity
-    highest = (bus_voltage - back_emf) / resistance
-    lowest = (-bus_voltage - back_emf) / resistance
+    back_emf = motor.torque_constant * motor.gear_ratio * joint_velocity
+    highest = (bus_voltage - back_emf) / motor.resistance
+    lowest = (-bus_voltage - back_emf) / motor.resistance
     if current > highest:
         return highest
     if current < lowest:
@@ -78,22 +71,18 @@ def voltage_limited_current(
     return current
 
 
-def winding_voltage(current: float, joint_velocity: float, resistance: float, emf_constant: float) -> float:
-    r"""Voltage on a winding that carries a steady current: :math:`U = R I + K_e\,\tau\,\omega`.
-
-    ``emf_constant``: :math:`K_e\,\tau` at the joint in [V s] / [rad].
-    """
-    return resistance * current + emf_constant * joint_velocity
+def winding_voltage(motor: Motor, current: float, joint_velocity: float) -> float:
+    r"""Voltage on a winding that carries a steady current: :math:`U = R I + K_e\,\tau\,\omega`."""
+    return motor.resistance * current + motor.torque_constant * motor.gear_ratio * joint_velocity
 
 
-def motor_electrical_power(
-    current: float, joint_velocity: float, resistance: float, torque_constant: float, gear_ratio: float
-) -> float:
+def motor_electrical_power(motor: Motor, current: float, joint_velocity: float) -> float:
     r"""Electrical power in [W] that a motor draws: copper loss and back-EMF power.
 
     :math:`P = R I^2 + K_e\,\tau\,\omega\,I`, negative while the motor brakes and feeds the bus.
     """
-    return resistance * current * current + torque_constant * gear_ratio * joint_velocity * current
+    mechanical = motor.torque_constant * motor.gear_ratio * joint_velocity * current
+    return motor.resistance * current * current + mechanical
 
 
 def battery_power(motor_power: float, constant_power: float, regeneration: float) -> float:

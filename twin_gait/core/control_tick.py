@@ -158,7 +158,5 @@ def driven_motor(
     Returns the measured current in [A] and the motor torque at the joint, before the losses of the gear, in
     [N m].
     """
-    measured = voltage_limited_current(
-        current, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio
-    )
+    measured = voltage_limited_current(motor, current, joint_velocity, bus_voltage)
     return measured, current_to_torque(measured, motor.torque_constant, motor.gear_ratio)

@@ -23,14 +23,7 @@ def drive_winding(e: BenchEpisode, velocity: float) -> None:
         return
     back_emf = motor.torque_constant * motor.gear_ratio * velocity
     if winding.drive == IDEAL:
-        current = voltage_limited_current(
-            winding.target_current,
-            velocity,
-            e.bus_voltage,
-            motor.resistance,
-            motor.torque_constant,
-            motor.gear_ratio,
-        )
+        current = voltage_limited_current(motor, winding.target_current, velocity, e.bus_voltage)
         winding.current = current
         winding.mean_current = current
         winding.voltage = motor.resistance * current + back_emf

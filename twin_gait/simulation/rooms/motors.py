@@ -184,13 +184,9 @@ def _note_drive(e: Episode, number: int) -> None:
     """What the board sees of its drive, and what the motor draws."""
     joint = e.joints[number]
     motor, velocity, current = joint.motor, e.v[joint.place], joint.current
-    joint.voltage = winding_voltage(
-        current, velocity, motor.resistance, motor.torque_constant * motor.gear_ratio
-    )
+    joint.voltage = winding_voltage(motor, current, velocity)
     note_drive(joint.board, joint.voltage, current, joint.current_deviation)
-    e.supply.power += motor_electrical_power(
-        current, velocity, motor.resistance, motor.torque_constant, motor.gear_ratio
-    )
+    e.supply.power += motor_electrical_power(motor, current, velocity)
 
 
 def supply(e: Episode, tick: int) -> None:
