@@ -26,7 +26,11 @@ def fields(path: str) -> list[dict[str, Any]]:
     """Fields of a dataclass or named tuple with the comments beside them."""
     module, _, name = path.rpartition(".")
     return [
-        {"field": f"`{field}`", "type": f"`{kind}`".replace("|", "\\|"), "meaning": meaning.replace("|", "or")}
+        {
+            "field": f"`{field}`",
+            "type": f"`{kind}`".replace("|", "\\|"),
+            "meaning": meaning.replace("|", "or"),
+        }
         for field, kind, meaning in fields_of(getattr(importlib.import_module(module), name))
     ]
 

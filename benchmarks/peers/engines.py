@@ -13,10 +13,9 @@ from peers.scenarios import Case
 from peers.timing import Implementation
 
 from twin_gait import simulate
-from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.engine import EngineResult
-from twin_gait.simulation.lane_engine import LaneEngine
+from twin_gait.simulation.lane_engine import WIDTH, LaneEngine
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
@@ -115,13 +114,12 @@ class BatchSession:
         problems = unlike(build_problem(case.lasting(ticks)), episodes or WIDTH * threads)
         self._pool, self._log = ThreadPoolExecutor(threads) if threads > 1 else None, log
         self.engines = [CompiledEngine(problem, record=bool(log)) for problem in problems]
-        self._starts = [[part.copy() for part in engine.parts] for engine in self.engines]
+        self._starts = [engine.store.copy() for engine in self.engines]
 
     def reset(self) -> None:
         """Put every episode back to its start; a thousand new engines would take longer than they run."""
-        for engine, starts in zip(self.engines, self._starts, strict=True):
-            for part, start in zip(engine.parts, starts, strict=True):
-                part[...] = start
+        for engine, start in zip(self.engines, self._starts, strict=True):
+            engine.store[:] = start
             engine.point_at_rows()
         blocks = range(0, len(self.engines), WIDTH)
         self._blocks = [LaneEngine(self.engines[first : first + WIDTH]) for first in blocks]

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.simulation import keeping, loops
-from twin_gait.simulation.keeping import CACHE_VARIABLE, cache_folder
-from twin_gait.simulation.loops import MachineCode, read_code, write_code
+from twin_gait.simulation import keeping
+from twin_gait.simulation.keeping import CACHE_VARIABLE, MachineCode, cache_folder, read_code, write_code
 
 pytestmark = [pytest.mark.slow, pytest.mark.compile]
 
@@ -122,7 +121,7 @@ def test_a_full_disk_does_not_stop_a_run(places: Path, monkeypatch: pytest.Monke
         raise RunDirectoryError(f"{path}: cannot be written (No space left on device)")
 
     places.mkdir()
-    monkeypatch.setattr(loops, "write_atomically", full)
+    monkeypatch.setattr(keeping, "write_atomically", full)
     write_code(places / "kept.loop", CODE)
     assert not any(places.iterdir())
 

@@ -21,7 +21,7 @@ from twin_gait.kernels import rigid_body
 from twin_gait.kernels.generated import KernelBodies, body_values, write_kernel
 from twin_gait.kernels.tracing import Trace, sine_and_cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import keeping, loops
+from twin_gait.simulation import keeping
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.problem import build_problem
@@ -400,7 +400,7 @@ def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypa
     name, *changes = case
     problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     CompiledEngine(problem)
-    monkeypatch.setattr(loops, "_loops", {})
+    monkeypatch.setattr(keeping, "_loops", {})
     told = []
     CompiledEngine(problem, on_compile=lambda: told.append(1))
     assert not told
@@ -416,9 +416,9 @@ def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
     name, *changes = case
     problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     CompiledEngine(problem)
-    monkeypatch.setattr(loops, "_loops", {})
+    monkeypatch.setattr(keeping, "_loops", {})
     codes = []
-    monkeypatch.setattr(loops, "load_function", lambda code: codes.append(code))
+    monkeypatch.setattr(keeping, "load_function", lambda code: codes.append(code))
     CompiledEngine(problem)
     (code,) = codes
     called = {word.lstrip(b"_") for word in code.object_code.split(b"\0")} & MATHEMATICS

@@ -17,7 +17,7 @@ from twin_gait.control.controllers.position import Position
 from twin_gait.core.assistance import cycle_place
 from twin_gait.exceptions import MeasurementError, ParameterError
 from twin_gait.experiment import ControlMode, Experiment
-from twin_gait.simulation import loops
+from twin_gait.simulation import keeping
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.simulator import SlowControllerWarning
@@ -108,9 +108,9 @@ def test_assistance_takes_its_share_of_what_the_controller_asks_for():
 
 def test_a_controller_that_is_compiled_by_its_writer_is_compiled_once():
     controller, told = controller_with(numba.njit(halve)), []
-    first, made = simulate(bench(), controller=controller), len(loops._loops)
+    first, made = simulate(bench(), controller=controller), len(keeping._loops)
     second = simulate(bench(), controller=controller, on_compile=lambda: told.append(1))
-    assert len(loops._loops) == made and not told
+    assert len(keeping._loops) == made and not told
     assert first.log.equals(second.log)
 
 

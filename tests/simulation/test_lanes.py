@@ -20,11 +20,19 @@ from twin_gait.control import Controller
 from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.block import SHARED, WIDTH, shared_words, side_by_side, word_of
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
 from twin_gait.simulation.compiling import ON_BITS, compile_loop, compiled_in, jit
 from twin_gait.simulation.engine import EngineResult
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, kind_of
+from twin_gait.simulation.lane_engine import (
+    FEWEST,
+    SHARED,
+    WIDTH,
+    LaneEngine,
+    kind_of,
+    shared_words,
+    side_by_side,
+    word_of,
+)
 from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import RunStatus
@@ -249,7 +257,7 @@ def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> 
 def test_every_shared_field_is_there_and_alike_in_all_who_share_a_block(uncompiled):
     engine = uncompiled("treadmill", [])
     shared, kind, found = shared_words(engine.pattern.episode), kind_of(engine), set()
-    words = engine.parts[0].view(np.int64)
+    words = engine.store.view(np.int64)
     for name, place in numbers_of(engine.pattern.episode):
         words[place] ^= 1
         assert shared[place] == (name in SHARED), name
@@ -277,7 +285,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
     engine = CompiledEngine(problem)
     rows = np.zeros((1500, len(engine.layout.names)))
     engine.run_ticks(0, 1, rows)
-    words, shared = engine.parts[0].view(np.int64), shared_words(engine.pattern.episode)
+    words, shared = engine.store.view(np.int64), shared_words(engine.pattern.episode)
     before = words.copy()
     engine.run_ticks(1, 1500, rows)
     assert np.array_equal(words[shared], before[shared])
@@ -287,7 +295,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
 
 def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_none(uncompiled):
     engines = [uncompiled("treadmill", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
-    block = side_by_side(np.concatenate([engine.parts[0] for engine in engines]))
+    block = side_by_side(np.concatenate([engine.store for engine in engines]))
     dtype = engines[0].pattern.episode
     assert block.shape == (dtype.itemsize // 8, WIDTH) and block.flags.c_contiguous
     weights = block[word_of(dtype, "body_weight")].view(float)

@@ -31,13 +31,13 @@ def problem() -> Problem:
 def compiled(given: Problem) -> Any:
     engine = CompiledEngine(given)
     engine.run()
-    return engine.parts[0].view(np.recarray)[0].controller
+    return engine.store.view(np.recarray)[0].controller
 
 
 def in_lanes(given: Problem) -> Any:
     engines = [CompiledEngine(given) for _ in range(FEWEST)]
     LaneEngine(engines).run()
-    return engines[0].parts[0].view(np.recarray)[0].controller
+    return engines[0].store.view(np.recarray)[0].controller
 
 
 def reference(given: Problem) -> Any:

@@ -18,10 +18,9 @@ from twin_gait import Run, load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import loops, together
-from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
-from twin_gait.simulation.together import (
+from twin_gait.simulation import keeping, simulator
+from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine
+from twin_gait.simulation.simulator import (
     FEWEST_IN_ALL,
     MOST_TICKS,
     block_size,
@@ -202,10 +201,10 @@ def test_the_reference_engine_runs_beside_the_compiled_one(bench):
 @pytest.mark.compile
 def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, monkeypatch, tmp_path):
     monkeypatch.setenv("TWIN_GAIT_CACHE", str(tmp_path))
-    monkeypatch.setattr(loops, "_loops", {})
+    monkeypatch.setattr(keeping, "_loops", {})
     blocks: list[int] = []
     monkeypatch.setattr(
-        together,
+        simulator,
         "LaneEngine",
         lambda engines, **options: blocks.append(len(engines)) or LaneEngine(engines, **options),
     )
@@ -242,7 +241,7 @@ def test_an_error_in_making_an_experiment_has_its_number(bench):
 
 
 def test_work_can_be_stopped_and_more_than_are_laid_out_at_a_time_are_run(bench, monkeypatch):
-    monkeypatch.setattr(together, "FEWEST_IN_ALL", 1000)  # without compiling for them
+    monkeypatch.setattr(simulator, "FEWEST_IN_ALL", 1000)  # without compiling for them
     short = replace(bench, duration=0.01)
     assert sorted(place for place, _ in simulate_together([short] * 150)) == list(range(150))
     done: list[int] = []

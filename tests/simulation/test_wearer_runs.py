@@ -21,9 +21,9 @@ from twin_gait.gait import GaitTable
 from twin_gait.gait.guards import PhaseMembership, mapped
 from twin_gait.measures.reference import normative_moment
 from twin_gait.simulation import Run
+from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES, phase_spans
+from twin_gait.simulation.problem import POSTURES, build_problem, phase_spans
 from twin_gait.vocabulary import JointName, Side
 
 # A leg in the air, from its swing on, stepped in Python so that nothing is compiled.
@@ -197,13 +197,13 @@ def test_noise_of_the_effort_leaves_that_of_the_sensors_alone_and_has_the_size_a
     noisy = ("sensors={ideal: false, angle_noise_deg: 0.02}", "duration_s=20", EAGER)
     quiet = build_problem(experiment(*noisy))
     loud = build_problem(experiment(*noisy, "patient.effort_noise=0.2"))
-    assert_array_equal(loud.noise, quiet.noise)
-    drawn = loud.wearer.noise
-    assert drawn.shape == (20_000, 2)
+    sensors, drawn = np.hsplit(loud.noise, [len(loud.joints)])
+    assert_array_equal(sensors, quiet.noise[:, : len(quiet.joints)])
+    assert drawn.shape == (20_000, 2) and not quiet.noise[:, len(quiet.joints) :].any()
     # 40 000 draws: the mean within five of its deviations, the deviation within five of its own.
     assert abs(drawn.mean()) < 5.0 * 0.2 / np.sqrt(drawn.size)
     assert abs(drawn.std() - 0.2) < 5.0 * 0.2 / np.sqrt(2.0 * drawn.size)
-    correlation = np.corrcoef(drawn.ravel(), loud.noise.ravel())[0, 1]
+    correlation = np.corrcoef(drawn.ravel(), sensors.ravel())[0, 1]
     assert abs(correlation) < 5.0 / np.sqrt(drawn.size)  # two streams, not one twice
 
 

@@ -23,7 +23,7 @@ from twin_gait.measures.reference import normative_ground_force, reference_curve
 from twin_gait.measures.strides import symmetry_index
 from twin_gait.report import tune as pictures
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run, simulate, together
+from twin_gait.simulation import Run, simulate, simulator
 from twin_gait.studies.tune import outcome
 from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.parts import Rating, part_values, parts_of, rate_walk
@@ -185,7 +185,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "FINALISTS", 1)
         # Alone, which the loop of lanes is proven to equal.
-        patch.setattr(together, "FEWEST_IN_ALL", math.inf)
+        patch.setattr(simulator, "FEWEST_IN_ALL", math.inf)
         patch.setattr(stages, "robust_cases", lambda item: (NOMINAL, LOW))
         for module in (stages, outcome):
             patch.setattr(module, "SEARCH_CASES", (NOMINAL, LOW))

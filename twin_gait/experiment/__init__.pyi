@@ -1,10 +1,10 @@
 from .control import ControlMode as ControlMode
 from .control import ControlParameters as ControlParameters
+from .experiment import FINEST_STEP as FINEST_STEP
 from .experiment import LONGEST_RUN as LONGEST_RUN
+from .experiment import Engine as Engine
 from .experiment import Experiment as Experiment
-from .integration import FINEST_STEP as FINEST_STEP
-from .integration import Engine as Engine
-from .integration import Integration as Integration
-from .integration import IntegrationMethod as IntegrationMethod
-from .integration import default_integration as default_integration
+from .experiment import Integration as Integration
+from .experiment import IntegrationMethod as IntegrationMethod
+from .experiment import default_integration as default_integration
 from .plant import PlantParameters as PlantParameters

@@ -1,11 +1,11 @@
 """One frozen value that says everything a run needs."""
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Annotated
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.control import ControlParameters
-from twin_gait.experiment.integration import Engine, Integration, IntegrationMethod, default_integration
 from twin_gait.experiment.plant import PlantParameters
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
@@ -17,6 +17,65 @@ from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_impl
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
 from twin_gait.worlds.scenario import Scenario
 from twin_gait.worlds.world import LegSource, World
+
+
+class Engine(StrEnum):
+    """What steps through the episode: the same laws, as Python on Pinocchio or compiled."""
+
+    PINOCCHIO = "pinocchio"
+    COMPILED = "compiled"
+
+
+class IntegrationMethod(StrEnum):
+    """Fixed-step integrator of the plant."""
+
+    SEMI_IMPLICIT_EULER = "semi_implicit_euler"
+    RK4 = "rk4"
+
+
+# In [s]. Finer steps gain nothing: rounding outgrows the integrator's error, and a second takes minutes.
+FINEST_STEP = 1e-7
+STEPS = Range(FINEST_STEP, TICK, words=f"{FINEST_STEP:g} to {TICK:g} s")
+_BRACED_STEP = 0.1e-3  # in [s] of the compiled engine
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integration(Parameters):
+    """Integrator and step.
+
+    Attributes:
+        method: The integrator.
+        step: In [s]; a whole number of steps must fill a tick of 1 ms.
+    """
+
+    method: IntegrationMethod = IntegrationMethod.SEMI_IMPLICIT_EULER
+    step: Annotated[Time, STEPS] = 0.25e-3
+
+    def __post_init__(self) -> None:
+        """Check that steps fill a tick."""
+        super().__post_init__()
+        ratio = TICK / self.step
+        such = f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s"
+        require(abs(ratio - round(ratio)) < 1e-9 * ratio, "step", such, self.step)
+
+    @property
+    def substeps(self) -> int:
+        """Steps in a tick."""
+        return round(TICK / self.step)
+
+
+def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = False) -> Integration:
+    """Integrator and step where none is asked for.
+
+    The compiled engine can afford what the accuracy of the solution calls for: Runge-Kutta at 1 ms, and at
+    0.1 ms where stiff contacts open and close or braces bind a light foot. The Pinocchio engine steps in
+    Python and takes the largest step at which it still runs the contacts stably and faster than real time.
+    """
+    if engine is Engine.PINOCCHIO:
+        return Integration()
+    step = min(_BRACED_STEP, scenario.step) if braced else scenario.step
+    return Integration(method=IntegrationMethod.RK4, step=step)
+
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]

@@ -51,15 +51,16 @@ def walk_with(
     plant = loop_of(engine.pattern, on_compile, run_part)
     rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
     engine.episode["recording"]["log"] = rows.ctypes.data
-    record, address = engine.parts[0], engine.parts[0].ctypes.data
+    record, address = engine.store, engine.store.ctypes.data
     inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
     drives, sensors = drive_pairs(record, inputs), sensor_pairs(record, inputs)
 
-    def run_tick(tick: int, end: int) -> tuple[int, int]:
+    def run_tick(tick: int, end: int) -> int:
         plant(address, 0, tick)
         keep([*drives, *sensors], 0)
         obey(engine, unit.exchange(require_fields(inputs, given)[0]).view(taken)[0], tick)
-        return end, plant(address, 1, tick)
+        plant(address, 1, tick)
+        return end
 
     return run_by_ticks(engine, run_tick, rows, progress)
 

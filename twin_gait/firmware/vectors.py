@@ -11,7 +11,6 @@ from twin_gait.exceptions import FirmwareError
 from twin_gait.experiment import Experiment
 from twin_gait.firmware.linked import LinkedUnit, linked_unit
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import run_in_chunks
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
@@ -52,14 +51,14 @@ def record_vectors(
     engine, unit = CompiledEngine(problem, on_compile=on_compile), linked_unit(problem)
     rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
     inputs, outputs = (np.zeros(len(rows), dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
-    record = engine.parts[0]
+    record = engine.store
     earlier, now = drive_pairs(record, inputs), sensor_pairs(record, inputs) + answer_pairs(record, outputs)
 
-    def run_tick(tick: int, end: int) -> tuple[int, int]:
+    def run_tick(tick: int, end: int) -> int:
         keep(earlier, tick)
         engine.run_ticks(tick, end, rows)
         keep(now, tick)
-        return end, int(engine.episode["status"])
+        return end
 
     run = run_by_ticks(engine, run_tick, rows, progress)
     return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
@@ -67,13 +66,13 @@ def record_vectors(
 
 def run_by_ticks(
     engine: CompiledEngine,
-    run_tick: Callable[[int, int], tuple[int, int]],
+    run_tick: Callable[[int, int], int],
     rows: np.ndarray,
     progress: Progress | None,
 ) -> Run:
     """The run of an engine, tick by tick, whose log is written into ``rows``."""
     began = time.perf_counter()
-    done = run_in_chunks(engine.problem, 1, run_tick, progress, None)[0]
+    done = engine.run_in_chunks(1, run_tick, progress)[0]
     return run_of(engine.problem, engine.result(done, rows[:done]), time.perf_counter() - began)
 
 

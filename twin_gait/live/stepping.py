@@ -73,7 +73,7 @@ class SteppedRun:
         starts = self._episode["faults"]["start_tick"]
         starts[len(experiment.faults) :] = NEVER
         self._episode["first_fault"] = starts.min()
-        self._start = [part.copy() for part in self._engine.parts]
+        self._start = self._engine.store.copy()
         self._values = self._changeable()
         self._fades: dict[str, Fade] = {}
         self._push_ends = np.full(len(problem.joints), NEVER)
@@ -91,7 +91,7 @@ class SteppedRun:
             "setpoints": joints["setpoints"].view(float).reshape(len(joints), -1, COLUMNS_PER_JOINT),
             "gravity_shares": controller["legs"]["gravity_shares"],
             "target_torque": joints["target"],
-            "belt_speed": self._engine.parts[0]["belt"]["cruise"],
+            "belt_speed": self._engine.store["belt"]["cruise"],
             "comparisons": controller["program"]["comparisons"],
         }
         if model.pelvis_index is not None:  # the wearer's hangs in the support
@@ -171,7 +171,7 @@ class SteppedRun:
         """The present moment, from which another run of the same problem can go on: plain values for JSON."""
         return {
             "tick": self.tick,
-            "parts": [base64.b64encode(part.tobytes()).decode() for part in self._engine.parts],
+            "record": base64.b64encode(self._engine.store.tobytes()).decode(),
             "fades": dict(self._fades),
             "push_ends": self._push_ends.tolist(),
             "watching": self._watching,
@@ -181,8 +181,7 @@ class SteppedRun:
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
         """Take over a moment of another run of the same problem; rows and switches before it are unknown."""
-        for text, part in zip(moment["parts"], self._engine.parts, strict=True):
-            part[...] = np.frombuffer(base64.b64decode(text), part.dtype).reshape(part.shape)
+        self._engine.store[:] = np.frombuffer(base64.b64decode(moment["record"]), self._engine.store.dtype)
         self._engine.point_at_rows()  # addresses are those of a process
         self._episode["recording"]["n_switches"] = 0
         self._fades = {name: Fade(*fade) for name, fade in moment["fades"].items()}
@@ -334,8 +333,7 @@ class SteppedRun:
     def restart(self) -> None:
         """Go back to tick 0 with the present parameters; pushes and injected faults are forgotten."""
         kept = {name: values.copy() for name, values in self._values.items()}
-        for part, start in zip(self._engine.parts, self._start, strict=True):
-            part[...] = start
+        self._engine.store[:] = self._start
         for name, values in self._values.items():
             values[...] = self._fades[name].target if name in self._fades else kept[name]
         arrive(self._episode, np.ones(len(self.problem.sides)))

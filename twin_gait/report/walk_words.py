@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeGuard
 from twin_gait.measures.strides import ErrorParts
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.parameters import Patient
-from twin_gait.simulation.traffic import BusTraffic
+from twin_gait.simulation.engine import BusTraffic
 from twin_gait.vocabulary import JointName
 
 

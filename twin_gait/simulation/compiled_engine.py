@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.control import Trip
 from twin_gait.control.controller import TickFunction
-from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.kernels.generated import (
     SIDE_BY_SIDE,
     KernelBodies,
@@ -21,29 +19,18 @@ from twin_gait.kernels.generated import (
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
-from twin_gait.simulation.engine import (
-    EngineResult,
-    ending_of,
-    log_layout,
-    result_of,
-    run_in_chunks,
-    switches_of,
-)
+from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import Episode, Switch, noise_width
 from twin_gait.simulation.filling import Structure, new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import NativeFunction, kept_loop
+from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
-from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.watching import trip_of
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
 
-CHUNK_TICKS = 2000  # between two looks at progress and interruption
 _SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
 
 
@@ -62,17 +49,18 @@ def run_part(address: int, acting: int, tick: int) -> int:
     return e.status
 
 
-class CompiledEngine:
+class CompiledEngine(EpisodeEngine):
     """Runs one problem from start to end in compiled code.
 
     Attributes:
-        problem: The experiment as an engine needs it.
-        layout: Names and positions of the log's columns.
-        episode: The record, which changes as the loop runs.
+        store: All that the loop changes, beside log and switches: the record, an array of shape ``(1,)``.
+        episode: The record.
         switches: Room for the switches of the phases.
         pattern: What its loop is compiled for.
         loop: The compiled loop; episodes of one pattern have the same.
     """
+
+    chunk_ticks = 2000
 
     def __init__(
         self, problem: Problem, *, record: bool = True, on_compile: Callable[[], None] | None = None
@@ -83,96 +71,42 @@ class CompiledEngine:
         ``on_compile``: called if the loop has to be compiled first. Raises UncompiledControllerError if numba
         cannot compile the controller.
         """
-        self.problem = problem
-        self.layout = log_layout(problem)
-        self._record = record
+        super().__init__(problem)
         bodies, episode, structure = laid_out(problem, record=record)
-        self._store = stored(episode)
-        self.episode = self._store[0]
+        self.store = stored(episode)
+        self.episode = self.store[0]
         # Rows behind addresses; they live as long as the engine.
-        self._efforts = np.zeros((episode.efforts.n_ring, len(episode.limbs)))
-        self._noise = np.ascontiguousarray(problem.noise), np.ascontiguousarray(problem.wearer.noise)
+        self._noise = np.ascontiguousarray(problem.noise)
         self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
         self.point_at_rows()
         acting = problem.controller
         self.pattern = Pattern(
-            self._store.dtype, dtype_of(self.layout.row()), bodies, structure, acting.name, acting.functions()
+            self.store.dtype, dtype_of(self.layout.row()), bodies, structure, acting.name, acting.functions()
         )
         self.loop = loop_of(self.pattern, on_compile)
 
     def point_at_rows(self) -> None:
         """Write the addresses of all rows but the log's into the record."""
-        recording, efforts = self.episode["recording"], self.episode["efforts"]
-        recording["switches"] = self.switches.ctypes.data
-        recording["noise"], efforts["noise"] = (noise.ctypes.data for noise in self._noise)
-        efforts["ring"] = self._efforts.ctypes.data
-
-    @property
-    def parts(self) -> tuple[np.ndarray, np.ndarray]:
-        """All that the loop changes, beside log and switches: the record and the wearer's last efforts."""
-        return self._store, self._efforts
+        recording = self.episode["recording"]
+        recording["switches"], recording["noise"] = self.switches.ctypes.data, self._noise.ctypes.data
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
-        """Run ticks ``first`` to ``end`` - 1, fewer if the wearer falls or the state diverges on the way.
-
-        ``rows``: log, shape ``(n, n_columns)``, whose first row is that of tick ``first_row``; changed in
-        place. Returns the ticks run since the start.
-        """
+        """See :meth:`EpisodeEngine.run_ticks`."""
         assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
-        return self.loop(self._store.ctypes.data, first, end)
-
-    def run(
-        self,
-        progress: Callable[[int, int], None] | None = None,
-        should_stop: Callable[[], bool] | None = None,
-        columns: Sequence[int] | None = None,
-    ) -> EngineResult:
-        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
-
-        ``progress`` is called with ticks done and in all, ``should_stop`` asked now and then. ``columns``:
-        positions of the columns of the log that are kept; all by default.
-        """
-        width = len(self.layout.names)
-        kept = range(width) if columns is None else columns
-        total = self.problem.experiment.n_ticks if self._record else 0
-        # Everybody reads columns: each chunk is turned round while the cache still holds it.
-        table, rows = np.empty((len(kept), total)), np.zeros((CHUNK_TICKS if self._record else 1, width))
-
-        def run_ticks(first: int, end: int) -> tuple[int, int]:
-            done = self.run_ticks(first, end, rows, first)
-            if self._record:
-                for place, column in enumerate(kept):
-                    table[place, first:done] = rows[: done - first, column]
-            return done, int(self.episode["status"])
-
-        done, ended = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        return self.result(done, table[:, :done].T, ended)
-
-    def result(self, done: int, rows: np.ndarray, ended: tuple[RunStatus, str] | None = None) -> EngineResult:
-        """The result of a run of some ticks; ``ended``: how, where it has not ended by itself."""
-        ended = ended or self.ending(done)
-        return result_of(self.problem, self._fields, rows, self.phase_switches(), done, ended)
+        return self.loop(self.store.ctypes.data, first, end)
 
     @property
-    def _fields(self) -> Any:
-        """The record with its fields as attributes, to be read."""
-        return self._store.view(np.recarray)[0]
+    def state(self) -> Any:
+        """The record, to be read."""
+        return self.store.view(np.recarray)[0]
 
-    def trip(self) -> Trip | None:
-        """What the safety monitor has tripped on, or None."""
-        return trip_of(self.problem, self._fields)
-
-    def ending(self, done: int) -> tuple[RunStatus, str]:
-        """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
-        return ending_of(int(self.episode["status"]), done, self.problem)
-
-    def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
-        """Switches of the phases so far, from one of them on."""
-        return switches_of(
-            self.problem, self.switches[first : self.episode["recording"]["n_switches"]].tolist()
-        )
+    def switch_rows(self, first: int) -> list[tuple[int, int, int, int, int]]:
+        """See :meth:`EpisodeEngine.switch_rows`."""
+        found: list[tuple[int, int, int, int, int]]
+        found = self.switches[first : self.episode["recording"]["n_switches"]].tolist()
+        return found
 
 
 class Pattern(NamedTuple):
@@ -257,7 +191,7 @@ def bound_to(pattern: Pattern) -> dict[str, Any]:
         **pattern.structure,
         **pattern.functions,
         **bound_kernel(pattern.bodies),
-        **compiled_rows(pattern.row, noise_width(pattern.episode), pattern.episode["limbs"].shape[0]),
+        **compiled_rows(pattern.row, noise_width(pattern.episode)),
     }
 
 
@@ -273,12 +207,12 @@ def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def compiled_rows(row: np.dtype[Any], noises: int, limbs: int) -> dict[str, Any]:
+def compiled_rows(row: np.dtype[Any], noises: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, rows_at
 
     logs, switches = rows_at(row), rows_at(_SWITCHES)
-    readings, efforts = numbers_at(noises), numbers_at(limbs)
+    readings = numbers_at(noises)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)
@@ -289,11 +223,4 @@ def compiled_rows(row: np.dtype[Any], noises: int, limbs: int) -> dict[str, Any]
     def noise_row(e: Episode, tick: int) -> Any:
         return readings(e.recording.noise, tick % e.recording.n_noise)
 
-    def effort_row(e: Episode, tick: int) -> Any:
-        return efforts(e.efforts.ring, tick % e.efforts.n_ring)
-
-    def effort_noise_row(e: Episode, tick: int) -> Any:
-        return efforts(e.efforts.noise, tick % e.efforts.n_noise)
-
-    rows = (log_row, switch_row, noise_row, effort_row, effort_noise_row)
-    return {item.__name__: jit(item) for item in rows}
+    return {item.__name__: jit(item) for item in (log_row, switch_row, noise_row)}

@@ -27,7 +27,7 @@ from numba.extending import intrinsic
 
 from twin_gait.control.controller import TickFunction, UncompiledControllerError, require_no_answer
 from twin_gait.simulation.binding import bind, is_ours
-from twin_gait.simulation.loops import ARGUMENTS, MachineCode, NativeFunction, function_at
+from twin_gait.simulation.keeping import ARGUMENTS, MachineCode, NativeFunction, function_at
 
 _BITS = ir.IntType(64)
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows

@@ -1,23 +1,46 @@
-"""What the engines share: the shape of their result and the columns of their log."""
+"""What the engines share: a run in chunks, the shape of its result, and the columns of its log."""
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from twin_gait.control import Trip
+from twin_gait.control import Trip, TripCause
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
+from twin_gait.network.bus import MEASUREMENT, SETPOINT
+from twin_gait.parameters import NODES
 from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.traffic import BusTraffic, bus_traffic
-from twin_gait.simulation.watching import trip_of
 
 # A joint that turns faster than this is no longer physical: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
+_BUS_UNIT = 1e-12  # what a bus counts in, in [s]
+
+
+class FrameTraffic(NamedTuple):
+    """What became of a frame that is sent in every cycle."""
+
+    name: str  # For example ``left_hip_setpoint``.
+    mean_age: float  # Mean time in [s] since its sender wrote what its receiver goes by, over all ticks.
+    oldest: float  # Longest of them in [s].
+    sent: int  # How many its sender believes to have sent.
+    lost: int  # Of these, those that did not arrive.
+    replaced: int  # Those that a newer one took the place of before they were sent.
+    destroyed: int  # Transmissions that ended in an error frame.
+    worst_response: float  # Longest time from the instant at which one was due to its arrival in [s].
+
+
+class BusTraffic(NamedTuple):
+    """What a bus has carried in a run, and how old what its receivers went by was."""
+
+    load: float  # Share of the time in which it was in use.
+    bus_offs: Mapping[str, int]  # How often each node went bus-off.
+    frames: tuple[FrameTraffic, ...]  # Set points, then measurements.
 
 
 class EngineResult(NamedTuple):
@@ -48,75 +71,161 @@ def log_layout(problem: Problem) -> LogLayout:
     )
 
 
-def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str]:
-    """How a run stands after some ticks, and why; completed as long as nothing has ended it."""
-    world, when = problem.world, f"at {ticks * TICK:.3f} s"
-    lean, reach = math.degrees(world.fall_pitch), world.longest_reach
-    reasons = {
-        DIVERGED: f"the state diverged {when}; try a smaller integration step",
-        FELL: f"the pelvis fell below {world.fall_height or 0.0:.2f} m {when}",
-        TIPPED: f"the trunk leaned by more than {lean:.0f} deg {when}",
-        LET_GO: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
-    }
-    if status not in reasons:
-        return RunStatus.COMPLETED, ""
-    return RunStatus.DIVERGED if status == DIVERGED else RunStatus.FELL, reasons[status]
+class EpisodeEngine(ABC):
+    """Runs one problem from start to end.
 
-
-def result_of(
-    problem: Problem,
-    episode: Any,
-    rows: np.ndarray,
-    switches: tuple[PhaseSwitch, ...],
-    done: int,
-    ended: tuple[RunStatus, str],
-) -> EngineResult:
-    """The result of a run of some ticks from its record, plain or NumPy's; ``ended``: how, and why."""
-    trip, traffic = trip_of(problem, episode), bus_traffic(problem, episode, done)
-    return EngineResult(rows, switches, *ended, trip, traffic)
-
-
-def switches_of(
-    problem: Problem, switches: Iterable[tuple[int, int, int, int, int]]
-) -> tuple[PhaseSwitch, ...]:
-    """Changes of phase by name, of tick, leg, source, target and transition of each."""
-    names, sides = problem.table.phase_names, problem.sides
-    causes = [item.cause for item in problem.table.transitions]
-    return tuple(
-        PhaseSwitch(
-            tick, sides[leg], names[source], names[target], causes[chosen] if chosen >= 0 else POSTURE, chosen
-        )
-        for tick, leg, source, target, chosen in switches
-    )
-
-
-def run_in_chunks(
-    problem: Problem,
-    chunk: int,
-    run_ticks: Callable[[int, int], tuple[int, int]],
-    progress: Callable[[int, int], None] | None,
-    should_stop: Callable[[], bool] | None,
-) -> tuple[int, tuple[RunStatus, str]]:
-    """Run to the end of the experiment, or to a fall, divergence or a request to stop.
-
-    ``run_ticks``: from first tick and one past the last of a chunk to the ticks run since the start and the
-    status of the episode. Returns the ticks run, and how it ended, and why.
+    Attributes:
+        chunk_ticks: Between two looks at progress and interruption.
+        problem: The experiment as an engine needs it.
+        layout: Names and positions of the log's columns.
     """
-    total, done = problem.experiment.n_ticks, 0
-    status, reason = RunStatus.COMPLETED, ""
-    while done < total and status is RunStatus.COMPLETED:
+
+    chunk_ticks: ClassVar[int]
+
+    def __init__(self, problem: Problem) -> None:
+        """Find the columns of the log."""
+        self.problem = problem
+        self.layout = log_layout(problem)
+
+    @property
+    @abstractmethod
+    def state(self) -> Any:
+        """The record of the episode, its fields as attributes."""
+
+    @abstractmethod
+    def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
+        """Run ticks ``first`` to ``end`` - 1, fewer if the wearer falls or the state diverges on the way.
+
+        ``rows``: log, shape ``(n, n_columns)``, whose first row is that of tick ``first_row``; changed in
+        place. Returns the ticks run since the start.
+        """
+
+    @abstractmethod
+    def switch_rows(self, first: int) -> Iterable[tuple[int, int, int, int, int]]:
+        """Tick, leg, source, target and transition of the switches of the phases, from one of them on."""
+
+    def run(
+        self,
+        progress: Callable[[int, int], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+        columns: Sequence[int] | None = None,
+    ) -> EngineResult:
+        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
+
+        ``progress`` is called with ticks done and in all, ``should_stop`` asked now and then. ``columns``:
+        positions of the columns of the log that are kept; all by default.
+        """
+        width, record = len(self.layout.names), bool(self.state.recording.on)
+        kept = range(width) if columns is None else columns
+        total = self.problem.experiment.n_ticks if record else 0
+        # Everybody reads columns: each chunk is turned round while the cache still holds it.
+        table, rows = np.empty((len(kept), total)), np.zeros((self.chunk_ticks if record else 1, width))
+
+        def run_ticks(first: int, end: int) -> int:
+            done = self.run_ticks(first, end, rows, first)
+            if record:
+                for place, column in enumerate(kept):
+                    table[place, first:done] = rows[: done - first, column]
+            return done
+
+        done, ended = self.run_in_chunks(self.chunk_ticks, run_ticks, progress, should_stop)
+        return self.result(done, table[:, :done].T, ended)
+
+    def run_in_chunks(
+        self,
+        chunk: int,
+        run_ticks: Callable[[int, int], int],
+        progress: Callable[[int, int], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> tuple[int, tuple[RunStatus, str]]:
+        """As :meth:`run`; ``run_ticks``: from first tick and end of a chunk to the ticks run since the start.
+
+        Returns the ticks run, and how it ended, and why.
+        """
+        total, done = self.problem.experiment.n_ticks, 0
+        ended = RunStatus.COMPLETED, ""
+        while done < total and ended[0] is RunStatus.COMPLETED:
+            if progress is not None:
+                progress(done, total)
+            if should_stop is not None and should_stop():
+                ended = RunStatus.INTERRUPTED, f"stopped at {done * TICK:.3f} s"
+                break
+            done = run_ticks(done, min(done + chunk, total))
+            ended = self.ending(done)
         if progress is not None:
             progress(done, total)
-        if should_stop is not None and should_stop():
-            status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
-            break
-        done, code = run_ticks(done, min(done + chunk, total))
-        status, reason = ending_of(code, done, problem)
-    if progress is not None:
-        progress(done, total)
-    return done, (status, reason)
+        return done, ended
+
+    def result(self, done: int, rows: np.ndarray, ended: tuple[RunStatus, str] | None = None) -> EngineResult:
+        """The result of a run of some ticks; ``ended``: how, where it has not ended by itself."""
+        switches, ended = self.phase_switches(), ended or self.ending(done)
+        return EngineResult(rows, switches, *ended, self.trip(), self._traffic(done))
+
+    def ending(self, done: int) -> tuple[RunStatus, str]:
+        """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
+        world, status, when = self.problem.world, int(self.state.status), f"at {done * TICK:.3f} s"
+        lean, reach = math.degrees(world.fall_pitch), world.longest_reach
+        reasons = {
+            DIVERGED: f"the state diverged {when}; try a smaller integration step",
+            FELL: f"the pelvis fell below {world.fall_height or 0.0:.2f} m {when}",
+            TIPPED: f"the trunk leaned by more than {lean:.0f} deg {when}",
+            LET_GO: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
+        }
+        if status not in reasons:
+            return RunStatus.COMPLETED, ""
+        return RunStatus.DIVERGED if status == DIVERGED else RunStatus.FELL, reasons[status]
+
+    def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far, from one of them on."""
+        names, sides = self.problem.table.phase_names, self.problem.sides
+        causes = [item.cause for item in self.problem.table.transitions]
+        return tuple(
+            PhaseSwitch(
+                tick,
+                sides[leg],
+                names[source],
+                names[target],
+                causes[chosen] if chosen >= 0 else POSTURE,
+                chosen,
+            )
+            for tick, leg, source, target, chosen in self.switch_rows(first)
+        )
+
+    def trip(self) -> Trip | None:
+        """What the safety monitor has tripped on, or None."""
+        trip, joints, sides = self.state.controller.trip, self.problem.joints, self.problem.sides
+        tick, place, side, joint = int(trip.tick), int(trip.part), None, None
+        if tick < 0:
+            return None
+        if place >= len(joints):  # behind the joints are the legs
+            side = sides[place - len(joints)]
+        elif place >= 0:  # below is the supply
+            side, joint = joints[place].side, joints[place].joint
+        return Trip(tick, list(TripCause)[int(trip.cause)], side, joint)
+
+    def _traffic(self, ticks: int) -> BusTraffic | None:
+        """Counts of the bus in a run of at least 1 tick; None without one."""
+        if self.problem.experiment.network is None:
+            return None
+        network, boards = self.state.network, [f"{item.side}_{item.joint}" for item in self.problem.joints]
+        bus = network.bus
+        frames = tuple(
+            _frame_traffic(f"{board}_{kind}", wire, bus.frames[int(wire.frame)], ticks)
+            for kind, wires in ((SETPOINT, network.setpoints), (MEASUREMENT, network.measurements))
+            for board, wire in zip(boards, wires, strict=True)
+        )
+        bus_offs = {name: int(node.bus_offs) for name, node in zip(NODES, bus.nodes, strict=True)}
+        return BusTraffic(float(bus.busy) / (ticks * float(bus.tick)), bus_offs, frames)
 
 
-def stopped_reason(ticks: int) -> str:
-    """Why a run that was asked to stop ended."""
-    return f"stopped at {ticks * TICK:.3f} s"
+def _frame_traffic(name: str, wire: Any, frame: Any, ticks: int) -> FrameTraffic:
+    return FrameTraffic(
+        name,
+        mean_age=TICK * int(wire.ages) / ticks,
+        oldest=TICK * int(wire.oldest),
+        sent=int(frame.sent),
+        lost=int(frame.lost),
+        replaced=int(frame.replaced),
+        destroyed=int(frame.destroyed),
+        worst_response=_BUS_UNIT * int(frame.worst_response),
+    )

@@ -31,6 +31,8 @@ from twin_gait.simulation.log import WorkRow
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
 UNIT_READINGS = 3  # of an inertial unit: gyroscope, accelerometer forwards and up
+# First hip angle of the normative moments, and from one to the next, in [rad].
+LOWEST_POSTURE, POSTURE_STEP = math.radians(-30.0), math.radians(2.0)
 
 
 @dataclass(slots=True)
@@ -59,6 +61,7 @@ class Limb:
     place: int  # In the coordinates of the device.
     condition: Condition  # What the wearer does.
     moments: list[list[float]]  # Normative moment in [N m] by phase and posture of the hip.
+    effort_line: DelayLine  # Efforts on their way in [N m].
 
 
 @dataclass(slots=True)
@@ -154,20 +157,8 @@ class Switch:
 
 
 @dataclass(slots=True)
-class Efforts:
-    """The wearer's efforts, which come with a delay; their rows are behind an address."""
-
-    lowest_posture: float  # First hip angle of the normative moments in [rad].
-    posture_step: float  # From one to the next in [rad].
-    n_ring: int  # Their number.
-    n_noise: int  # Rows of it, taken in turn.
-    ring: int = 0  # Address of the efforts of the last ticks.
-    noise: int = 0  # Address of the share by which the effort strays, tick by tick.
-
-
-@dataclass(slots=True)
 class Recording:
-    """Log, switches and sensor noise; their rows are behind an address."""
+    """Log, switches and noise; their rows are behind an address."""
 
     on: bool  # Whether the log is written.
     most_switches: int  # That there is room for.
@@ -176,7 +167,7 @@ class Recording:
     first_row: int = 0  # Tick of that row.
     switches: int = 0  # Address of the first switch.
     n_switches: int = 0  # That have happened.
-    noise: int = 0  # Address of what the sensors read in excess, tick by tick.
+    noise: int = 0  # Address of what strays, tick by tick.
 
 
 @dataclass(slots=True)
@@ -219,7 +210,6 @@ class Episode:
     braced: list[int]  # Coordinates of the device in the order of the log's braces.
     faults: list[Fault]
     requests: list[Asked]  # That are made of the supervisor, with room for more; none without one.
-    efforts: Efforts
     recording: Recording
     trunk: Trunk  # If it is free.
     trunk_unit: TrunkUnit  # On it, unless its pitch is known exactly.
@@ -239,6 +229,7 @@ class Episode:
 
 
 def noise_width(episode: np.dtype[Any]) -> int:
-    """Entries of a row of sensor noise, by the dtype of the episode."""
+    """Entries of a row of noise, by the dtype of the episode."""
     assert episode.names is not None
-    return int(episode["joints"].shape[0]) + ("trunk_unit" in episode.names) * UNIT_READINGS
+    of_unit = UNIT_READINGS if "trunk_unit" in episode.names else 0
+    return int(episode["joints"].shape[0]) + int(episode["limbs"].shape[0]) + of_unit

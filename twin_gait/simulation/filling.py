@@ -40,7 +40,6 @@ from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.problem import Problem, has_inertial_unit
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
-from twin_gait.simulation.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 
 MOST_SWITCHES_PER_SECOND = 200
@@ -146,9 +145,6 @@ def new_episode(
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         requests=_requests(problem),
-        efforts=episode.Efforts(
-            float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
-        ),
         trunk=copied(world.trunk),
         trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
         arms=copied(list(world.arms)),
@@ -211,7 +207,7 @@ def _limbs(problem: Problem) -> list[episode.Limb]:
     wearer, model = problem.wearer, problem.world.model
     places = [model.index(side, joint) for side in problem.sides for joint in WEARER_JOINTS]
     return [
-        episode.Limb(place, condition, moments.tolist() if wearer.acts else [])
+        episode.Limb(place, condition, moments.tolist() if wearer.acts else [], new_delay_line(wearer.delay))
         for place, condition, moments in zip(places, wearer.conditions, wearer.moments, strict=True)
     ]
 

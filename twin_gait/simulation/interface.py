@@ -109,18 +109,9 @@ def switch_row(e: Episode, number: int) -> Switch:
 
 
 def noise_row(e: Episode, tick: int) -> Sequence[float]:
-    """What sensors read in excess in a tick: encoders in [rad], noise and offset, by joint.
+    """What strays in a tick: what encoders read in excess in [rad], noise and offset, by joint.
 
-    Behind them, of an inertial unit, noise of gyroscope in [rad] / [s] and of accelerometer in [m] / [s²].
+    Behind them shares of the wearer's efforts, by limb, and of an inertial unit noise of gyroscope in [rad] /
+    [s] and of accelerometer in [m] / [s²].
     """
-    raise NotImplementedError
-
-
-def effort_row(e: Episode, tick: int) -> list[float]:
-    """Efforts of the wearer of a tick in [N m], by joint; kept for as long as the delay."""
-    raise NotImplementedError
-
-
-def effort_noise_row(e: Episode, tick: int) -> Sequence[float]:
-    """Share by which the effort strays in a tick, by joint."""
     raise NotImplementedError

@@ -1,28 +1,44 @@
 """The engine that runs episodes of one pattern in lockstep, each as it would run alone.
 
-Up to :data:`~twin_gait.simulation.block.WIDTH` records stand side by side in a block, and the loop of the
-compiled engine, compiled over the block, takes all of them through a tick. An episode that has ended leaves
-the block, and its lane goes on as a copy of another one's, which changes nothing. With few left the rest run
-alone.
+Up to :data:`WIDTH` records stand side by side in a block, and the loop of the compiled engine, compiled over
+the block, takes all of them through a tick. An episode that has ended leaves the block, and its lane goes on
+as a copy of another one's, which changes nothing. With few left the rest run alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin_gait.simulation.block import WIDTH, shared_words, side_by_side, word_of
 from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import NativeFunction, is_kept, kept_loop
+from twin_gait.simulation.keeping import NativeFunction, is_kept, kept_loop, source_key
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
 
+# With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
+WIDTH = 32
+# Fields that the lanes of a block have in common and no tick changes, after the field that their record
+# stands in: where something is, which law it has, and what the whole tick goes by.
+SHARED = frozenset(
+    {
+        *("episode.step", "episode.substeps", "episode.watching"),
+        *("rates.period", "rates.decimation", "rates.blend_law"),
+        *("recording.on", "recording.log", "recording.first_row", "effort_line.delay"),
+        *("joints.place", "joints.control_place", "limbs.place", "episode.ankles", "episode.passive"),
+        *("encoder.window", "friction.law"),
+        *("imposed_motion.place", "program.n_transitions", "program.minimum_ticks"),
+        *("nodes.operation", "nodes.operand", "comparisons.signal_a", "comparisons.signal_b"),
+        *(f"transitions.{name}" for name in ("source", "target", "first_node", "end_node")),
+        *("transitions.debounce_ticks", "transitions.time_out_ticks"),
+    }
+)
+_WORD = 8  # bytes of every number
 # A block with fewer episodes takes longer than they do alone: it breaks even at 8 to 11 of them with AVX-512,
 # at 13 to 19 with AVX2.
 FEWEST = 16
@@ -37,13 +53,13 @@ class LaneEngine:
     ) -> None:
         """Put the records side by side and get the compiled loop.
 
-        ``engines``: at tick 0, all of one :func:`kind_of`, at most :data:`~twin_gait.simulation.block.WIDTH`.
+        ``engines``: at tick 0, all of one :func:`kind_of`, at most :data:`WIDTH`.
         ``on_compile``: called if the loop has to be compiled first.
         """
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
         self._loop = lane_loop(engines[0].pattern, on_compile)
-        self._block = side_by_side(np.concatenate([engine.parts[0] for engine in engines]))
+        self._block = side_by_side(np.concatenate([engine.store for engine in engines]))
         self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
 
@@ -84,7 +100,7 @@ class LaneEngine:
         self._ends[running[over]] = done
         left: np.ndarray = running[~over]
         for lane in (running if len(left) < FEWEST else running[over]).tolist():
-            self.engines[lane].parts[0].view(np.int64)[:] = self._block[:, lane]
+            self.engines[lane].store.view(np.int64)[:] = self._block[:, lane]
         if len(left) > 0:
             self._block[:, np.setdiff1d(np.arange(WIDTH), left)] = self._block[:, left[:1]]
         return left
@@ -110,7 +126,7 @@ def kind_of(engine: CompiledEngine) -> Hashable | None:
     """
     if engine.pattern.own or engine.pattern.structure["OTHER_LAWS"]:
         return None
-    words = engine.parts[0].view(np.int64)
+    words = engine.store.view(np.int64)
     return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
 
 
@@ -133,4 +149,46 @@ def has_lane_loop(engine: CompiledEngine) -> bool:
 
 
 def _key_of(pattern: Pattern) -> str:
-    return source_key(f"in lanes {pattern.text}", "compiled_engine", "block", "lanes", "views", "../kernels")
+    return source_key(
+        f"in lanes {pattern.text}", "compiled_engine", "lane_engine", "lanes", "views", "../kernels"
+    )
+
+
+@lru_cache(maxsize=32)
+def shared_words(dtype: np.dtype[Any]) -> np.ndarray:
+    """Which numbers of a record the lanes of a block have in common, shape ``(numbers,)``."""
+    found = np.zeros(dtype.itemsize // _WORD, dtype=bool)
+    _mark(dtype, "episode", 0, found)
+    return found
+
+
+def _mark(dtype: np.dtype[Any], owner: str, first: int, found: np.ndarray) -> None:
+    """Mark the shared numbers of a record that begins at a byte."""
+    assert dtype.fields is not None
+    for name, (kind, offset, *_) in dtype.fields.items():
+        entry, _ = kind.subdtype or (kind, ())
+        for place in range(first + offset, first + offset + kind.itemsize, entry.itemsize):
+            if entry.fields is not None:
+                _mark(entry, name, place, found)
+            else:
+                found[place // _WORD] = f"{owner}.{name}" in SHARED
+
+
+def word_of(dtype: np.dtype[Any], *path: str) -> int:
+    """Place of a number among those of a record, by the names of the fields that lead to it."""
+    place = 0
+    for name in path:
+        assert dtype.fields is not None
+        dtype, offset = dtype.fields[name][:2]
+        place += offset
+    return place // _WORD
+
+
+def side_by_side(records: np.ndarray) -> np.ndarray:
+    """A block of at most :data:`WIDTH` records; lanes without one are copies of the first.
+
+    Returns their numbers as whole numbers of 64 bits, shape ``(numbers, WIDTH)``.
+    """
+    words = records.view(np.int64).reshape(len(records), -1)
+    lanes = np.arange(WIDTH)
+    return np.ascontiguousarray(words[np.where(lanes < len(records), lanes, 0)].T)

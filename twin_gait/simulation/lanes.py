@@ -27,9 +27,9 @@ from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
-from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiling import Lowering, Manner, Pruning, distinct, jit, numbers_at
 from twin_gait.simulation.episode import noise_width
+from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, LanesView, RecordView, make_view
 
 # Tests set this: LLVM then says on the standard error of which loop over lanes it makes no vectors. Without
@@ -154,7 +154,7 @@ IN_LOCKSTEP = Manner(InLanes, 3, True)
 def bound_in_lanes(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is."""
     row_of = rows_beside(row)
-    readings, efforts = numbers_at(noise_width(episode)), numbers_at(episode["limbs"].shape[0])
+    readings = numbers_at(noise_width(episode))
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)
@@ -163,8 +163,5 @@ def bound_in_lanes(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]
     def noise_row(e: Any, tick: int) -> Any:
         return readings(e.recording.noise, min(tick, e.recording.n_noise - 1))
 
-    def effort_noise_row(e: Any, tick: int) -> Any:
-        return efforts(e.efforts.noise, min(tick, e.efforts.n_noise - 1))
-
-    found = {item.__name__: jit(item, manner=IN_LOCKSTEP) for item in (log_row, noise_row, effort_noise_row)}
+    found = {item.__name__: jit(item, manner=IN_LOCKSTEP) for item in (log_row, noise_row)}
     return {"episode_at": block_at(episode), "lanes": _through(True), "each": _through(False), **found}

@@ -1,25 +1,135 @@
 """An experiment laid out as the arrays that every engine steps through."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from itertools import groupby, pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from twin_gait.control.controller import Controller, Plan, checked_setpoints, require_controller
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import GuardProgram
+from twin_gait.core.wearer import Condition
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
-from twin_gait.measures.reference import FASTEST, SLOWEST
-from twin_gait.parameters import ActuatorParameters, Patient
-from twin_gait.simulation.episode import UNIT_READINGS
-from twin_gait.simulation.wearer import Wearer, wearer_of
+from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
+from twin_gait.parameters import ActuatorParameters, JointCondition, Patient
+from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.wearer import WEARER_JOINTS
+from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, UNIT_READINGS
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World
+
+# Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance
+# and swing begin and end, then what divides them, the coarsest division first: the heel rises, the other foot
+# has left the ground, it lands (between terminal stance and pre-swing); initial and mid swing end.
+_STANCE_EVENTS = (0.0, 62.0, 31.0, 12.0, 50.0)
+_SWING_EVENTS = (62.0, 100.0, 75.0, 87.0)
+POSTURES = 41  # hip angles of the normative moments
+_SAMPLES = 51  # of the cycle in a phase
+
+
+class Wearer(NamedTuple):
+    """A wearer as :mod:`twin_gait.core.wearer` reads them."""
+
+    acts: bool  # Whether the wearer gives any torque.
+    conditions: list[Condition]  # Of each hip and knee, leg by leg.
+    # Normative moment in [N m] by such a joint, phase and hip angle, shape ``(n_joints, n_phases,
+    # POSTURES)``.
+    moments: np.ndarray
+    delay: int = 0  # Of the effort in ticks.
+
+
+def wearer_of(experiment: Experiment, table: GaitTable, sides: Sequence[Side]) -> Wearer:
+    """Lay the wearer of an experiment out.
+
+    Raises ParameterError if the wearer makes an effort, and the table's cycle is no stride.
+    """
+    patient, joints = experiment.patient, [(side, joint) for side in sides for joint in WEARER_JOINTS]
+    count, phases = len(joints), len(table.phase_names)
+    moments = np.zeros((count, phases, POSTURES))
+    if patient is None or patient.is_mass_alone:
+        nothing = [Condition(0.0, 0.0, 0.0, 0.0, 0.0) for _ in joints]
+        return Wearer(False, nothing, moments)
+    conditions = [_condition(patient.conditions.get(place, JointCondition())) for place in joints]
+    if any(item.effort for item in conditions):
+        spans = phase_spans(table)
+        for number, (_, joint) in enumerate(joints):
+            moments[number] = _moments(experiment, patient, table, spans, joint)
+    return Wearer(True, conditions, moments, round(patient.effort_delay / TICK))
+
+
+def _condition(joint: JointCondition) -> Condition:
+    return taken_from(Condition, joint, passive_share=joint.passive, effort=joint.effort * joint.strength)
+
+
+def phase_spans(table: GaitTable) -> dict[str, tuple[float, float]]:
+    """Where the phases of a table lie in healthy walking, by their order in its cycle.
+
+    The phases of a stance divide it among them at the events of Perry's cycle, and those of a swing likewise:
+    two phases of stance meet where the heel rises, three are those of the five, a fourth begins where the
+    other foot lands. Where there are more phases than events, the longest is halved. The cycle is the first
+    that the table names, or its phases in their order. A phase of swing outside it begins a walk and is the
+    first swing of any stride.
+
+    Returns the first and last instant in [%] of the cycle by phase; nothing for a phase of stance outside the
+    cycle, in which the wearer stands still. Raises ParameterError if the cycle has no stance, or no swing.
+    """
+    cycle = table.cycles[0] if table.cycles else table.phase_names
+    begins = [i for i in range(len(cycle)) if table.is_swing(cycle[i - 1]) and not table.is_swing(cycle[i])]
+    if not begins:
+        raise ParameterError(
+            f"patient.effort: gait table {table.name!r}: its cycle {', '.join(cycle)} is no stride of stance "
+            "and swing; a phase is of swing if its name has 'swing' in it and scaling.stance_phases does not "
+            "name it: rename a phase, or set the effort to 0"
+        )
+    spans: dict[str, tuple[float, float]] = {}
+    for swings, run in groupby((*cycle[begins[0] :], *cycle[: begins[0]]), table.is_swing):
+        phases = list(run)
+        cuts = _cuts(_SWING_EVENTS if swings else _STANCE_EVENTS, len(phases))
+        spans |= dict(zip(phases, pairwise(cuts), strict=True))
+    first = next(span for phase, span in spans.items() if table.is_swing(phase))
+    return {name: first for name in table.phase_names if table.is_swing(name)} | spans
+
+
+def _cuts(events: Sequence[float], phases: int) -> list[float]:
+    cuts = sorted(events[: phases + 1])
+    while len(cuts) <= phases:
+        longest = int(np.diff(cuts).argmax())
+        cuts.insert(longest + 1, 0.5 * (cuts[longest] + cuts[longest + 1]))
+    return cuts
+
+
+def _moments(
+    experiment: Experiment,
+    patient: Patient,
+    table: GaitTable,
+    spans: Mapping[str, tuple[float, float]],
+    joint: JointName,
+) -> np.ndarray:
+    """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
+
+    On the ground the legs carry what the support leaves, and stance moments shrink with it; a leg in the
+    air carries nothing. A wearer who stands still leaves that to the device.
+    """
+    walking, speed, carried = experiment.scenario.walking, SLOWEST, 0.0
+    if walking is not None:
+        speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
+    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
+    rows = np.zeros((len(table.phases), POSTURES))
+    for row, name in zip(rows, table.phase_names, strict=True):
+        if name in spans:
+            percent = np.linspace(*spans[name], _SAMPLES)
+            hip = reference_curve(JointName.HIP, percent, speed=speed, height=patient.height)
+            nearest = np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)
+            share = 1.0 if table.is_swing(name) else carried
+            row[:] = share * patient.mass * normative_moment(joint, percent[nearest])
+    return rows
 
 
 class ActuatedJoint(NamedTuple):
@@ -44,8 +154,8 @@ class Problem:
     # k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
     phase_rows: np.ndarray
     offset: np.ndarray  # Calibration error of each encoder in [rad], shape ``(n_joints,)``.
-    # What an encoder reads in excess of the angle in every tick, noise and offset, in [rad], shape
-    # ``(n_ticks, n_joints)`` or ``(1, n_joints)``; with an inertial unit 3 more columns of its noise.
+    # What strays in every tick, shape ``(n_ticks or 1, n)``: what encoders read in excess of the angle in
+    # [rad], noise and offset; shares of the wearer's efforts; with an inertial unit its noise.
     noise: np.ndarray
     resolution: np.ndarray  # Encoder resolution in [rad], shape ``(n_joints,)``.
     fast_gain: float  # Gain of the fast velocity filter.
@@ -100,7 +210,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         checked_setpoints(controller, plan, side, resolve_phases(table, side, inertia))
         for side in world.model.sides
     ]
-    sensors = experiment.sensors
+    sensors, wearer = experiment.sensors, wearer_of(experiment, table, world.model.sides)
     ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
     counts = sensors.encoder_counts * ratio
     offset = np.array([sensors.offset.get(item.side, {}).get(item.joint, 0.0) for item in joints])
@@ -113,10 +223,10 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         joints=joints,
         phase_rows=np.array(rows),
         offset=offset,
-        noise=_noise(experiment, offset),
+        noise=_noise(experiment, offset, len(wearer.conditions)),
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
-        wearer=wearer_of(experiment, table, world.model.sides),
+        wearer=wearer,
         controller=controller,
         plan=plan,
     )
@@ -167,16 +277,23 @@ def has_inertial_unit(experiment: Experiment) -> bool:
     return experiment.scenario.pelvis is PelvisGuide.FREE and not experiment.sensors.ideal
 
 
-def _noise(experiment: Experiment, offset: np.ndarray) -> np.ndarray:
-    sensors, n_ticks = experiment.sensors, experiment.n_ticks
-    encoders = offset[None, :]
+def _noise(experiment: Experiment, offset: np.ndarray, limbs: int) -> np.ndarray:
+    """Noise of encoders, efforts and inertial unit; each has a stream of its own."""
+    sensors, patient = experiment.sensors, experiment.patient
+
+    def drawn(scale: Any, width: int, *stream: int) -> np.ndarray:
+        generator = np.random.default_rng((experiment.seed, *stream) if stream else experiment.seed)
+        return np.asarray(scale * generator.standard_normal((experiment.n_ticks, width)))
+
+    encoders, efforts, readings = offset[None, :], np.zeros((1, limbs)), np.zeros((1, 0))
     if not sensors.ideal and sensors.angle_noise > 0.0:
-        generator = np.random.default_rng(experiment.seed)
-        encoders = sensors.angle_noise * generator.standard_normal((n_ticks, len(offset))) + offset
-    if not has_inertial_unit(experiment):
-        return encoders
-    # A stream of its own: the encoders' noise stays what it is without the unit.
-    unit, generator = sensors.trunk, np.random.default_rng((experiment.seed, 2))
-    scale = unit.gyroscope_noise, unit.accelerometer_noise, unit.accelerometer_noise
-    readings = scale * generator.standard_normal((n_ticks, UNIT_READINGS))
-    return np.hstack([np.broadcast_to(encoders, (n_ticks, len(offset))), readings])
+        encoders = drawn(sensors.angle_noise, len(offset)) + offset
+    if patient is not None and patient.effort_noise > 0.0:
+        efforts = drawn(patient.effort_noise, limbs, 1)
+    if has_inertial_unit(experiment):
+        unit = sensors.trunk
+        scale = unit.gyroscope_noise, unit.accelerometer_noise, unit.accelerometer_noise
+        readings = drawn(scale, UNIT_READINGS, 2)
+    parts = [encoders, efforts, readings]
+    rows = max(len(part) for part in parts)
+    return np.hstack([np.broadcast_to(part, (rows, part.shape[1])) for part in parts])

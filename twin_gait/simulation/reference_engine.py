@@ -4,7 +4,7 @@ The rooms and laws are those of the compiled engine; the dynamics are Pinocchio'
 are carried by machines of `transitions`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import astuple
 from typing import Any
 
@@ -16,34 +16,31 @@ from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.engine import EngineResult, log_layout, result_of, run_in_chunks, switches_of
+from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
 
-CHUNK_TICKS = 100  # between two looks at progress and interruption
 
-
-class ReferenceEngine:
+class ReferenceEngine(EpisodeEngine):
     """Runs one problem from start to end as plain Python.
 
     Attributes:
-        problem: The experiment as an engine needs it.
-        layout: Names and positions of the log's columns.
         episode: The record as a plain tree, which changes as the loop runs.
         machines: State machine of each leg.
         switches: Changes of phase so far.
     """
+
+    chunk_ticks = 100
 
     def __init__(self, problem: Problem, kernel: Mapping[str, Callable[..., Any]] | None = None) -> None:
         """Set everything to time 0.
 
         ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
         """
-        self.problem = problem
-        self.layout = log_layout(problem)
+        super().__init__(problem)
         _, self.episode, structure = laid_out(problem)
         self.machines = [
             GaitStateMachine(
@@ -53,38 +50,29 @@ class ReferenceEngine:
         ]
         self.switches: list[Switch] = []
         self._row = self.layout.row()
-        self._efforts = [[0.0] * len(self.episode.limbs) for _ in range(self.episode.efforts.n_ring)]
-        self._noise, self._effort_noise = problem.noise.tolist(), problem.wearer.noise.tolist()
+        self._noise = problem.noise.tolist()
         kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
-        rows = (self.log_row, self.switch_row, self.noise_row, self.effort_row, self.effort_noise_row)
+        rows = (self.log_row, self.switch_row, self.noise_row)
         names = {**structure, **kernel, **{item.__name__: item for item in (*rows, self.advance)}}
         for name, tick in problem.controller.functions().items():
             names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick)
         self._run_ticks = bind(run_ticks, names)
 
-    def run(
-        self,
-        progress: Callable[[int, int], None] | None = None,
-        should_stop: Callable[[], bool] | None = None,
-        columns: Sequence[int] | None = None,
-    ) -> EngineResult:
-        """See :meth:`twin_gait.simulation.compiled_engine.CompiledEngine.run`."""
-        rows = np.zeros((self.problem.experiment.n_ticks, len(self.layout.names)))
+    @property
+    def state(self) -> Episode:
+        """The record."""
+        return self.episode
 
-        def run_ticks(first: int, end: int) -> tuple[int, int]:
-            return self.run_ticks(first, end, rows), self.episode.status
+    def switch_rows(self, first: int) -> Iterator[tuple[int, int, int, int, int]]:
+        """See :meth:`EpisodeEngine.switch_rows`."""
+        return map(astuple, self.switches[first:])
 
-        done, ended = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        log = rows[:done] if columns is None else rows[:done, list(columns)]
-        switches = switches_of(self.problem, map(astuple, self.switches))
-        return result_of(self.problem, self.episode, log, switches, done, ended)
-
-    def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
-        """As :meth:`twin_gait.simulation.compiled_engine.CompiledEngine.run_ticks`."""
+    def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
+        """See :meth:`EpisodeEngine.run_ticks`."""
         for tick in range(first, end):
             self._run_ticks(self.episode, tick, tick + 1)
             if self.episode.recording.on:
-                rows[tick] = numbers_in(self._row)
+                rows[tick - first_row] = numbers_in(self._row)
             if self.episode.status != COMPLETED:
                 return tick + 1
         return end
@@ -110,15 +98,6 @@ class ReferenceEngine:
         return self.switches[-1]
 
     def noise_row(self, e: Episode, tick: int) -> list[float]:
-        """What the encoders read in excess of the angles in a tick in [rad]."""
+        """What strays in a tick."""
         row: list[float] = self._noise[tick % len(self._noise)]
-        return row
-
-    def effort_row(self, e: Episode, tick: int) -> list[float]:
-        """Efforts of the wearer of a tick in [N m]."""
-        return self._efforts[tick % len(self._efforts)]
-
-    def effort_noise_row(self, e: Episode, tick: int) -> list[float]:
-        """Share by which the effort strays in a tick."""
-        row: list[float] = self._effort_noise[tick % len(self._effort_noise)]
         return row

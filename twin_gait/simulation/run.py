@@ -25,12 +25,13 @@ from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
 from twin_gait.simulation.answers import Answer, answers_in
 from twin_gait.simulation.log import LogLayout
-from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
 from twin_gait.worlds.faults import Fault
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from twin_gait.simulation.engine import BusTraffic
 
 # Report and studies stand above the simulation. What a user calls on a run is looked up by name when it is
 # called, in the namespace that they import from, so that no module here depends on those floors.

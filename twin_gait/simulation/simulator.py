@@ -2,15 +2,26 @@
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import islice
 
 from twin_gait.control.controller import Controller, UncompiledControllerError
+from twin_gait.exceptions import JobFailed, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import EngineResult, log_layout
+from twin_gait.simulation.engine import EngineResult, EpisodeEngine, log_layout
+from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine, has_lane_loop, kind_of, lane_loop
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, log_table
+
+FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
+# Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
+# that a summary reads.
+MOST_TICKS = 2_000_000
+_LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
 
 
 class SlowControllerWarning(UserWarning):
@@ -76,9 +87,7 @@ def run_of(
     )
 
 
-def engine_of(
-    problem: Problem, on_compile: Callable[[], None] | None = None
-) -> ReferenceEngine | CompiledEngine:
+def engine_of(problem: Problem, on_compile: Callable[[], None] | None = None) -> EpisodeEngine:
     """The engine that an experiment asks for, at tick 0."""
     if problem.experiment.engine is Engine.COMPILED:
         try:
@@ -90,3 +99,145 @@ def engine_of(
                 stacklevel=3,
             )
     return ReferenceEngine(problem)
+
+
+def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tuple[int, ...]]:
+    """Cut episodes into blocks of the same kind (None for one that runs alone) and of similar duration.
+
+    Returns every position once: those that run one by one in front, then blocks for the lanes of one loop.
+    """
+    groups: dict[Hashable, list[int]] = {}
+    for place, kind in enumerate(kinds):
+        if kind is not None:
+            groups.setdefault(kind, []).append(place)
+    blocks = [
+        part
+        for group in groups.values()
+        for part in _cut(sorted(group, key=ticks.__getitem__), ticks)
+        if len(part) >= FEWEST
+    ]
+    taken = {place for part in blocks for place in part}
+    return [*((place,) for place in range(len(kinds)) if place not in taken), *blocks]
+
+
+def _cut(places: Sequence[int], ticks: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Parts of as many as a block may have, the longest in front: the rest, which runs alone, is short."""
+    end = len(places)
+    while end > 0:
+        start = max(0, end - _most(ticks[places[end - 1]]))
+        yield tuple(places[start:end])
+        end = start
+
+
+def block_size(experiment: Experiment, total: int) -> int:
+    """How many of so many episodes to hand over at a time, so that they can be run as a block."""
+    if total < FEWEST_IN_ALL or experiment.engine is not Engine.COMPILED:
+        return 1
+    return _most(experiment.n_ticks)
+
+
+def _most(ticks: int) -> int:
+    """Episodes of a duration whose logs fit into memory together."""
+    return max(1, min(WIDTH, MOST_TICKS // max(1, ticks)))
+
+
+def simulate_together(
+    experiments: Iterable[Experiment],
+    *,
+    columns: tuple[str, ...] | None = None,
+    on_compile: Callable[[], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Iterator[tuple[int, Run]]:
+    """Run many experiments; each run is the same, bit for bit, as that of :func:`simulate`.
+
+    A fall, a trip or a divergence ends its own episode only.
+
+    Args:
+        experiments: Taken as they are needed, some more than a block at a time.
+        columns: Ends of the names of the columns that the logs keep; all by default. Time and phases stay.
+        on_compile: Called if an engine has to be compiled first.
+        should_stop: Asked between episodes, or blocks of them; True ends the work.
+
+    Yields:
+        Position and run of each, in the order in which they are done.
+
+    Raises:
+        JobFailed: If one cannot be run.
+    """
+    waiting, first = iter(experiments), 0
+    failure: JobFailed | None = None
+    while failure is None:
+        engines, failure = _laid_out(waiting, first, on_compile)
+        if not engines and failure is None:
+            return
+        for block in blocks_of(_kinds(engines), [engine.problem.experiment.n_ticks for engine in engines]):
+            if should_stop is not None and should_stop():
+                return
+            runs = _run([engines[place] for place in block], first + block[0], columns, on_compile)
+            for place in reversed(block):  # each is gone when it has been looked at
+                yield first + place, runs.pop()
+        first += len(engines)
+    raise failure
+
+
+def _laid_out(
+    waiting: Iterator[Experiment], first: int, on_compile: Callable[[], None] | None
+) -> tuple[list[EpisodeEngine], JobFailed | None]:
+    """Engines of the next episodes, up to the first that cannot be laid out."""
+    engines: list[EpisodeEngine] = []
+    try:
+        for experiment in islice(waiting, _LAID_OUT):
+            engines.append(engine_of(build_problem(experiment), on_compile))
+    except TwinGaitError as error:
+        failure = JobFailed(first + len(engines), str(error))
+        failure.__cause__ = error
+        return engines, failure
+    return engines, None
+
+
+def _kinds(engines: Sequence[EpisodeEngine]) -> list[Hashable | None]:
+    """What those share that may share a block; None where a loop would have to be compiled for a few."""
+    kinds = [kind_of(engine) if isinstance(engine, CompiledEngine) else None for engine in engines]
+    numbers = Counter(kinds)
+    worth = set()
+    for kind, engine in dict(zip(kinds, engines, strict=True)).items():
+        if isinstance(engine, CompiledEngine) and numbers[kind] >= FEWEST:
+            if numbers[kind] >= FEWEST_IN_ALL or has_lane_loop(engine):
+                worth.add(kind)
+    return [kind if kind in worth else None for kind in kinds]
+
+
+def _run(
+    engines: Sequence[EpisodeEngine],
+    first: int,
+    columns: tuple[str, ...] | None,
+    on_compile: Callable[[], None] | None,
+) -> list[Run]:
+    """Runs of the episodes of a block, or of a single one.
+
+    Raises JobFailed if a single one cannot be run, telling that it is the one with this number.
+    """
+    names, kept = engines[0].layout.names, None
+    if columns is not None:
+        kept = [place for place, name in enumerate(names) if name.endswith((*columns, "_phase"))]
+    began = time.perf_counter()
+    alike = [engine for engine in engines if isinstance(engine, CompiledEngine)]
+    try:
+        if len(alike) > 1:
+            results = LaneEngine(alike, on_compile=on_compile).run(kept)
+        else:
+            results = [engine.run(columns=kept) for engine in engines]
+    except TwinGaitError as error:
+        raise JobFailed(first, str(error)) from error
+    share = (time.perf_counter() - began) / len(engines)
+    return [
+        run_of(engine.problem, result, share, kept) for engine, result in zip(engines, results, strict=True)
+    ]
+
+
+def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
+    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later."""
+    with suppress(TwinGaitError):
+        engine = engine_of(build_problem(experiment), on_compile)
+        if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:
+            lane_loop(engine.pattern, on_compile)

@@ -1,8 +1,8 @@
 """Types that show numba a block of episodes as the record of one.
 
-A block (:mod:`twin_gait.simulation.block`), a lane of it, and every record or list in them are views: an
-address and a lane, with the fields of the record. What is alike in all lanes is read once, in the first one;
-of a block as a whole nothing else can be read, and nothing written.
+A block (:func:`~twin_gait.simulation.lane_engine.side_by_side`), a lane of it, and every record or list in
+them are views: an address and a lane, with the fields of the record. What is alike in all lanes is read
+once, in the first one; of a block as a whole nothing else can be read, and nothing written.
 """
 
 # numba and llvmlite have no types.
@@ -33,7 +33,7 @@ from numba.extending import (
     register_model,
 )
 
-from twin_gait.simulation.block import SHARED, WIDTH
+from twin_gait.simulation.lane_engine import SHARED, WIDTH
 
 _OWNERS = frozenset(name.split(".")[0] for name in SHARED)
 _WORD = 8

@@ -1,10 +1,7 @@
-"""What the safety monitor is set to, faults, and trips, as an episode has them."""
-
-from typing import Any
+"""What the safety monitor is set to, and faults, as an episode has them."""
 
 import numpy as np
 
-from twin_gait.control import Trip, TripCause
 from twin_gait.core.faults import Fault
 from twin_gait.core.safety import Bounds
 from twin_gait.gait.table import TICK
@@ -73,17 +70,3 @@ def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
         emf_constant=motor.torque_constant * motor.gear_ratio,
         model_resistance=settings.model_resistance_ratio * resistance,
     )
-
-
-def trip_of(problem: Problem, episode: Any) -> Trip | None:
-    """What the record of an episode, plain or NumPy's, says of a trip; None if there was none."""
-    trip, joints = episode.controller.trip, problem.joints
-    tick, place = int(trip.tick), int(trip.part)
-    if tick < 0:
-        return None
-    cause = list(TripCause)[int(trip.cause)]
-    if place < 0:  # the supply
-        return Trip(tick, cause, None, None)
-    if place >= len(joints):  # behind the joints are the legs
-        return Trip(tick, cause, problem.sides[place - len(joints)], None)
-    return Trip(tick, cause, joints[place].side, joints[place].joint)

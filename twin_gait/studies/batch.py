@@ -26,7 +26,7 @@ from twin_gait.files import plain
 from twin_gait.runs.leg_summary import side_in_brief
 from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.simulation.together import block_size, compile_ahead, simulate_together
+from twin_gait.simulation.simulator import block_size, compile_ahead, simulate_together
 from twin_gait.studies.jobs import Watch, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
@@ -52,7 +52,7 @@ def run_episodes(
         measure: What is kept of a run.
         items: What the experiments are made of.
         columns: What ``measure`` reads of a log, as
-            :func:`~twin_gait.simulation.together.simulate_together` takes it; everything by default.
+            :func:`~twin_gait.simulation.simulator.simulate_together` takes it; everything by default.
         block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
         keep: Takes the results as they come, see :func:`twin_gait.studies.jobs.run_blocks`.
     """

@@ -27,8 +27,7 @@ from twin_gait.parameters import (
 from twin_gait.parameters.crutches import LEANS
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import Adjustment, Posture, Walking, support_adjustment
-from twin_gait.worlds.sitting import Sitting, seat_of
-from twin_gait.worlds.standing import FALL_SHARE, SplitStance, soles_of, stand_on_both_feet
+from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, soles_of, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")

@@ -25,8 +25,7 @@ from twin_gait.simulation.bench_joint.tick import CURRENT_NOISE, bench_at, run_t
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import COMPLETED, DIVERGED
-from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import kept_loop
+from twin_gait.simulation.keeping import kept_loop, source_key
 from twin_gait.simulation.record import dtype_of, numbers_in, stored
 from twin_gait.simulation.run import RunStatus
 from twin_gait.worlds.bench_joint import BenchJoint

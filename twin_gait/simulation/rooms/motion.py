@@ -16,7 +16,7 @@ from twin_gait.simulation.interface import (
     lanes,
     side_by_side,
 )
-from twin_gait.simulation.rooms.upper_body import (
+from twin_gait.simulation.rooms.surroundings import (
     drag_tips,
     move_tips,
     press_seat,

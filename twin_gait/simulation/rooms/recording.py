@@ -21,7 +21,7 @@ from twin_gait.simulation.interface import (
 from twin_gait.simulation.log import CrutchRow, JointRow, LogRow, PassiveRow
 from twin_gait.simulation.rooms.motion import acceleration
 from twin_gait.simulation.rooms.sensors import normal_force, point_force
-from twin_gait.simulation.rooms.upper_body import energy_of_tips
+from twin_gait.simulation.rooms.surroundings import energy_of_tips
 
 
 def record(e: Episode, tick: int) -> None:

@@ -1,23 +1,32 @@
 """What acts from outside in a tick: the belt, the command to walk, the harness, a push, and the wearer."""
 
+from __future__ import annotations
+
 import math
 
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
 from twin_gait.control.supervisor import NO_REQUEST, hear_request
+from twin_gait.core.arm_policy import REACHES, move_arm
+from twin_gait.core.arms import Arm, arm_force
 from twin_gait.core.belt import treadmill_speed, walk_command
+from twin_gait.core.contact import anchored_friction_force, contact_normal_force, dragged_anchor
 from twin_gait.core.elementary import sine_cosine
+from twin_gait.core.estimation import delayed_sample
 from twin_gait.core.plant import Stop
+from twin_gait.core.seat import seat_the_hips, seat_the_thigh
+from twin_gait.core.trunk import harness_pull, pitching_moment
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
-from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
 from twin_gait.simulation.interface import (
     ANKLES,
+    CRUTCHES,
+    FORWARD,
     PELVIS,
     PITCH,
     SHIFT,
     WEARER,
-    effort_noise_row,
-    effort_row,
     lanes,
+    noise_row,
 )
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
@@ -90,10 +99,134 @@ def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> Non
     limb, phase = e.limbs[number], e.controller.legs[number // LIMBS_PER_LEG].phase
     condition, place = limb.condition, limb.place + SHIFT
     moments = limb.moments[phase]
-    below, share = posture_place(hip, e.efforts.lowest_posture, e.efforts.posture_step, len(moments))
+    below, share = posture_place(hip, LOWEST_POSTURE, POSTURE_STEP, len(moments))
     moment = moments[below] + share * (moments[below + 1] - moments[below])
-    effort_row(e, tick)[number] = condition.effort * moment
-    effort = effort_row(e, tick + 1)[number]  # the oldest one
-    effort *= 1.0 + effort_noise_row(e, tick)[number]
+    effort = delayed_sample(limb.effort_line, tick, condition.effort * moment)
+    effort *= 1.0 + noise_row(e, tick)[len(e.joints) + number]
     reflex = spastic_torque(e.v[place], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
     e.external[place] += condition.passive_share * passive + reflex + effort
+
+
+def pull_harness(e: Episode, q: list[float], v: list[float]) -> None:
+    """Add the pull of the harness to the torques of the pelvis."""
+    sine, cosine = sine_cosine(q[PITCH])
+    harness = e.trunk.harness
+    ahead, up = harness.height * sine, harness.height * cosine
+    pull = harness_pull(harness, q[PELVIS] + up, v[PELVIS] - ahead * v[PITCH])
+    moment = pitching_moment(ahead, up, 0.0, pull)
+    e.plant[PELVIS].spring_torque += pull
+    e.plant[PITCH].spring_torque += moment
+    e.torque[PELVIS] += pull
+    e.torque[PITCH] += moment
+
+
+def press_seat(e: Episode, q: list[float], v: list[float]) -> None:
+    """Add the forces of the seat on buttocks and thighs to the torques."""
+    seat = e.seat
+    forward, upward, moment = seat_the_hips(seat, q[FORWARD], q[PELVIS], v[FORWARD], v[PELVIS], v[PITCH])
+    for hip in seat.hips:
+        sine, cosine = sine_cosine(q[hip] - q[PITCH])
+        fx, fz, lift = seat_the_thigh(
+            seat, sine, cosine, q[FORWARD], q[PELVIS], v[FORWARD], v[PELVIS], v[hip] - v[PITCH]
+        )
+        e.torque[hip] += lift
+        forward += fx
+        upward += fz
+        moment -= lift
+    e.torque[FORWARD] += forward
+    e.torque[PELVIS] += upward
+    e.torque[PITCH] += moment
+
+
+def place_chair(e: Episode, tick: int) -> None:
+    """Put the chair behind a standing wearer when the device announces that it will sit down."""
+    leg, seat = e.controller.legs[0], e.seat
+    announced = e.chair_phases[leg.phase] == REACHES and leg.entry_tick == tick
+    if announced and e.q[PELVIS] > seat.height + 2.0 * seat.buttocks.thickness:
+        seat.forward = e.q[FORWARD] - seat.behind
+
+
+def push_crutches(e: Episode, q: list[float], v: list[float]) -> None:
+    """Forces of the arms, as torques from outside on trunk and tips."""
+    sine, cosine = sine_cosine(q[PITCH])
+    shoulder_ahead, shoulder_up = e.trunk.shoulder * sine, e.trunk.shoulder * cosine
+    on_forward, on_pelvis, on_pitch = 0.0, 0.0, 0.0
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        ahead, up = q[arm.place] - q[FORWARD], q[arm.place + 1] - q[PELVIS]
+        # As the trunk sees it, which turns about the hips.
+        forward = v[arm.place] - v[FORWARD] - up * v[PITCH]
+        upward = v[arm.place + 1] - v[PELVIS] + ahead * v[PITCH]
+        fx, fz = arm_force(arm, sine, cosine, ahead - shoulder_ahead, up - shoulder_up, forward, upward)
+        on_forward -= fx
+        on_pelvis -= fz
+        on_pitch -= pitching_moment(ahead, up, fx, fz)
+        e.external[arm.place] = fx
+        e.external[arm.place + 1] = fz
+    e.external[FORWARD] = on_forward
+    e.external[PELVIS] = on_pelvis
+    e.external[PITCH] = on_pitch
+
+
+def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
+    """Accelerations of the tips of the crutches, on the ground or in the air."""
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        place = arm.place
+        tip = arm.tip
+        tip.height = q[place + 1]
+        tip.upward = contact_normal_force(
+            -tip.height, -v[place + 1], e.ground.stiffness, e.ground.dissipation
+        )
+        tip.forward = anchored_friction_force(
+            q[place] - arm.anchor,
+            v[place],
+            tip.upward,
+            e.ground.friction_coefficient,
+            arm.tip_stiffness,
+            arm.tip_damping,
+        )
+        e.a[place] = (e.torque[place] + tip.forward) / arm.mass
+        e.a[place + 1] = (e.torque[place + 1] + tip.upward) / arm.mass - e.gravity
+        e.contact_power += tip.forward * v[place] + tip.upward * v[place + 1]
+
+
+def drag_tips(e: Episode) -> None:
+    """End a step of the tips: what slides takes the place with it where it sticks."""
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        arm.anchor = dragged_anchor(
+            arm.anchor, e.q[arm.place], arm.tip.upward, e.ground.friction_coefficient, arm.tip_stiffness
+        )
+
+
+def use_crutches(e: Episode, tick: int) -> None:
+    """What the person feels, late, and does with the arms in this tick."""
+    sense = e.sense
+    stepping, chair = 0.0, 0.0
+    for leg in e.controller.legs:
+        stepping = max(stepping, e.swing_phases[leg.phase])
+        chair = max(chair, e.chair_phases[leg.phase])
+    sense.lean = delayed_sample(sense.felt_lean, tick, e.q[PITCH])
+    sense.lean_rate = delayed_sample(sense.felt_rate, tick, e.v[PITCH])
+    sense.stepping = delayed_sample(sense.felt_stepping, tick, stepping)
+    sense.still = 0 if sense.stepping > 0.0 else sense.still + 1
+    sense.chair = delayed_sample(sense.felt_chair, tick, chair)
+    sine, _ = sine_cosine(e.q[PITCH])
+    shoulder = e.q[FORWARD] + e.trunk.shoulder * sine
+    for number in range(CRUTCHES):
+        arm = e.arms[number]
+        ahead = delayed_sample(arm.felt_ahead, tick, e.q[arm.place] - shoulder)
+        load = delayed_sample(arm.felt_load, tick, arm.tip.upward)
+        move_arm(e.habit, sense, arm, e.arms[CRUTCHES - 1 - number], ahead, load)
+
+
+def energy_of_tips(e: Episode) -> tuple[float, float]:
+    """Kinetic and potential energy of the tips in [J]."""
+    kinetic, potential = 0.0, 0.0
+    for number in range(CRUTCHES):
+        arm: Arm = e.arms[number]
+        forward, upward = e.v[arm.place], e.v[arm.place + 1]
+        kinetic += 0.5 * arm.mass * (forward * forward + upward * upward)
+        potential += arm.mass * e.gravity * e.q[arm.place + 1]
+    return kinetic, potential

@@ -2,18 +2,36 @@
 
 import math
 
-from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
+from twin_gait.control.gait_controller import (
+    CONTROLLED,
+    SUPERVISED,
+    change_demands,
+    has_cause,
+    trip_on_causes,
+    watch_foot,
+    watch_phase,
+    watch_supply,
+)
+from twin_gait.control.joint_board import watch_drive
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
-from twin_gait.simulation.interface import CRUTCHES, NETWORKED, PELVIS, PITCH, SEATED, SHIFT, each, lanes
-from twin_gait.simulation.rooms.monitor import watch, watch_drives
+from twin_gait.simulation.interface import (
+    CRUTCHES,
+    NETWORKED,
+    PELVIS,
+    PITCH,
+    POINTS_PER_FOOT,
+    SEATED,
+    SHIFT,
+    each,
+    lanes,
+)
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
 from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
-from twin_gait.simulation.rooms.surroundings import catch, command, push
-from twin_gait.simulation.rooms.upper_body import place_chair, use_crutches
+from twin_gait.simulation.rooms.surroundings import catch, command, place_chair, push, use_crutches
 
 
 def run_ticks(e: Episode, first: int, end: int) -> int:
@@ -102,3 +120,27 @@ def status_of(e: Episode) -> int:
         if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.ends.diverged_velocity):
             status = DIVERGED
     return status
+
+
+def watch_drives(e: Episode) -> None:
+    """Let the monitor of each board look at its joint and at the drive's last tick."""
+    for number in range(len(e.joints)):
+        for one in lanes(e):
+            watch_drive(one.joints[number].board, one.rates)
+
+
+def watch(e: Episode, tick: int) -> None:
+    """Let the gait controller look at what it has heard, and at its phases."""
+    for one in lanes(e):
+        watch_supply(one.controller)
+    for number in range(len(e.controller.legs)):
+        for one in lanes(e):
+            watch_phase(one.controller, one.limits, number, tick)
+            if POINTS_PER_FOOT > 0:
+                watch_foot(one.controller, one.limits, number)
+    found = False
+    for one in lanes(e):
+        found |= has_cause(one.controller)
+    if found:
+        for one in each(e):
+            trip_on_causes(one.controller, tick)

@@ -13,7 +13,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import require
 from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.together import compile_ahead
+from twin_gait.simulation.simulator import compile_ahead
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
