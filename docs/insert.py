@@ -11,7 +11,7 @@ with a format as in Python, or none, and a list of mappings with the same keys a
     ...
     <!-- / -->
 
-``<!-- columns JointRow -->`` is a table of the columns that a class of ``twin_gait.simulation.log`` declares,
+``<!-- columns ENERGY+MONITOR -->`` is a table of columns that ``twin_gait.simulation.log`` declares,
 ``<!-- signals battery -->`` one of the signals of a message in ``urdf/twin.dbc``,
 ``<!-- keys plant.battery -->`` one of the keys of a section of an experiment file or a gait table,
 ``<!-- fields twin_gait.live.protocol.Frame -->`` one of the fields of a record with the comments beside them,
@@ -78,14 +78,14 @@ def table_of(rows: list[dict[str, Any]]) -> str:
     )
 
 
-def columns(row: str) -> list[dict[str, Any]]:
-    """Columns of the log that a class of rows declares."""
+def columns(kinds: str) -> list[dict[str, Any]]:
+    """Columns of the log that are declared for some kinds of things."""
     from twin_gait.simulation import log
 
-    declared = log.columns_of(getattr(log, row))
     return [
-        {"column": f"`{name}`", "unit": unit, "meaning": meaning}
-        for name, (unit, meaning) in declared.items()
+        {"column": f"`{name}`", "unit": log.unit_of(name), "meaning": meaning}
+        for kind in kinds.split("+")
+        for name, (_, meaning) in getattr(log, kind).columns.items()
     ]
 
 

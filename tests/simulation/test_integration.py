@@ -131,7 +131,7 @@ def bounce(free: Episode, rk4: bool, step: float, dissipation: float, phase: flo
     advance = bind(evaluated_and_integrated, {"RK4": rk4, "dynamics": dynamics})
     while e.q[0] <= 0.0 or e.v[0] <= 0.0:
         advance(e, 0)
-    return e.v[0] / 0.5, e.works.contact_work
+    return e.v[0] / 0.5, e.works.contact
 
 
 @pytest.mark.parametrize("dissipation", [0.5, 2.5])
@@ -246,6 +246,6 @@ def test_a_force_in_time_and_its_work_are_integrated_with_fourth_order(free: Epi
         e.substeps = count
         stepping(unsprung, rk4=True)(e, 0)
         motion.append(abs(e.q[0] - q))
-        work.append(abs(e.works.patient_work - 0.5 * (v * v - q * q)))
+        work.append(abs(e.works.patient - 0.5 * (v * v - q * q)))
     assert 3.9 < order_of(steps, motion) < 4.1
     assert 3.9 < order_of(steps, work) < 4.1

@@ -321,7 +321,6 @@ TOY = np.dtype(
     ],
     align=True,
 )
-ROW = np.dtype([("x", "f8")], align=True)
 
 
 def episode_at(address: int) -> Any: ...
@@ -457,7 +456,7 @@ for _function in (enter_at, *REFUSED, *VECTORS, reads_what_is_shared, stays_scal
 
 def compiled(function: Callable[[Any], Any]) -> Any:
     """A room in lanes, as numba gives it."""
-    names = {**ON_BITS, **bound_in_lanes(TOY, ROW), "room": function}
+    names = {**ON_BITS, **bound_in_lanes(TOY, 1), "room": function}
     loop = bind(
         enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, manner=IN_LOCKSTEP)
     )
@@ -516,7 +515,7 @@ def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd)
     for joint in range(3):
         block[step + 3 * joint + word_of(JOINT, "place")] = (2, 0, 1)[joint]
     block[word_of(TOY, "step")] = np.array(0.25).view(np.int64)
-    names = {**bound_in_lanes(TOY, ROW), "room": function}
+    names = {**bound_in_lanes(TOY, 1), "room": function}
     expected = in_plain_python(function, block)
     compile_loop(enter_at, names, manner=IN_LOCKSTEP).function(block.ctypes.data, 0, 1)
     assert np.array_equal(block, expected)
@@ -537,6 +536,6 @@ def bench_and_treadmill() -> dict[str, Problem]:
 @pytest.mark.parametrize("name", ["bench", "treadmill"])
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
     pattern = CompiledEngine(bench_and_treadmill()[name]).pattern
-    names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
+    names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.width)}
     compile_loop(run_at, names, manner=IN_LOCKSTEP)
     assert capfd.readouterr().err == ""

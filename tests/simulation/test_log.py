@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
 from itertools import product
-from typing import Any
 
 import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
+from twin_gait.simulation import log as log_columns
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.log import (
     BRACED_WORK_SOURCES,
     WORK_SOURCES,
+    Columns,
     LogLayout,
-    LogRow,
-    columns_of,
     meaning_of,
     state_columns,
     unit_of,
     work_sources,
 )
 from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.record import ABSENT, numbers_in
 from twin_gait.vocabulary import JointName, Side
 
 BOTH = (JointName.HIP, JointName.KNEE)
@@ -62,46 +59,35 @@ SUFFIXES = {
 }
 
 
-def declared(row: Any) -> list[tuple[str, str, str]]:
-    """Field, unit and meaning of every number of a row, in order."""
-    found = []
-    for item in fields(row):
-        value = getattr(row, item.name)
-        if "unit" in item.metadata:
-            found.append((item.name, item.metadata["unit"], item.metadata["meaning"]))
-        elif isinstance(value, list):
-            for entry in value:
-                found += declared(entry) if is_dataclass(entry) else [("phase", "name", "")]
-        elif value is not ABSENT:
-            found += declared(value)
-    return found
+KINDS = [kind for kind in vars(log_columns).values() if isinstance(kind, Columns)]
 
 
 def test_every_column_of_every_layout_has_a_unit_and_a_meaning_and_says_them_by_its_name() -> None:
     for layout in LAYOUTS:
-        columns = declared(layout.row())
-        assert len(layout.names) == len(set(layout.names)) == len(columns) == len(numbers_in(layout.row()))
-        for name, (own, unit, meaning) in zip(layout.names, columns, strict=True):
-            ending = f"{own}_{SUFFIXES[unit]}" if unit in SUFFIXES else own
-            assert name == ending or name.endswith(f"_{ending}")
-            assert unit_of(name) == unit
+        declared = [
+            (thing, own, meaning)
+            for thing, _, kind in layout.things
+            for own, (_, meaning) in kind.columns.items()
+        ]
+        assert len(layout.names) == len(set(layout.names)) == len(declared)
+        for name, (thing, own, meaning) in zip(layout.names, declared, strict=True):
+            assert name == f"{thing}{own}" and thing in ("", f"{thing.removesuffix('_')}_")
             assert meaning_of(name) == meaning and (meaning or own == "phase")
             assert layout.positions[name] == layout.names.index(name)
 
 
-def test_a_class_of_rows_declares_a_column_once() -> None:
-    rows = {LogRow}
-    for layout in LAYOUTS:
-        for item in fields(layout.row()):
-            value = getattr(layout.row(), item.name)
-            rows |= {type(entry) for entry in (value if isinstance(value, list) else [value])}
-    rows = {row for row in rows if is_dataclass(row)}
-    assert len(rows) == 12
-    for row in rows:
-        units = [unit for unit, _ in columns_of(row).values()]
-        assert len(columns_of(row)) == len(units) and set(units) <= {*SUFFIXES, "1", "code"}
-        meanings = [meaning for _, meaning in columns_of(row).values()]
-        assert all(meanings)
+def test_a_column_is_declared_with_one_unit_and_one_meaning() -> None:
+    known: dict[str, str] = {}
+    assert len(KINDS) == 18
+    for kind in KINDS:
+        for name, (_, meaning) in kind.columns.items():
+            assert known.setdefault(name, meaning) == meaning
+            unit = unit_of(f"left_{name}" if name == "phase" else name)
+            assert name.endswith(f"_{SUFFIXES[unit]}") if unit in SUFFIXES else unit in ("1", "code", "name")
+    assert [name for name in known if unit_of(name) == "1" and name != "phase"] == [
+        "friction_compensation_gain",
+        "pressure_place",
+    ]
 
 
 def test_a_name_that_is_no_column_means_nothing() -> None:

@@ -13,7 +13,7 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.core.guards import Comparison
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
-from twin_gait.simulation.log import JOINT_COLUMNS
+from twin_gait.simulation.log import JOINT
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
@@ -155,7 +155,7 @@ def target_torques(settings: Settings, problem: Problem) -> list[float]:
 
 
 # What a row of phase parameters is called in the log, by its place among the columns of a joint.
-ROW_COLUMNS = JOINT_COLUMNS[-COLUMNS_PER_JOINT:]
+ROW_COLUMNS = tuple(JOINT.columns)[-COLUMNS_PER_JOINT:]
 
 
 def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict[str, float]:

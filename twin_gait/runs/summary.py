@@ -21,7 +21,7 @@ from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import summary_of_traffic, with_units
 from twin_gait.runs.leg_summary import reference_error, summarise_side
-from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
+from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
 from twin_gait.vocabulary import JointName, Side
@@ -157,7 +157,7 @@ def interaction_summary(
     """What device and wearer do to each other, and how far they move apart."""
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
-    angle, *_, torque = BRACE_COLUMNS
+    angle, *_, torque = BRACE.columns
     log, interaction = run.log, dict[str, dict[str, float]]()
     for side in run.sides:
         for place in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
@@ -168,7 +168,7 @@ def interaction_summary(
         for joint, angles in device.angles.items():
             error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
             interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
-    height, _, force = PELVIS_BRACE_COLUMNS
+    height, _, force = PELVIS_BRACE.columns
     if force in log:
         rms, peak, apart = _brace(log, force, "pelvis_height_m", height)
         interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}

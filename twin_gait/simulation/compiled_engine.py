@@ -79,9 +79,15 @@ class CompiledEngine(EpisodeEngine):
         self._noise = np.ascontiguousarray(problem.noise)
         self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
         self.point_at_rows()
-        acting = problem.controller
+        layout, acting = self.layout, problem.controller
         self.pattern = Pattern(
-            self.store.dtype, dtype_of(self.layout.row()), bodies, structure, acting.name, acting.functions()
+            self.store.dtype,
+            layout.writer,
+            len(layout.names),
+            bodies,
+            structure,
+            acting.name,
+            acting.functions(),
         )
         self.loop = loop_of(self.pattern, on_compile)
 
@@ -113,7 +119,8 @@ class Pattern(NamedTuple):
     """What a loop is compiled for; it runs all episodes of the pattern."""
 
     episode: np.dtype[Any]  # Layout of the record.
-    row: np.dtype[Any]  # Layout of a row of the log.
+    writer: str  # Source of the function that writes a row of the log.
+    width: int  # Numbers of a row.
     bodies: KernelBodies  # What the kernel is written for.
     structure: Structure  # Constants that are bound.
     controller: str  # Name of the controller.
@@ -124,7 +131,7 @@ class Pattern(NamedTuple):
         """All that the loop depends on beside its sources, and functions that are not of this package."""
         bodies = kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
-        return repr((_text(self.episode), _text(self.row), bodies, self.structure, ours))
+        return repr((_text(self.episode), self.writer, bodies, self.structure, ours))
 
     @property
     def own(self) -> tuple[TickFunction, ...]:
@@ -191,7 +198,8 @@ def bound_to(pattern: Pattern) -> dict[str, Any]:
         **pattern.structure,
         **pattern.functions,
         **bound_kernel(pattern.bodies),
-        **compiled_rows(pattern.row, noise_width(pattern.episode)),
+        **kernel_functions(pattern.writer, {}),
+        **compiled_rows(pattern.width, noise_width(pattern.episode)),
     }
 
 
@@ -207,12 +215,11 @@ def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def compiled_rows(row: np.dtype[Any], noises: int) -> dict[str, Any]:
+def compiled_rows(width: int, noises: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, rows_at
 
-    logs, switches = rows_at(row), rows_at(_SWITCHES)
-    readings = numbers_at(noises)
+    logs, readings, switches = numbers_at(width), numbers_at(noises), rows_at(_SWITCHES)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)

@@ -27,7 +27,6 @@ from twin_gait.core.plant import Brace, ImposedMotion, Plant
 from twin_gait.core.seat import Seat
 from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
-from twin_gait.simulation.log import WorkRow
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
 UNIT_READINGS = 3  # of an inertial unit: gyroscope, accelerometer forwards and up
@@ -50,6 +49,7 @@ class Joint:
     voltage: float = 0.0  # On the winding in [V].
     due: float = 0.0  # Command that reaches the drive in this tick, where they come late, in [N m].
     push: float = 0.0  # Torque from outside, held over the tick, in [N m].
+    outside: float = 0.0  # Torque of wearer, push and imposed motion in [N m], as the log has it.
     off: bool = False  # Whether its board is rebooting.
     heard: Demand = field(default_factory=Demand)  # What its board heard last over the bus.
 
@@ -66,10 +66,14 @@ class Limb:
 
 @dataclass(slots=True)
 class Sole:
-    """The load sensor of a foot."""
+    """A foot on the ground: its load sensor, and what the log has of it."""
 
-    load: float = 0.0  # Over body weight.
+    load: float = 0.0  # Of the sensor, over body weight.
     last_load: float = 0.0  # Of the tick before.
+    normal: float = 0.0  # Force of the ground in [N], at right angles to it.
+    friction: float = 0.0  # Along it, forwards positive.
+    clearance: float = 0.0  # Height of the lowest point over the ground in [m].
+    pressure_place: float = 0.0  # Centre of pressure, 0 at the first point to 1 at the last.
 
 
 @dataclass(slots=True)
@@ -171,6 +175,19 @@ class Recording:
 
 
 @dataclass(slots=True)
+class Works:
+    """Work done on the leg since the start in [J], by what does it."""
+
+    motor: float = 0.0
+    friction: float = 0.0
+    stop: float = 0.0
+    spring: float = 0.0
+    contact: float = 0.0
+    patient: float = 0.0
+    brace: float = 0.0
+
+
+@dataclass(slots=True)
 class Episode:
     """Everything that a tick reads and writes."""
 
@@ -220,8 +237,12 @@ class Episode:
     # What a person feels of a chair in a phase, :class:`twin_gait.core.arm_policy.Sense`.
     chair_phases: list[float]
     seat: Seat  # If there is one.
-    works: WorkRow = field(default_factory=WorkRow)
-    brace_work: float = 0.0  # Work of the braces since the start in [J].
+    works: Works = field(default_factory=Works)
+    # Of bodies and rotors, and of gravity, in [J], as the log has them.
+    kinetic_energy: float = 0.0
+    potential_energy: float = 0.0
+    guide_force: float = 0.0  # That the guides of the pelvis take, in [N].
+    guide_moment: float = 0.0  # In [N m].
     # ``COMPLETED``, ``DIVERGED``, or how the wearer fell: ``FELL``, ``TIPPED`` or ``LET_GO``.
     status: int = COMPLETED
     contact_power: float = 0.0  # Of the contact forces in [W].

@@ -67,8 +67,6 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "SEATED": problem.world.seat is not None,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "POWERED_ANKLES": JointName.ANKLE in experiment.joints,
-        "PASSIVE": bool(problem.passive),
         "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
         "WITH_FRICTION": tuple(
             place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 
 from twin_gait.core.contact import Ground, Point
 from twin_gait.simulation.episode import Episode, Switch
-from twin_gait.simulation.log import LogRow
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
 # place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
@@ -16,11 +15,10 @@ from twin_gait.simulation.log import LogRow
 POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES, SEATED = 0, -1, -1, -1, 0, 0, False
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
-# Whether legs have ankles, those are controlled, some joint is not, the integration is Runge-Kutta's, there
-# are faults, the wearer acts, commands come late, the ground rises, boards and gait controller talk over a
-# bus, the springs are in the gait controller, and an inertial unit finds the pitch of the trunk.
-ANKLES = POWERED_ANKLES = PASSIVE = False
-RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
+# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, commands come
+# late, the ground rises, boards and gait controller talk over a bus, the springs are in the gait controller,
+# and an inertial unit finds the pitch of the trunk.
+ANKLES = RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
 
 
 def dynamics(
@@ -98,8 +96,13 @@ def each(e: Episode) -> tuple[Episode]:
     return (e,)
 
 
-def log_row(e: Episode, tick: int) -> LogRow:
+def log_row(e: object, tick: int) -> list[float]:
     """Row of the log for a tick."""
+    raise NotImplementedError
+
+
+def write_row(e: object, row: list[float]) -> None:
+    """Write all columns of an episode (:mod:`twin_gait.simulation.log`) into a row of its log."""
     raise NotImplementedError
 
 
@@ -108,7 +111,7 @@ def switch_row(e: Episode, number: int) -> Switch:
     raise NotImplementedError
 
 
-def noise_row(e: Episode, tick: int) -> Sequence[float]:
+def noise_row(e: object, tick: int) -> Sequence[float]:
     """What strays in a tick: what encoders read in excess in [rad], noise and offset, by joint.
 
     Behind them shares of the wearer's efforts, by limb, and of an inertial unit noise of gyroscope in [rad] /

@@ -137,7 +137,7 @@ def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> Native
         from twin_gait.simulation.compiling import compile_loop
         from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
 
-        names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
+        names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.width)}
         return compile_loop(run_at, names, manner=IN_LOCKSTEP)
 
     return kept_loop(_key_of(pattern), make, on_compile)

@@ -30,7 +30,7 @@ from numba.extending import intrinsic
 from twin_gait.simulation.compiling import Lowering, Manner, Pruning, distinct, jit, numbers_at
 from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.lane_engine import WIDTH
-from twin_gait.simulation.views import INTEGER, LanesView, RecordView, make_view
+from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
 
 # Tests set this: LLVM then says on the standard error of which loop over lanes it makes no vectors. Without
 # it the loops are as fast, and nothing is written to a user's terminal.
@@ -127,17 +127,17 @@ def _through(in_vectors: bool) -> Any:
     return through
 
 
-def rows_beside(dtype: np.dtype[Any]) -> Any:
+def rows_beside(width: int) -> Any:
     """Compiled function from an address, a number and a lane to that lane's part of the row of that number.
 
     Rows of all lanes stand side by side, as their records do.
     """
-    row = RecordView(numba.from_dtype(dtype), "log", False)
+    row = ListView(types.float64, "log", False, width)
 
     @intrinsic
     def row_beside(typing: Any, address: Any, number: Any, one: Any) -> Any:
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            place = builder.mul(args[1], INTEGER(dtype.itemsize * WIDTH))
+            place = builder.mul(args[1], INTEGER(width * WORD * WIDTH))
             base = builder.inttoptr(builder.add(args[0], place), cgutils.voidptr_t)
             lane = cgutils.create_struct_proxy(one)(context, builder, args[2]).lane
             return make_view(context, builder, row, base, lane)
@@ -151,10 +151,9 @@ IN_LOCKSTEP = Manner(InLanes, 3, True)
 
 
 @lru_cache(maxsize=32)
-def bound_in_lanes(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
+def bound_in_lanes(episode: np.dtype[Any], width: int) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is."""
-    row_of = rows_beside(row)
-    readings = numbers_at(noise_width(episode))
+    row_of, readings = rows_beside(width), numbers_at(noise_width(episode))
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)

@@ -8,7 +8,6 @@ code that a constant rules out may name it. Records are never assigned as a whol
 code and aliases in plain Python.
 """
 
-from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -77,19 +76,6 @@ def is_record(sample: Any) -> bool:
         return hasattr(sample, "__slots__") and names == [item.name for item in fields(sample)]
     except (TypeError, ValueError, NameError, AttributeError, IndexError):
         return False
-
-
-def numbers_in(sample: Any) -> list[float]:
-    """All numbers of an instance in the order of its dtype."""
-    return [*_flat(entries(sample))]
-
-
-def _flat(values: Iterable[Any]) -> Iterator[float]:
-    for value in values:
-        if isinstance(value, (list, tuple)):
-            yield from _flat(value)
-        else:
-            yield value
 
 
 def copied(sample: Record | None) -> Record:

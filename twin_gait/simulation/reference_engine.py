@@ -14,13 +14,11 @@ from twin_gait.control.controller import checked
 from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.simulation.binding import bind, is_ours
+from twin_gait.simulation.binding import bind, is_ours, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED, Episode, Switch
-from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
 
 
@@ -49,11 +47,12 @@ class ReferenceEngine(EpisodeEngine):
             for side in problem.sides
         ]
         self.switches: list[Switch] = []
-        self._row = self.layout.row()
+        self._row = [0.0] * len(self.layout.names)
         self._noise = problem.noise.tolist()
         kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
         rows = (self.log_row, self.switch_row, self.noise_row)
-        names = {**structure, **kernel, **{item.__name__: item for item in (*rows, self.advance)}}
+        names = {**structure, **kernel, **kernel_functions(self.layout.writer, {})}
+        names |= {item.__name__: item for item in (*rows, self.advance)}
         for name, tick in problem.controller.functions().items():
             names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick)
         self._run_ticks = bind(run_ticks, names)
@@ -72,7 +71,7 @@ class ReferenceEngine(EpisodeEngine):
         for tick in range(first, end):
             self._run_ticks(self.episode, tick, tick + 1)
             if self.episode.recording.on:
-                rows[tick - first_row] = numbers_in(self._row)
+                rows[tick - first_row] = self._row
             if self.episode.status != COMPLETED:
                 return tick + 1
         return end
@@ -88,7 +87,7 @@ class ReferenceEngine(EpisodeEngine):
         switch = machine.advance(tick, e.controller.signals, other)
         legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
-    def log_row(self, e: Episode, tick: int) -> LogRow:
+    def log_row(self, e: Episode, tick: int) -> list[float]:
         """The row of this tick."""
         return self._row
 

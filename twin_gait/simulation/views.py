@@ -36,7 +36,7 @@ from numba.extending import (
 from twin_gait.simulation.lane_engine import SHARED, WIDTH
 
 _OWNERS = frozenset(name.split(".")[0] for name in SHARED)
-_WORD = 8
+WORD = 8
 INTEGER = ir.IntType(64)
 
 
@@ -139,7 +139,7 @@ def _readable(view: Any, entry: Any) -> bool:
 def _bytes_of(item: Any) -> int:
     if isinstance(item, types.Record):
         return int(item.size)
-    return int(item.nitems) * _WORD if isinstance(item, types.NestedArray) else _WORD
+    return int(item.nitems) * WORD if isinstance(item, types.NestedArray) else WORD
 
 
 # ---------------------------------------------------------------------- typing
@@ -209,7 +209,7 @@ def _load(
     address = builder.bitcast(base, context.get_data_type(found).as_pointer())
     if not shared:
         address = builder.gep(address, [lane], inbounds=True)
-    number = builder.load(address, align=_WORD)
+    number = builder.load(address, align=WORD)
     _label(builder, number, name)
     if shared:  # read in the first lane, once
         number.set_metadata("invariant.load", builder.module.add_metadata([]))
@@ -221,7 +221,7 @@ def _store(
 ) -> None:
     base, lane = _address(context, builder, kind, view, offset)
     address = builder.bitcast(base, context.get_data_type(item).as_pointer())
-    _label(builder, builder.store(value, builder.gep(address, [lane], inbounds=True), align=_WORD), name)
+    _label(builder, builder.store(value, builder.gep(address, [lane], inbounds=True), align=WORD), name)
 
 
 def _label(builder: Any, access: Any, name: str) -> None:

@@ -11,8 +11,8 @@ from twin_gait.core.estimation import DelayLine
 from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
-from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.log import column, columns_of
+from twin_gait.simulation.episode import COMPLETED, Recording
+from twin_gait.simulation.log import Columns
 from twin_gait.worlds.bench_joint import (
     BenchJoint,
     CatalogueEfficiency,
@@ -29,41 +29,42 @@ OPEN, IDEAL, PI, DUTY = range(4)
 ENCODER, GYROSCOPE, ACCELEROMETER = range(3)
 
 
-@dataclass(slots=True)
-class BenchRow:
-    """A row of the log: the columns of the thesis's log files, then what no bench can see."""
-
-    time: float = column("s", "since the start")
-    position: float = column("rad", "encoder angle")
-    target_position: float = column("rad", "of the path, or the equilibrium of the impedance")
-    measured_current: float = column("A", "sample of the shunts that the current loop works with")
-    target_current: float = column("A", "that the drive is asked for; with a duty, what it should drive")
-    bus_voltage: float = column("V", "of the drive")
-    target_torque: float = column("N m", "added to the command, with what the path's acceleration needs")
-    velocity: float = column("rad/s", "difference of the encoder angle over a tick")
-    duty: float = column("1", "share of the bus voltage on the winding")
-    motor_angle: float = column("rad", "true angle of the rotor at the joint")
-    motor_velocity: float = column("rad/s", "of it")
-    motor_acceleration: float = column("rad/s²", "of it")
-    link_angle: float = column("rad", "true angle of the link")
-    link_velocity: float = column("rad/s", "of it")
-    velocity_fast: float = column("rad/s", "first-order estimate")
-    velocity_slow: float = column("rad/s", "decimated and averaged estimate")
-    current: float = column("A", "true current of the winding")
-    voltage: float = column("V", "on the winding")
-    impedance_torque: float = column("N m", "of virtual spring and damper")
-    friction_compensation_torque: float = column("N m", "G times the friction of the model")
-    inertia_compensation_torque: float = column("N m", "share of the inertia torque that is compensated")
-    motor_command_torque: float = column("N m", "sum of the four, before limits")
-    motor_torque: float = column("N m", "of the current, before the losses of the gear")
-    friction_torque: float = column("N m", "of motor and gear on the rotor")
-    gear_loss_torque: float = column("N m", "that the gear loses under load, on the rotor")
-    load_torque: float = column("N m", "of gravity on the link")
-    stop_torque: float = column("N m", "of the mechanical stops on the link")
-    imposed_motion_torque: float = column("N m", "of the hand that leads the link")
-
-
-COLUMNS = tuple(columns_of(BenchRow))
+# The columns of the thesis's log files, then what no bench can see.
+BENCH = Columns(
+    "encoder, winding, torques, asked = e.encoder, e.winding, e.torques, e.asked",
+    time_s=("e.time", "since the start"),
+    position_rad=("encoder.angle", "encoder angle"),
+    target_position_rad=("asked.position", "of the path, or the equilibrium of the impedance"),
+    measured_current_A=("winding.sample", "sample of the shunts that the current loop works with"),
+    target_current_A=(
+        "winding.target_current",
+        "that the drive is asked for; with a duty, what it should drive",
+    ),
+    bus_voltage_V=("e.bus_voltage", "of the drive"),
+    target_torque_Nm=("asked.target", "added to the command, with what the path's acceleration needs"),
+    velocity_rad_per_s=("(encoder.angle - encoder.last_angle) / TICK", "of the encoder angle over a tick"),
+    duty=("winding.duty", "share of the bus voltage on the winding"),
+    motor_angle_rad=("e.rotor.angle", "true angle of the rotor at the joint"),
+    motor_velocity_rad_per_s=("e.rotor.velocity", "of it"),
+    motor_acceleration_rad_per_s2=("e.rotor.acceleration", "of it"),
+    link_angle_rad=("e.link.angle", "true angle of the link"),
+    link_velocity_rad_per_s=("e.link.velocity", "of it"),
+    velocity_fast_rad_per_s=("encoder.velocity_fast", "first-order estimate"),
+    velocity_slow_rad_per_s=("encoder.velocity_slow", "decimated and averaged estimate"),
+    current_A=("winding.current", "true current of the winding"),
+    voltage_V=("winding.voltage", "on the winding"),
+    impedance_torque_Nm=("asked.impedance", "of virtual spring and damper"),
+    friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
+    inertia_compensation_torque_Nm=("asked.inertia", "share of the inertia torque that is compensated"),
+    motor_command_torque_Nm=("asked.torque", "sum of the four, before limits"),
+    motor_torque_Nm=("torques.motor", "of the current, before the losses of the gear"),
+    friction_torque_Nm=("torques.friction", "of motor and gear on the rotor"),
+    gear_loss_torque_Nm=("torques.gear_loss", "that the gear loses under load, on the rotor"),
+    load_torque_Nm=("torques.load", "of gravity on the link"),
+    stop_torque_Nm=("torques.stop", "of the mechanical stops on the link"),
+    imposed_motion_torque_Nm=("e.imposed_motion.torque", "of the hand that leads the link"),
+)
+COLUMNS = tuple(BENCH.columns)
 # Columns of the thesis's log files, in this order.
 LOG_COLUMNS = COLUMNS[:9]
 
@@ -116,12 +117,26 @@ class Body:
     inertia: float  # In [kg m²].
     angle: float  # In [rad].
     velocity: float  # In [rad] / [s].
+    acceleration: float = 0.0  # In [rad] / [s²], as the log has it.
+
+
+@dataclass(slots=True)
+class Asked:
+    """What the controller of torques wants."""
+
+    position: float = 0.0  # Equilibrium angle in [rad].
+    impedance: float = 0.0  # Torques in [N m]: of the impedance,
+    friction: float = 0.0  # of the compensations of friction
+    inertia: float = 0.0  # and inertia,
+    target: float = 0.0  # the target,
+    torque: float = 0.0  # and the sum of the four, before limits.
 
 
 @dataclass(slots=True)
 class Torques:
-    """What acts beside motor, torsion and imposed motion, as it was last, in [N m]."""
+    """What acts beside torsion and imposed motion, as it was last, in [N m]."""
 
+    motor: float = 0.0  # Of the current, as the log has it.
     friction: float = 0.0  # On the rotor.
     gear_loss: float = 0.0  # On the rotor.
     load: float = 0.0  # Of gravity on the link.
@@ -166,6 +181,8 @@ class BenchEpisode:
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].
     deflection: float = 0.0
+    asked: Asked = field(default_factory=Asked)
     torques: Torques = field(default_factory=Torques)
-    log: int = 0  # Address of the rows.
-    noise: int = 0  # Address of the noise, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.
+    time: float = 0.0  # Of the tick in [s].
+    # Of the noise each number is a row, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.
+    recording: Recording = field(default_factory=lambda: Recording(on=True, most_switches=0, n_noise=1))

@@ -14,19 +14,21 @@ from twin_gait.core.friction import ROTATIONAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.episode import (
+    BENCH,
     COLUMNS,
     LOG_COLUMNS,
     BenchEpisode,
-    BenchRow,
     BenchVariation,
 )
 from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
-from twin_gait.simulation.bench_joint.tick import CURRENT_NOISE, bench_at, run_ticks
-from twin_gait.simulation.binding import bind
+from twin_gait.simulation.bench_joint.tick import bench_at, run_ticks
+from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.compiled_engine import compiled_rows
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import COMPLETED, DIVERGED
 from twin_gait.simulation.keeping import kept_loop, source_key
-from twin_gait.simulation.record import dtype_of, numbers_in, stored
+from twin_gait.simulation.log import writer_of
+from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
 from twin_gait.worlds.bench_joint import BenchJoint
 
@@ -34,7 +36,6 @@ if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
 
 CHUNK_TICKS = 5000  # between two looks at progress and interruption
-_ROW = dtype_of(BenchRow())
 Advance = Callable[[int, int], tuple[int, int]]  # from tick and to tick; ticks done and status
 
 
@@ -117,54 +118,35 @@ def _compiled(
     episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, on_compile: Callable[[], None] | None
 ) -> Advance:
     """The compiled loop of a test; the caller keeps noise and rows."""
-    episode.log, episode.noise = rows.ctypes.data, noise.ctypes.data
-    store, structure = stored(episode), _structure(episode)
+    recording = episode.recording
+    recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
+    store, names = stored(episode), _names(episode)
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop
+        from twin_gait.simulation.compiling import compile_loop, record_at
 
-        return compile_loop(run_at, {**structure, **_compiled_rows(store.dtype)})
+        rows = compiled_rows(len(COLUMNS), 1)
+        return compile_loop(run_at, {**names, **rows, "bench_at": record_at(store.dtype)})
 
-    loop = kept_loop(_key(store.dtype, str(structure)), make, on_compile)
+    loop = kept_loop(_key(store.dtype, names["OTHER_LAWS"]), make, on_compile)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
 
 
-@lru_cache(maxsize=8)
-def _key(episode: np.dtype[Any], structure: str) -> str:
-    """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
-    return source_key(repr((episode, _ROW, structure, TICK, DIVERGED_VELOCITY)), "bench_joint")
-
-
-def _structure(episode: BenchEpisode) -> dict[str, int]:
-    """Constants that a loop is bound to; the laws beside (3.1) slow the others down."""
-    return {"OTHER_LAWS": episode.friction.law > ROTATIONAL}
-
-
-@lru_cache(maxsize=8)
-def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
-    """Functions of :mod:`.tick` that find what is behind addresses."""
-    from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
-
-    logs, numbers = rows_at(_ROW), numbers_at(1)
-
-    def log_row(e: BenchEpisode, tick: int) -> Any:
-        return logs(e.log, tick)
-
-    def noise(e: BenchEpisode, tick: int, place: int) -> Any:
-        return numbers(e.noise, tick * (CURRENT_NOISE + e.winding.periods) + place)[0]
-
-    return {"bench_at": record_at(episode), "log_row": jit(log_row), "noise": jit(noise)}
-
-
 def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray) -> Advance:
-    """The same rooms as plain Python, tick by tick."""
-    log, table = [BenchRow() for _ in rows], noise.tolist()
-    names = {"log_row": lambda e, tick: log[tick], "noise": lambda e, tick, place: table[tick][place]}
-    run = bind(run_ticks, {**names, **_structure(episode)})
+    """The same rooms as plain Python."""
+    table = noise.reshape(-1, 1).tolist()
+    found = {"log_row": lambda e, tick: rows[tick], "noise_row": lambda e, number: table[number]}
+    run = bind(run_ticks, {**_names(episode), **found})
+    return lambda first, end: (run(episode, first, end), episode.status)
 
-    def advance(first: int, end: int) -> tuple[int, int]:
-        done = run(episode, first, end)
-        rows[first:done] = [numbers_in(row) for row in log[first:done]]
-        return done, episode.status
 
-    return advance
+def _names(episode: BenchEpisode) -> dict[str, Any]:
+    """What a loop is bound to beside its rows; the laws beside (3.1) slow the others down."""
+    writer = kernel_functions(writer_of([(0, BENCH)]), {"TICK": TICK})
+    return {"OTHER_LAWS": episode.friction.law > ROTATIONAL, **writer}
+
+
+@lru_cache(maxsize=8)
+def _key(episode: np.dtype[Any], other_laws: bool) -> str:
+    """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
+    return source_key(repr((episode, other_laws, TICK, DIVERGED_VELOCITY)), "compiled_engine", "bench_joint")

@@ -22,7 +22,6 @@ from twin_gait.simulation.bench_joint.episode import (
     GYROSCOPE,
     OPEN,
     BenchEpisode,
-    BenchRow,
 )
 from twin_gait.simulation.bench_joint.mechanics import (
     drive_winding,
@@ -32,6 +31,7 @@ from twin_gait.simulation.bench_joint.mechanics import (
 )
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import DIVERGED
+from twin_gait.simulation.interface import log_row, noise_row, write_row
 
 # Places in the noise of a tick; the samples of the current follow, one for each period of the loop.
 ANGLE_NOISE, UNIT_NOISE, CURRENT_NOISE = range(3)
@@ -42,14 +42,9 @@ def bench_at(address: int) -> BenchEpisode:
     raise NotImplementedError
 
 
-def log_row(e: BenchEpisode, tick: int) -> BenchRow:
-    """Row of the log for a tick."""
-    raise NotImplementedError
-
-
 def noise(e: BenchEpisode, tick: int, place: int) -> float:
     """Noise of a tick: of the encoder in [rad], else standard normal."""
-    raise NotImplementedError
+    return noise_row(e, tick * (CURRENT_NOISE + e.winding.periods) + place)[0]
 
 
 def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
@@ -58,9 +53,12 @@ def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
     Returns the ticks that have been run since the start.
     """
     for tick in range(first, end):
+        e.time = tick * TICK
         measure(e, tick)
         control(e, tick)
-        record(e, tick)
+        e.rotor.acceleration, _ = present_accelerations(e, e.time)
+        e.torques.motor = motor_torque(e, e.winding.current)
+        write_row(e, log_row(e, tick))
         e.winding.energy = 0.0
         for number in range(e.winding.periods):
             advance(e, tick, number)
@@ -93,7 +91,7 @@ def measure(e: BenchEpisode, tick: int) -> None:
 def _sense(e: BenchEpisode, tick: int) -> None:
     """Angular acceleration of the link from the inertial unit on it; a sample is used after its delay."""
     unit, acceleration = e.unit, e.acceleration
-    taken = _unit_reading(e, tick) + unit.noise * noise(e, tick, UNIT_NOISE)
+    taken = _unit_reading(e) + unit.noise * noise(e, tick, UNIT_NOISE)
     sample = delayed_sample(acceleration.line, tick, taken)
     if tick < unit.delay:
         return
@@ -107,22 +105,22 @@ def _sense(e: BenchEpisode, tick: int) -> None:
     acceleration.estimate = first_order_step(acceleration.estimate, change, acceleration.gain)
 
 
-def _unit_reading(e: BenchEpisode, tick: int) -> float:
+def _unit_reading(e: BenchEpisode) -> float:
     """What the unit would report without noise: velocity, or specific force along its path."""
     if e.acceleration.source == GYROSCOPE:
         return e.link.velocity
-    _, acceleration = present_accelerations(e, tick * TICK)
+    _, acceleration = present_accelerations(e, e.time)
     return tangential_specific_force(
         acceleration, e.link.angle, e.unit.lever, e.test.gravity, e.horizontal_angle
     )
 
 
 def control(e: BenchEpisode, tick: int) -> None:
-    """Target current or duty of a tick; writes the controller's columns."""
+    """Target current or duty of a tick."""
     if e.winding.drive == DUTY:
         _control_duty(e, tick)
     elif e.winding.drive != OPEN:
-        _control_torque(e, tick)
+        _control_torque(e)
 
 
 def _control_duty(e: BenchEpisode, tick: int) -> None:
@@ -136,29 +134,27 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
     winding.target_current = (winding.voltage - back_emf) / motor.resistance
 
 
-def _control_torque(e: BenchEpisode, tick: int) -> None:
+def _control_torque(e: BenchEpisode) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
-    law, limits, encoder, row = e.torque_control, e.test.limits, e.encoder, log_row(e, tick)
+    law, limits, encoder, asked = e.torque_control, e.test.limits, e.encoder, e.asked
     inertia = e.rotor.inertia + e.link.inertia
-    row.target_position, path_velocity, path_acceleration = cosine_path(
-        tick * TICK, e.path.start_angle, e.path.amplitude, e.path.frequency
+    asked.position, path_velocity, path_acceleration = cosine_path(
+        e.time, e.path.start_angle, e.path.amplitude, e.path.frequency
     )
-    row.impedance_torque, row.friction_compensation_torque = controller_torques(
+    asked.impedance, asked.friction = controller_torques(
         encoder.angle,
         encoder.velocity_fast - path_velocity,
         encoder.velocity_slow,
         law.stiffness,
         law.damping,
-        row.target_position,
+        asked.position,
         law.friction_compensation_gain,
         _model_friction(e, path_velocity),
     )
-    row.inertia_compensation_torque = law.inertia_compensation * inertia * e.acceleration.estimate
-    row.target_torque = law.target_torque + inertia * path_acceleration
-    command = row.impedance_torque + row.friction_compensation_torque + row.inertia_compensation_torque
-    command += row.target_torque
-    row.motor_command_torque = command
-    e.winding.target_current = target_current(e.motor, command, limits.torque, limits.current)
+    asked.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
+    asked.target = law.target_torque + inertia * path_acceleration
+    asked.torque = asked.impedance + asked.friction + asked.inertia + asked.target
+    e.winding.target_current = target_current(e.motor, asked.torque, limits.torque, limits.current)
 
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
@@ -177,38 +173,11 @@ def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     )
 
 
-def record(e: BenchEpisode, tick: int) -> None:
-    """Write the columns that the controller has not written, at the state before the motion."""
-    time, encoder, winding, torques, row = tick * TICK, e.encoder, e.winding, e.torques, log_row(e, tick)
-    row.time = time
-    row.position = encoder.angle
-    row.measured_current = winding.sample
-    row.target_current = winding.target_current
-    row.bus_voltage = e.bus_voltage
-    row.velocity = (encoder.angle - encoder.last_angle) / TICK
-    row.duty = winding.duty
-    row.motor_angle = e.rotor.angle
-    row.motor_velocity = e.rotor.velocity
-    row.motor_acceleration, _ = present_accelerations(e, time)
-    row.link_angle = e.link.angle
-    row.link_velocity = e.link.velocity
-    row.velocity_fast = encoder.velocity_fast
-    row.velocity_slow = encoder.velocity_slow
-    row.current = winding.current
-    row.voltage = winding.voltage
-    row.motor_torque = motor_torque(e, winding.current)
-    row.friction_torque = torques.friction
-    row.gear_loss_torque = torques.gear_loss
-    row.load_torque = torques.load
-    row.stop_torque = torques.stop
-    row.imposed_motion_torque = e.imposed_motion.torque
-
-
 def advance(e: BenchEpisode, tick: int, number: int) -> None:
     """One period of the current loop: sample, set the voltage, advance winding and mechanics."""
     winding, step = e.winding, e.winding.period
     sample_current(e, tick, number)
-    time = tick * TICK + number * step
+    time = e.time + number * step
     acceleration, _ = present_accelerations(e, time)
     drive_winding(e, e.rotor.velocity + 0.5 * step * acceleration)
     winding.energy += winding.voltage * winding.mean_current * step

@@ -143,7 +143,7 @@ def _euler_step(e: Episode, time: float, known: bool) -> None:
         for one in lanes(e):
             contact = 0.5 * (one.contact_power + one.last_contact_power)
             one.last_contact_power = one.contact_power
-            one.works.contact_work += e.step * contact
+            one.works.contact += e.step * contact
         _add_work(e, e.step)
 
 
@@ -165,7 +165,7 @@ def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
             acceleration(e, time + offset * step, True)
         if e.recording.on:
             for one in lanes(e):
-                one.works.contact_work += (weight * step) * one.contact_power
+                one.works.contact += (weight * step) * one.contact_power
             _add_work(e, weight * step)
         ahead = step if stage == 2 else 0.5 * step
         for i in range(len(e.q)):
@@ -203,17 +203,17 @@ def _add_work(e: Episode, duration: float) -> None:
     for i in range(len(e.q)):
         for one in lanes(e):
             works, plant, v = one.works, one.plant[i], one.stages.v[i]
-            works.motor_work += duration * one.motor[i] * v
-            works.friction_work += duration * plant.friction_torque * v
-            works.stop_work += duration * plant.stop_torque * v
-            works.spring_work += duration * plant.spring_torque * v
-            works.patient_work += duration * one.external[i] * v
+            works.motor += duration * one.motor[i] * v
+            works.friction += duration * plant.friction_torque * v
+            works.stop += duration * plant.stop_torque * v
+            works.spring += duration * plant.spring_torque * v
+            works.patient += duration * one.external[i] * v
     if SHIFT > 0:
         for i in range(SHIFT):
             for one in lanes(e):
                 stages = one.stages
-                one.brace_work += duration * one.braces[i].torque * (stages.v[i + SHIFT] - stages.v[i])
+                one.works.brace += duration * one.braces[i].torque * (stages.v[i + SHIFT] - stages.v[i])
     if e.imposed_motion.place >= 0:
         for one in lanes(e):
             motion = one.imposed_motion
-            one.works.patient_work += duration * motion.torque * one.stages.v[motion.place]
+            one.works.patient += duration * motion.torque * one.stages.v[motion.place]
