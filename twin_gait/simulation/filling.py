@@ -96,13 +96,12 @@ def new_episode(
     legs = world.model.legs.items()
     ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
-    return episode.Episode(
+    filled = taken_from(
+        episode.Episode,
+        world,
         step=stepping.step,
         substeps=stepping.substeps,
         gravity=experiment.plant.gravity,
-        body_weight=world.body_weight,
-        catch_stiffness=world.catch_stiffness,
-        catch_dissipation=world.catch_dissipation,
         watching=experiment.control.safety.enabled,
         first_fault=min((fault.start_tick for fault in faults), default=NEVER),
         q=world.start_q.tolist(),
@@ -134,27 +133,21 @@ def new_episode(
         limbs=_limbs(problem),
         ankles=ankles,
         passive=passive,
-        plant=copied(list(world.plant)),
         ground=world.ground(),
         points=[Point() for _ in range(max(n_points, 1))],
-        belt=copied(world.belt),
-        imposed_motion=copied(world.imposed_motion or ImposedMotion()),
-        braces=[] if world.braces is None else copied(list(world.braces.braces)),
+        imposed_motion=world.imposed_motion or ImposedMotion(),
+        braces=[] if world.braces is None else world.braces.braces,
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         requests=_requests(problem),
-        trunk=copied(world.trunk),
         trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
-        arms=copied(list(world.arms)),
-        habit=copied(world.habit),
-        sense=copied(world.sense),
         swing_phases=[float(problem.table.is_swing(name)) for name in phases if world.arms],
         chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
-        seat=copied(world.seat),
         recording=episode.Recording(
             record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
         ),
     )
+    return copied(filled)  # nothing in it belongs to the world, or stands in it twice
 
 
 def memory_of(controller: Controller, plan: Plan) -> Any:
@@ -184,11 +177,13 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
     actuator, inverter = problem.actuator(joint), experiment.plant.electronics.inverter_resistance
     motor = taken_from(Motor, actuator, resistance=actuator.resistance + inverter)
     angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
+    counts = experiment.sensors.encoder_counts * actuator.gear_ratio
+    resolution = 0.0 if experiment.sensors.ideal else 2.0 * math.pi / counts
     return episode.Joint(
         place=joint.coordinate,
         board=BoardState(
-            encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
-            motor=copied(motor),
+            encoder=new_encoder(resolution, angle, experiment.sensors.window),
+            motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
             bounds=watch_bounds(problem, joint),
             # What is on its way at the start may take so long.
@@ -285,7 +280,7 @@ def _requests(problem: Problem) -> list[episode.Asked]:
     if modes is None:
         return []
     asked = [episode.Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
-    return asked + [episode.Asked() for _ in range(_capacity(len(asked)) - len(asked))]
+    return _with_room(asked, episode.Asked())
 
 
 def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJoint:
@@ -294,8 +289,8 @@ def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJo
     return ControlledJoint(
         control_place=joint.control_coordinate,
         setpoints=setpoints,
-        blend_start=copied(setpoints[phase]),
-        blended=copied(setpoints[phase]),
+        blend_start=setpoints[phase],
+        blended=setpoints[phase],
         target=control.target_torque.get(joint.joint, 0.0),
         silent_ticks=-_delay_ticks(problem.experiment.network),
     )
@@ -323,15 +318,16 @@ def _capacity(count: int) -> int:
 
 def _padded(program: GuardProgram) -> GuardProgram:
     """A program with room, so that tables of like size share one loop."""
-    padded = copied(program)
-    _pad(padded.transitions, TransitionRule(-1, 0, 0, 0, 0, 0))
-    _pad(padded.nodes, GuardNode(0, 0))
-    _pad(padded.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0))
-    return padded
+    return replace(
+        program,
+        transitions=_with_room(program.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
+        nodes=_with_room(program.nodes, GuardNode(0, 0)),
+        comparisons=_with_room(program.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0)),
+    )
 
 
-def _pad(entries: list[Record], blank: Record) -> None:
-    entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]
+def _with_room(entries: list[Record], blank: Record) -> list[Record]:
+    return entries + [blank] * (_capacity(len(entries)) - len(entries))
 
 
 def _supply(problem: Problem) -> episode.Supply:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
-from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.engine import EngineResult, EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
 from twin_gait.simulation.keeping import NativeFunction, is_kept, kept_loop, source_key
 
@@ -119,11 +119,13 @@ class LaneEngine:
         return numbers
 
 
-def kind_of(engine: CompiledEngine) -> Hashable | None:
+def kind_of(engine: EpisodeEngine) -> Hashable | None:
     """What episodes have in common that may share a block; None for one that runs alone.
 
     Powers of any exponent, of some laws of friction, and a controller of the user's are no vector code.
     """
+    if not isinstance(engine, CompiledEngine):
+        return None
     if engine.pattern.own or engine.pattern.structure["OTHER_LAWS"]:
         return None
     words = engine.store.view(np.int64)
@@ -143,9 +145,9 @@ def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> Native
     return kept_loop(_key_of(pattern), make, on_compile)
 
 
-def has_lane_loop(engine: CompiledEngine) -> bool:
+def has_lane_loop(engine: EpisodeEngine) -> bool:
     """Whether the loop for blocks of episodes like this one needs no compiling."""
-    return is_kept(_key_of(engine.pattern))
+    return isinstance(engine, CompiledEngine) and is_kept(_key_of(engine.pattern))
 
 
 def _key_of(pattern: Pattern) -> str:

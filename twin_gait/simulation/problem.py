@@ -157,7 +157,6 @@ class Problem:
     # What strays in every tick, shape ``(n_ticks or 1, n)``: what encoders read in excess of the angle in
     # [rad], noise and offset; shares of the wearer's efforts; with an inertial unit its noise.
     noise: np.ndarray
-    resolution: np.ndarray  # Encoder resolution in [rad], shape ``(n_joints,)``.
     fast_gain: float  # Gain of the fast velocity filter.
     wearer: Wearer  # What the wearer does at the joints.
     controller: Controller  # What decides on the demands.
@@ -211,8 +210,6 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         for side in world.model.sides
     ]
     sensors, wearer = experiment.sensors, wearer_of(experiment, table, world.model.sides)
-    ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
-    counts = sensors.encoder_counts * ratio
     offset = np.array([sensors.offset.get(item.side, {}).get(item.joint, 0.0) for item in joints])
     return Problem(
         experiment=experiment,
@@ -224,7 +221,6 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         phase_rows=np.array(rows),
         offset=offset,
         noise=_noise(experiment, offset, len(wearer.conditions)),
-        resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         wearer=wearer,
         controller=controller,

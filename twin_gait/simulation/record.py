@@ -79,9 +79,9 @@ def is_record(sample: Any) -> bool:
 
 
 def copied(sample: Record | None) -> Record:
-    """A copy that shares nothing with a record or a list of them; what is absent stays so."""
+    """A copy that shares nothing with a record, or a list of them; what is absent stays so."""
     copy: Any = sample
-    if isinstance(sample, list):
+    if isinstance(sample, (list, tuple)):
         copy = [copied(item) for item in sample]
     elif hasattr(copy, "__slots__"):
         copy = type(copy)(**{item.name: copied(getattr(copy, item.name)) for item in fields(copy)})

@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
@@ -106,27 +106,19 @@ def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tu
 
     Returns every position once: those that run one by one in front, then blocks for the lanes of one loop.
     """
-    groups: dict[Hashable, list[int]] = {}
-    for place, kind in enumerate(kinds):
-        if kind is not None:
-            groups.setdefault(kind, []).append(place)
-    blocks = [
-        part
-        for group in groups.values()
-        for part in _cut(sorted(group, key=ticks.__getitem__), ticks)
-        if len(part) >= FEWEST
-    ]
-    taken = {place for part in blocks for place in part}
-    return [*((place,) for place in range(len(kinds)) if place not in taken), *blocks]
-
-
-def _cut(places: Sequence[int], ticks: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """Parts of as many as a block may have, the longest in front: the rest, which runs alone, is short."""
-    end = len(places)
-    while end > 0:
-        start = max(0, end - _most(ticks[places[end - 1]]))
-        yield tuple(places[start:end])
-        end = start
+    groups = defaultdict[Hashable, list[int]](list)
+    for place in sorted(range(len(kinds)), key=ticks.__getitem__):
+        groups[kinds[place]].append(place)
+    alone, blocks = groups.pop(None, []), []
+    for group in groups.values():
+        while group:  # the longest first: the rest, which runs alone, is short
+            size = _most(ticks[group[-1]])
+            block, group = group[-size:], group[:-size]
+            if len(block) >= FEWEST:
+                blocks.append(tuple(block))
+            else:
+                alone += block
+    return [*((place,) for place in sorted(alone)), *blocks]
 
 
 def block_size(experiment: Experiment, total: int) -> int:
@@ -197,14 +189,10 @@ def _laid_out(
 
 def _kinds(engines: Sequence[EpisodeEngine]) -> list[Hashable | None]:
     """What those share that may share a block; None where a loop would have to be compiled for a few."""
-    kinds = [kind_of(engine) if isinstance(engine, CompiledEngine) else None for engine in engines]
+    kinds = [kind_of(engine) for engine in engines]
     numbers = Counter(kinds)
-    worth = set()
-    for kind, engine in dict(zip(kinds, engines, strict=True)).items():
-        if isinstance(engine, CompiledEngine) and numbers[kind] >= FEWEST:
-            if numbers[kind] >= FEWEST_IN_ALL or has_lane_loop(engine):
-                worth.add(kind)
-    return [kind if kind in worth else None for kind in kinds]
+    kept = {kind for kind, engine in zip(kinds, engines, strict=True) if has_lane_loop(engine)}
+    return [kind if numbers[kind] >= FEWEST_IN_ALL or kind in kept else None for kind in kinds]
 
 
 def _run(
