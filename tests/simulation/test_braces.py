@@ -295,11 +295,17 @@ def test_the_lightest_wearer_needs_no_finer_step(engine):
         ("{hip: {stiffness_Nm_per_rad: 5}}", "rigid has no hip"),
         (
             "{kind: brace, hip: {stiffness_Nm_per_rad: -5}}",
-            "hip.stiffness: expected a number above 0",
+            "interface.hip.stiffness_Nm_per_rad: expected a number above 0",
         ),
-        ("{kind: brace, knee: {stiffness_Nm_per_rad: 0}}", "knee.stiffness: expected a number above 0"),
+        (
+            "{kind: brace, knee: {stiffness_Nm_per_rad: 0}}",
+            "interface.knee.stiffness_Nm_per_rad: expected a number above 0",
+        ),
         ("{kind: brace, knee: {damping_Nms_per_rad: .nan}}", "interface.knee.damping_Nms_per_rad"),
-        ("{kind: brace, pelvis: {damping_Ns_per_m: -1}}", "pelvis.damping: expected a number of 0 or more"),
+        (
+            "{kind: brace, pelvis: {damping_Ns_per_m: -1}}",
+            "interface.pelvis.damping_Ns_per_m: expected a number of 0 or more",
+        ),
         ("{kind: brace, thigh: {}}", "interface.thigh: unknown key"),
         ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+8}}", "set integration.step_ms to"),
         ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+300}}", "take softer braces"),

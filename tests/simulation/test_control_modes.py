@@ -84,7 +84,7 @@ def test_experiment_survives_its_own_document(mode):
         ("control.mode=magic", r"control\.mode: .*'position', got 'magic'"),
         ("control.assistance.knee=1.5", r"assistance\.share of the knee: .*from 0 to 1, got 1\.5"),
         ("control.assistance.help=1", r"control\.assistance\.help"),
-        ("control.path.damping_ratio=-1", r"path\.damping_ratio: .*got -1\.0"),
+        ("control.path.damping_ratio=-1", r"path\.damping_ratio: .*got -1$"),
         ("control.path.stiffness_Nm_per_deg={hip: -5}", r"path\.stiffness of the hip: .*0 or more"),
     ],
 )

@@ -72,13 +72,16 @@ def test_guards_read_what_the_filter_has_found(sensed):
 def test_noise_is_drawn_by_the_seed_and_leaves_that_of_the_encoders():
     noisy = ("sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=20")
     one, same, other = (problem(*noisy, f"seed={seed}").noise for seed in (1, 1, 2))
-    assert (one == same).all() and (one != other).all()
-    assert (one[:, :4] == 1e-4 * np.random.default_rng(1).standard_normal((20000, 4))).all()
+    encoders, efforts, unit = np.split(one, (4, 8), axis=1)
+    assert (one == same).all() and (encoders != other[:, :4]).all() and (unit != other[:, 8:]).all()
+    assert (encoders == 1e-4 * np.random.default_rng(1).standard_normal((20000, 4))).all()
+    assert not efforts.any()  # this wearer makes none
     expected = [math.radians(0.005) * math.sqrt(500.0), *[400e-6 * 9.81 * math.sqrt(500.0)] * 2]
-    assert_allclose(one[:, 4:].std(axis=0), expected, rtol=0.03)
-    assert np.abs(np.corrcoef(one.T) - np.eye(7)).max() < 0.04
+    assert_allclose(unit.std(axis=0), expected, rtol=0.03)
+    assert np.abs(np.corrcoef(np.hstack([encoders, unit]).T) - np.eye(7)).max() < 0.04
 
 
 def test_where_the_pelvis_is_guided_there_is_no_unit():
     settings = ["sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=0.1"]
-    assert build_problem(load_experiment("treadmill", settings).experiment).noise.shape == (100, 4)
+    noise = build_problem(load_experiment("treadmill", settings).experiment).noise
+    assert noise.shape == (100, 8) and not noise[:, 4:].any()  # encoders, and efforts that are none
