@@ -37,14 +37,10 @@ from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import bracing
+from twin_gait.worlds.bracing import carries
 
 FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)
 JOINTS = [(side, joint) for side in Side for joint in JointName]
-GROWTH = {
-    IntegrationMethod.RK4: bracing.rk4_growth,
-    IntegrationMethod.SEMI_IMPLICIT_EULER: bracing.semi_implicit_euler_growth,
-}
 
 
 def bench(*settings: str, **changes: object) -> Experiment:
@@ -267,7 +263,7 @@ def test_a_step_carries_the_braces_up_to_the_stiffness_that_is_said(method):
     knee, shift = made.model.index(Side.RIGHT, JointName.KNEE), made.wearer_shift
     for _ in range(20):
         middle = math.sqrt(low * high)
-        if bracing.carries(braced(middle).build_world(), GROWTH[method], step):
+        if carries(braced(middle).build_world(), step, runge_kutta=method is IntegrationMethod.RK4):
             low = middle
         else:
             high = middle

@@ -13,7 +13,7 @@ from twin_gait.leg_model import Bodies, LegModel
 from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters, require
 from twin_gait.parameters.quantities import WHOLE, AsInFile, Notation, Parameters, Range, Time, Word
 from twin_gait.vocabulary import JointName, PelvisGuide
-from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
+from twin_gait.worlds.bracing import brace_world, carries
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
 from twin_gait.worlds.scenario import Scenario
 from twin_gait.worlds.world import LegSource, World
@@ -248,16 +248,15 @@ class Experiment(Parameters):
 
     def _require_step_for(self, world: World, keys: str, what: str) -> None:
         """Refuse what would oscillate more from step to step."""
-        runge_kutta = self.stepping.method is IntegrationMethod.RK4
-        growth = rk4_growth if runge_kutta else semi_implicit_euler_growth
-        if carries(world, growth, self.stepping.step):
+        step, runge_kutta = self.stepping.step, self.stepping.method is IntegrationMethod.RK4
+        if carries(world, step, runge_kutta=runge_kutta):
             return
         finer = (TICK / self.stepping.substeps / factor for factor in (2, 5, 10, 20, 50, 100))
-        enough = next((step for step in finer if carries(world, growth, step)), None)
+        enough = next((item for item in finer if carries(world, item, runge_kutta=runge_kutta)), None)
         way_out = "take" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or take"
         raise ParameterError(
             f"{keys}: the {what} are too stiff or too strongly damped for a step of "
-            f"{1e3 * self.stepping.step:g} ms ({self.stepping.method}); {way_out} softer {what}"
+            f"{1e3 * step:g} ms ({self.stepping.method}); {way_out} softer {what}"
         )
 
     def build_control_model(self) -> LegModel:

@@ -5,14 +5,8 @@ import reprlib
 from dataclasses import replace
 from typing import Any, TypeAlias
 
+from twin_gait.control import gait_controller as ccu
 from twin_gait.control.controller import Controller, Plan
-from twin_gait.control.gait_controller import (
-    ControlledJoint,
-    ControlledLeg,
-    ControllerState,
-    ControlModel,
-    WatchedSupply,
-)
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
@@ -231,11 +225,11 @@ def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
     return episode.Wire(frames.index(message), message.layout, [episode.Lately() for _ in range(room)])
 
 
-def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
+def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
     supply = problem.experiment.plant.battery.voltage
     settings, modes = problem.experiment.control.safety, problem.experiment.modes
     legs = [_leg(problem, number) for number in range(len(problem.sides))]
-    return ControllerState(
+    return ccu.ControllerState(
         joints=[
             _controlled_joint(problem, number, legs[number // problem.joints_per_leg].phase)
             for number in range(len(problem.joints))
@@ -243,7 +237,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
         legs=legs,
         program=_padded(problem.program),
         signals=first_signals(problem.table.joints),
-        supply=WatchedSupply(
+        supply=ccu.WatchedSupply(
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),
         model=_control_model(problem, bodies),
@@ -283,10 +277,10 @@ def _requests(problem: Problem) -> list[episode.Asked]:
     return _with_room(asked, episode.Asked())
 
 
-def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJoint:
+def _controlled_joint(problem: Problem, number: int, phase: int) -> ccu.ControlledJoint:
     joint, control = problem.joints[number], problem.experiment.control
     setpoints = setpoints_of(problem, number)
-    return ControlledJoint(
+    return ccu.ControlledJoint(
         control_place=joint.control_coordinate,
         setpoints=setpoints,
         blend_start=setpoints[phase],
@@ -296,12 +290,12 @@ def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJo
     )
 
 
-def _leg(problem: Problem, number: int) -> ControlledLeg:
+def _leg(problem: Problem, number: int) -> ccu.ControlledLeg:
     side = problem.sides[number]
     name = problem.world.initial_phases[side]
     phase = 0 if name is None else problem.table.phase_index(name)
     shares = problem.phase_rows[number, :, -1].tolist()
-    return ControlledLeg(
+    return ccu.ControlledLeg(
         phase=phase,
         debounce=[0] * _capacity(problem.program.n_transitions),
         gravity_shares=shares,
@@ -355,10 +349,10 @@ def _limits(problem: Problem) -> Limits:
     )
 
 
-def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
+def _control_model(problem: Problem, bodies: list[float]) -> ccu.ControlModel:
     q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
     gain = problem.experiment.control.inertia_compensation
-    return ControlModel(bodies, problem.experiment.plant.gravity, q, a, gravity, inertia, gain)
+    return ccu.ControlModel(bodies, problem.experiment.plant.gravity, q, a, gravity, inertia, gain)
 
 
 def _trunk_unit(problem: Problem) -> TrunkUnit:

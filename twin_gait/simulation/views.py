@@ -14,24 +14,11 @@ from functools import lru_cache
 from typing import Any
 
 from llvmlite import ir
+from numba import extending
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.core.imputils import RefType, iternext_impl
-from numba.core.typing.templates import (
-    AbstractTemplate,
-    AttributeTemplate,
-    infer_getattr,
-    infer_global,
-    signature,
-)
-from numba.extending import (
-    lower_builtin,
-    lower_getattr_generic,
-    lower_setattr_generic,
-    models,
-    overload,
-    register_model,
-)
+from numba.core.typing import templates
 
 from twin_gait.simulation.lane_engine import SHARED, WIDTH
 
@@ -100,16 +87,16 @@ class ViewIterator(types.SimpleIteratorType):
         super().__init__(f"iter({over.name})", entry)
 
 
-@register_model(RecordView)
-@register_model(ListView)
-@register_model(LanesView)
-class _ViewModel(models.StructModel):
+@extending.register_model(RecordView)
+@extending.register_model(ListView)
+@extending.register_model(LanesView)
+class _ViewModel(extending.models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, [("base", types.voidptr), ("lane", types.int64)])
 
 
-@register_model(ViewIterator)
-class _IteratorModel(models.StructModel):
+@extending.register_model(ViewIterator)
+class _IteratorModel(extending.models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, [("over", kind.over), ("index", types.EphemeralPointer(types.int64))])
 
@@ -145,8 +132,8 @@ def _bytes_of(item: Any) -> int:
 # ---------------------------------------------------------------------- typing
 
 
-@infer_getattr
-class _Fields(AttributeTemplate):
+@templates.infer_getattr
+class _Fields(templates.AttributeTemplate):
     key = RecordView
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
@@ -157,25 +144,25 @@ class _Fields(AttributeTemplate):
         return found if readable else None
 
 
-@infer_global(operator.getitem)
-class _Entries(AbstractTemplate):
+@templates.infer_global(operator.getitem)
+class _Entries(templates.AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if type(args[0]) is ListView and isinstance(args[1], types.Integer):
             found = _entry(args[0])
             if _readable(args[0], found):
-                return signature(found, args[0], types.int64)
+                return templates.signature(found, args[0], types.int64)
         return None
 
 
-@infer_global(operator.setitem)
-class _Stores(AbstractTemplate):
+@templates.infer_global(operator.setitem)
+class _Stores(templates.AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if type(args[0]) is ListView and isinstance(args[1], types.Integer):
-            return signature(types.none, args[0], types.int64, args[0].item)
+            return templates.signature(types.none, args[0], types.int64, args[0].item)
         return None
 
 
-@overload(len)
+@extending.overload(len)
 def _length(view):  # numba compares this with the signature of what it returns
     if isinstance(view, ListView):
         count = view.count
@@ -239,14 +226,14 @@ def _stride(builder: Any, kind: Any, index: Any) -> Any:
     return builder.mul(index, INTEGER(_bytes_of(kind.item) * WIDTH), flags=("nsw",))
 
 
-@lower_getattr_generic(RecordView)
+@extending.lower_getattr_generic(RecordView)
 def _get_field(context: Any, builder: Any, kind: Any, view: Any, name: str) -> Any:
     found = _seen(kind.item.typeof(name), kind.field, name, kind.whole)
     shared = f"{kind.field}.{name}" in SHARED
     return _load(context, builder, kind, view, found, _in_block(kind, name), name, shared)
 
 
-@lower_setattr_generic(RecordView)
+@extending.lower_setattr_generic(RecordView)
 def _set_field(context: Any, builder: Any, sig: Any, args: Any, name: str) -> None:
     kind, item = sig.args[0], sig.args[0].item.typeof(name)
     assert not kind.whole and f"{kind.field}.{name}" not in SHARED, f"{name}: alike in all lanes"
@@ -254,14 +241,14 @@ def _set_field(context: Any, builder: Any, sig: Any, args: Any, name: str) -> No
     _store(context, builder, kind, args[0], args[1], item, _in_block(kind, name), name)
 
 
-@lower_builtin(operator.getitem, ListView, types.Integer)
+@extending.lower_builtin(operator.getitem, ListView, types.Integer)
 def _get_entry(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     kind = sig.args[0]
     offset = _stride(builder, kind, args[1])
     return _load(context, builder, kind, args[0], _entry(kind), offset, kind.field, kind.shared)
 
 
-@lower_builtin(operator.setitem, ListView, types.Integer, types.Any)
+@extending.lower_builtin(operator.setitem, ListView, types.Integer, types.Any)
 def _set_entry(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     kind = sig.args[0]
     assert not kind.whole and not kind.shared, f"{kind.field}: alike in all lanes"
@@ -269,15 +256,15 @@ def _set_entry(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return context.get_dummy_value()
 
 
-@lower_builtin("getiter", ListView)
-@lower_builtin("getiter", LanesView)
+@extending.lower_builtin("getiter", ListView)
+@extending.lower_builtin("getiter", LanesView)
 def _begin(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     made = cgutils.create_struct_proxy(sig.return_type)(context, builder)
     made.over, made.index = args[0], cgutils.alloca_once_value(builder, INTEGER(0))
     return made._getvalue()
 
 
-@lower_builtin("iternext", ViewIterator)
+@extending.lower_builtin("iternext", ViewIterator)
 @iternext_impl(RefType.UNTRACKED)
 def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
     kind = sig.args[0]

@@ -1,7 +1,6 @@
 """The wearer bound to the device by braces instead of rigidly, and the step that carries what is stiff."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ from twin_gait.parameters import BraceParameters, SlidingSpringDamper, SpringDam
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import Braces, World
 
-RK4_ORDER = 4  # of the classical Runge-Kutta method, which is exact for a linear system up to this power
 # Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.
 _ROUNDING = 1e-6
 
@@ -47,46 +45,36 @@ def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
 
 # ---------------------------------------------------------------------- the step
 
-Step = Callable[[np.ndarray, float], np.ndarray]
 
-
-def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
-    r"""What one step h of the classical Runge-Kutta method makes of the state of :math:`\dot x = A x`.
-
-    :math:`R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}`, shape ``(m, m)``.
-    """
-    term = growth = np.eye(len(system))
-    for power in range(1, RK4_ORDER + 1):
-        term = term @ system * (step / power)
-        growth = growth + term
-    return growth
-
-
-def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
-    """As :func:`rk4_growth` of the semi-implicit Euler method; positions are first, then velocities."""
-    half = len(system) // 2
-    velocity = np.eye(len(system))[half:] + step * system[half:]
-    position = np.eye(len(system))[:half] + step * velocity
-    return np.vstack((position, velocity))
-
-
-def carries(world: World, growth: Step, step: float) -> bool:
-    """Whether an integrator carries braces and bristles of a world without letting their oscillation grow.
+def carries(world: World, step: float, *, runge_kutta: bool) -> bool:
+    r"""Whether an integrator carries braces and bristles of a world without letting their oscillation grow.
 
     Braces, springs, viscous dampers and bristles that stick are linear; gravity, contact and the change of
-    the inertias on the way are not looked at.
+    the inertias on the way are not looked at. Of :math:`\dot x = A x` a step h of the classical Runge-Kutta
+    method makes :math:`\sum_{i=0}^{4} \frac{(hA)^i}{i!}\,x`; the semi-implicit Euler method changes the
+    velocities first, then the positions with the new ones.
 
-    ``growth``: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`. ``step``: in [s].
+    ``step``: in [s]. ``runge_kutta``: which of the two it is.
     """
     return all(
-        _largest_growth(growth, _linear(world, q), step) <= 1.0 + _ROUNDING
+        _largest_growth(step * _linear(world, q), runge_kutta) <= 1.0 + _ROUNDING
         for q in (world.start_q[: world.model.nv], _bent(world))
     )
 
 
-def _largest_growth(growth: Step, system: np.ndarray, step: float) -> float:
+def _largest_growth(system: np.ndarray, runge_kutta: bool) -> float:
+    """Largest factor by which a step makes a motion grow; positions are first, then velocities."""
+    same, half = np.eye(len(system)), len(system) // 2
     with np.errstate(over="ignore", invalid="ignore"):
-        once = growth(system, step)
+        if runge_kutta:
+            once = same
+            for power in (4, 3, 2, 1):
+                once = same + system @ once / power
+        else:
+            kick, drift = same.copy(), same.copy()
+            kick[half:] += system[half:]
+            drift[:half] += system[:half]
+            once = drift @ kick
     return float(np.abs(np.linalg.eigvals(once)).max()) if np.isfinite(once).all() else math.inf
 
 

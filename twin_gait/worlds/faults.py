@@ -53,7 +53,6 @@ _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
     FaultKind.CONTROLLER_RUNAWAY: (200.0, {"Nm/s": 1.0}),
     FaultKind.SUPPLY_DIP: (15.0, {"V": 1.0}),
 }
-_WITHOUT_JOINT = (FaultKind.FOOT_LOAD_STUCK, FaultKind.SUPPLY_DIP)
 
 
 @dataclass(frozen=True, kw_only=True)
