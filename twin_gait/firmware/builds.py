@@ -49,20 +49,19 @@ def walk_with(
     problem = build_problem(without_bus(experiment))
     engine = CompiledEngine(problem, on_compile=on_compile)
     plant = loop_of(engine.pattern, on_compile, run_part)
-    rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
-    engine.episode["recording"]["log"] = rows.ctypes.data
-    record, address = engine.store, engine.store.ctypes.data
+    record, recording, address = engine.store, engine.episode["recording"], engine.store.ctypes.data
     inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
     drives, sensors = drive_pairs(record, inputs), sensor_pairs(record, inputs)
 
-    def run_tick(tick: int, end: int) -> int:
+    def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
+        recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         plant(address, 0, tick)
         keep([*drives, *sensors], 0)
         obey(engine, unit.exchange(require_fields(inputs, given)[0]).view(taken)[0], tick)
         plant(address, 1, tick)
         return end
 
-    return run_by_ticks(engine, run_tick, rows, progress)
+    return run_by_ticks(engine, run_tick, progress)
 
 
 def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:

@@ -49,31 +49,30 @@ def record_vectors(
     """
     problem = build_problem(without_bus(experiment))
     engine, unit = CompiledEngine(problem, on_compile=on_compile), linked_unit(problem)
-    rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
-    inputs, outputs = (np.zeros(len(rows), dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
+    ticks = problem.experiment.n_ticks
+    inputs, outputs = (np.zeros(ticks, dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
     record = engine.store
     earlier, now = drive_pairs(record, inputs), sensor_pairs(record, inputs) + answer_pairs(record, outputs)
 
-    def run_tick(tick: int, end: int) -> int:
+    def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
         keep(earlier, tick)
-        engine.run_ticks(tick, end, rows)
+        engine.run_ticks(tick, end, rows, first_row)
         keep(now, tick)
         return end
 
-    run = run_by_ticks(engine, run_tick, rows, progress)
+    run = run_by_ticks(engine, run_tick, progress)
     return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
 
 
 def run_by_ticks(
     engine: CompiledEngine,
-    run_tick: Callable[[int, int], int],
-    rows: np.ndarray,
+    run_tick: Callable[[int, int, np.ndarray, int], int],
     progress: Progress | None,
 ) -> Run:
-    """The run of an engine, tick by tick, whose log is written into ``rows``."""
+    """The run of an engine that is taken through every tick by a function."""
     began = time.perf_counter()
-    done = engine.run_in_chunks(1, run_tick, progress)[0]
-    return run_of(engine.problem, engine.result(done, rows[:done]), time.perf_counter() - began)
+    result = engine.run(progress, run_tick=run_tick)
+    return run_of(engine.problem, result, time.perf_counter() - began)
 
 
 def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:

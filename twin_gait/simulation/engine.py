@@ -109,52 +109,34 @@ class EpisodeEngine(ABC):
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
         columns: Sequence[int] | None = None,
+        run_tick: Callable[[int, int, np.ndarray, int], int] | None = None,
     ) -> EngineResult:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
         ``progress`` is called with ticks done and in all, ``should_stop`` asked now and then. ``columns``:
-        positions of the columns of the log that are kept; all by default.
+        positions of the columns of the log that are kept; all by default. ``run_tick``: runs a single tick in
+        place of :meth:`run_ticks`.
         """
+        run_ticks, chunk = (self.run_ticks, self.chunk_ticks) if run_tick is None else (run_tick, 1)
         width, record = len(self.layout.names), bool(self.state.recording.on)
         kept = range(width) if columns is None else columns
-        total = self.problem.experiment.n_ticks if record else 0
+        total, done, ended = self.problem.experiment.n_ticks, 0, (RunStatus.COMPLETED, "")
         # Everybody reads columns: each chunk is turned round while the cache still holds it.
-        table, rows = np.empty((len(kept), total)), np.zeros((self.chunk_ticks if record else 1, width))
-
-        def run_ticks(first: int, end: int) -> int:
-            done = self.run_ticks(first, end, rows, first)
-            if record:
-                for place, column in enumerate(kept):
-                    table[place, first:done] = rows[: done - first, column]
-            return done
-
-        done, ended = self.run_in_chunks(self.chunk_ticks, run_ticks, progress, should_stop)
-        return self.result(done, table[:, :done].T, ended)
-
-    def run_in_chunks(
-        self,
-        chunk: int,
-        run_ticks: Callable[[int, int], int],
-        progress: Callable[[int, int], None] | None = None,
-        should_stop: Callable[[], bool] | None = None,
-    ) -> tuple[int, tuple[RunStatus, str]]:
-        """As :meth:`run`; ``run_ticks``: from first tick and end of a chunk to the ticks run since the start.
-
-        Returns the ticks run, and how it ended, and why.
-        """
-        total, done = self.problem.experiment.n_ticks, 0
-        ended = RunStatus.COMPLETED, ""
+        table, rows = np.empty((len(kept), total if record else 0)), np.zeros((chunk if record else 1, width))
         while done < total and ended[0] is RunStatus.COMPLETED:
             if progress is not None:
                 progress(done, total)
             if should_stop is not None and should_stop():
                 ended = RunStatus.INTERRUPTED, f"stopped at {done * TICK:.3f} s"
                 break
-            done = run_ticks(done, min(done + chunk, total))
+            first, done = done, run_ticks(done, min(done + chunk, total), rows, done)
             ended = self.ending(done)
+            if record:
+                for place, column in enumerate(kept):
+                    table[place, first:done] = rows[: done - first, column]
         if progress is not None:
             progress(done, total)
-        return done, ended
+        return self.result(done, table[:, :done].T, ended)
 
     def result(self, done: int, rows: np.ndarray, ended: tuple[RunStatus, str] | None = None) -> EngineResult:
         """The result of a run of some ticks; ``ended``: how, where it has not ended by itself."""
