@@ -102,11 +102,16 @@ def test_spastic_muscles_act_beyond_the_speed_of_the_catch_only():
     assert_allclose(torque(log, "knee"), expected, rtol=1e-12, atol=1e-14)
 
 
+def moments_of(asked: Experiment) -> np.ndarray:
+    """Normative moments by limb, phase and posture."""
+    return np.array([limb.moments for limb in build_problem(asked).limbs])
+
+
 @pytest.mark.parametrize("delay", [0, 1, 60])
 def test_effort_is_looked_up_in_phase_and_posture_of_the_delay_before(delay):
     """By brute force: the table of the phase, interpolated by numpy at the hip angle that many ticks ago."""
     asked = experiment(EAGER, f"patient.effort_delay_ms={delay}")
-    moments = build_problem(asked).wearer.moments
+    moments = moments_of(asked)
     log = simulate(asked).log
     names = list(asked.table.phase_names)
     phases = [names.index(name) for name in log["right_phase"]]
@@ -127,7 +132,7 @@ def test_effort_is_that_of_the_nearest_healthy_instant():
     from twin_gait.measures.reference import normative_moment, reference_curve
 
     asked = experiment(EAGER)
-    moments = build_problem(asked).wearer.moments
+    moments = moments_of(asked)
     phase = list(asked.table.phase_names).index("swing_flexion")
     instants = [62.0 + 0.26 * i for i in range(51)]
     hips = [float(reference_curve(JointName.HIP, p, speed=0.5 / 3.6, height=1.75)) for p in instants]
@@ -140,11 +145,9 @@ def test_effort_is_that_of_the_nearest_healthy_instant():
 
 def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
     stance = slice(0, 3)
-    assert not build_problem(experiment(EAGER)).wearer.moments[:, stance].any()
+    assert not moments_of(experiment(EAGER))[:, stance].any()
     full, half = (
-        build_problem(
-            load_experiment("treadmill", [EAGER, f"scenario.support.share={share}"]).experiment
-        ).wearer.moments
+        moments_of(load_experiment("treadmill", [EAGER, f"scenario.support.share={share}"]).experiment)
         for share in (0.0, 0.5)
     )
     assert full[:, stance].any()
@@ -153,8 +156,8 @@ def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
 
 
 def test_weakness_scales_what_is_given():
-    conditions = build_problem(experiment(EAGER)).wearer.conditions
-    assert_allclose([item.effort for item in conditions], [0.8, 0.3], rtol=1e-15)
+    limbs = build_problem(experiment(EAGER)).limbs
+    assert_allclose([limb.condition.effort for limb in limbs], [0.8, 0.3], rtol=1e-15)
 
 
 # ---------------------------------------------------------------- nothing given, nothing changed
@@ -385,12 +388,12 @@ def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
     table = change(asked.table)
     scenario = dataclasses.replace(asked.scenario, leading_phase="late_stance", trailing_phase="early_stance")
     asked = dataclasses.replace(asked, table=table, scenario=scenario)
-    wearer = build_problem(asked).wearer
+    moments = moments_of(asked)
     active = any(item.effort for item in asked.patient.conditions.values())
-    assert wearer.moments.any() == active
+    assert moments.any() == active
     if active:
         for number, joint in enumerate(("hip", "knee")):
-            for name, row in zip(table.phase_names, wearer.moments[number], strict=True):
+            for name, row in zip(table.phase_names, moments[number], strict=True):
                 first, last = phase_spans(table)[name]
                 share = 1.0 if table.is_swing(name) else 1.0 - asked.scenario.support.share
                 healthy = share * 70.0 * normative_moment(joint, np.linspace(first, last, 501))
@@ -403,8 +406,8 @@ def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
 
 def test_sixth_phase_leaves_the_moments_of_the_other_five():
     asked = load_experiment("treadmill", ["patient=healthy"]).experiment
-    five = build_problem(asked).wearer.moments
-    six = build_problem(dataclasses.replace(asked, table=with_pre_swing(asked.table))).wearer.moments
+    five = moments_of(asked)
+    six = moments_of(dataclasses.replace(asked, table=with_pre_swing(asked.table)))
     assert_array_equal(six[:, [0, 1, 4, 5]], five[:, [0, 1, 3, 4]])
     # What was nearest of all late stance is nearest in one of its parts, but for the grid of instants.
     parts = np.abs(six[:, 2:4] - five[:, [2]]).min(axis=1)

@@ -28,7 +28,6 @@ from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bu
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.parameters.quantities import taken_from
-from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation import episode
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.problem import Problem, has_inertial_unit
@@ -69,7 +68,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "FAULTY": bool(experiment.faults),
         "SUPERVISED": experiment.modes is not None,
         "INERTIA_WANTED": control.inertia_compensation > 0.0,
-        "WEARER": problem.wearer.acts,
+        "WEARER": bool(problem.limbs[0].moments),
         **problem.controller.constants(),
         "DELAYED": control.delay_ticks > 0,
         "SLOPED": problem.world.slope != 0.0,
@@ -124,7 +123,7 @@ def new_episode(
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[episode.Sole() for _ in problem.sides],
         network=ABSENT if experiment.network is None else _network(problem, experiment.network),
-        limbs=_limbs(problem),
+        limbs=problem.limbs,
         ankles=ankles,
         passive=passive,
         ground=world.ground(),
@@ -188,15 +187,6 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
         line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         reading=angle,
     )
-
-
-def _limbs(problem: Problem) -> list[episode.Limb]:
-    wearer, model = problem.wearer, problem.world.model
-    places = [model.index(side, joint) for side in problem.sides for joint in WEARER_JOINTS]
-    return [
-        episode.Limb(place, condition, moments.tolist() if wearer.acts else [], new_delay_line(wearer.delay))
-        for place, condition, moments in zip(places, wearer.conditions, wearer.moments, strict=True)
-    ]
 
 
 def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network:

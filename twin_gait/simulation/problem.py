@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.control.controller import Controller, Plan, checked_setpoints, require_controller
-from twin_gait.core.estimation import first_order_gain
+from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.wearer import Condition
 from twin_gait.exceptions import ParameterError
@@ -21,7 +21,7 @@ from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, ref
 from twin_gait.parameters import ActuatorParameters, JointCondition, Patient
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.parameters.wearer import WEARER_JOINTS
-from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, UNIT_READINGS
+from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, UNIT_READINGS, Limb
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World
 
@@ -34,38 +34,26 @@ POSTURES = 41  # hip angles of the normative moments
 _SAMPLES = 51  # of the cycle in a phase
 
 
-class Wearer(NamedTuple):
-    """A wearer as :mod:`twin_gait.core.wearer` reads them."""
-
-    acts: bool  # Whether the wearer gives any torque.
-    conditions: list[Condition]  # Of each hip and knee, leg by leg.
-    # Normative moment in [N m] by such a joint, phase and hip angle, shape ``(n_joints, n_phases,
-    # POSTURES)``.
-    moments: np.ndarray
-    delay: int = 0  # Of the effort in ticks.
-
-
-def wearer_of(experiment: Experiment, table: GaitTable, sides: Sequence[Side]) -> Wearer:
-    """Lay the wearer of an experiment out.
+def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[Limb]:
+    """Hips and knees of the wearer of an experiment, leg by leg; without moments if the wearer does nothing.
 
     Raises ParameterError if the wearer makes an effort, and the table's cycle is no stride.
     """
-    patient, joints = experiment.patient, [(side, joint) for side in sides for joint in WEARER_JOINTS]
-    count, phases = len(joints), len(table.phase_names)
-    moments = np.zeros((count, phases, POSTURES))
+    patient, places = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
     if patient is None or patient.is_mass_alone:
-        nothing = [Condition(0.0, 0.0, 0.0, 0.0, 0.0) for _ in joints]
-        return Wearer(False, nothing, moments)
-    conditions = [_condition(patient.conditions.get(place, JointCondition())) for place in joints]
-    if any(item.effort for item in conditions):
-        spans = phase_spans(table)
-        for number, (_, joint) in enumerate(joints):
-            moments[number] = _moments(experiment, patient, table, spans, joint)
-    return Wearer(True, conditions, moments, round(patient.effort_delay / TICK))
-
-
-def _condition(joint: JointCondition) -> Condition:
-    return taken_from(Condition, joint, passive_share=joint.passive, effort=joint.effort * joint.strength)
+        nothing = Condition(0.0, 0.0, 0.0, 0.0, 0.0)
+        return [Limb(model.index(*place), nothing, [], new_delay_line(0)) for place in places]
+    own = [patient.conditions.get(place, JointCondition()) for place in places]
+    spans = phase_spans(table) if any(item.effort * item.strength for item in own) else {}
+    return [
+        Limb(
+            model.index(*place),
+            taken_from(Condition, item, passive_share=item.passive, effort=item.effort * item.strength),
+            _moments(experiment, patient, table, spans, place[1]).tolist(),
+            new_delay_line(round(patient.effort_delay / TICK)),
+        )
+        for place, item in zip(places, own, strict=True)
+    ]
 
 
 def phase_spans(table: GaitTable) -> dict[str, tuple[float, float]]:
@@ -158,7 +146,7 @@ class Problem:
     # [rad], noise and offset; shares of the wearer's efforts; with an inertial unit its noise.
     noise: np.ndarray
     fast_gain: float  # Gain of the fast velocity filter.
-    wearer: Wearer  # What the wearer does at the joints.
+    limbs: list[Limb]  # What the wearer does at hips and knees.
     controller: Controller  # What decides on the demands.
     plan: Plan  # What it knows.
 
@@ -209,7 +197,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         checked_setpoints(controller, plan, side, resolve_phases(table, side, inertia))
         for side in world.model.sides
     ]
-    sensors, wearer = experiment.sensors, wearer_of(experiment, table, world.model.sides)
+    sensors, limbs = experiment.sensors, limbs_of(experiment, table, world.model)
     offset = np.array([sensors.offset.get(item.side, {}).get(item.joint, 0.0) for item in joints])
     return Problem(
         experiment=experiment,
@@ -220,9 +208,9 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         joints=joints,
         phase_rows=np.array(rows),
         offset=offset,
-        noise=_noise(experiment, offset, len(wearer.conditions)),
+        noise=_noise(experiment, offset, len(limbs)),
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
-        wearer=wearer,
+        limbs=limbs,
         controller=controller,
         plan=plan,
     )
