@@ -11,7 +11,7 @@ from twin_gait.firmware.kinds import BOOL, INT, INT_LIMIT, REAL, Kind, ListKind,
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.printer import Program
 from twin_gait.firmware.statements import result_name
-from twin_gait.simulation.watching import NEVER
+from twin_gait.simulation.problem import NEVER
 
 _WHOLE = {"int8_t": ctypes.c_int8, "int16_t": ctypes.c_int16, "int32_t": ctypes.c_int32}
 

@@ -14,7 +14,7 @@ from twin_gait.firmware import kinds
 from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
-from twin_gait.simulation.watching import NEVER
+from twin_gait.simulation.problem import NEVER
 
 
 class Records:

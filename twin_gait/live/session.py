@@ -30,7 +30,7 @@ from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
-from twin_gait.simulation.watching import ticks
+from twin_gait.simulation.problem import ticks
 
 # Actions that go straight to the walk, whatever is being checked meanwhile.
 DIRECT = frozenset(Action) - {Action.REVERT, Action.SAVE, Action.RESTART}

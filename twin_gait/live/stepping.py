@@ -25,10 +25,9 @@ from twin_gait.measures.outcome import RunEvent
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import log_layout
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import RunStatus, log_table, run_events
-from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
 from twin_gait.worlds.faults import Fault, FaultKind
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing

@@ -111,38 +111,26 @@ def distinct(module: Any) -> Any:
     return _Distinct(module, (), name=str(len(module.metadata)))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _pointer(context: Any, address: Any) -> Any:
-    """A pointer from a whole number."""
+def _instruction(taken: Any, given: Any, build: Callable[[Any, Any], Any]) -> Any:
+    """A function of a number that is an instruction or two of the processor's."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+    @intrinsic  # type: ignore[untyped-decorator]
+    def instruction(typing: Any, number: Any) -> Any:
+        return given(taken), lambda context, builder, signature, arguments: build(builder, arguments[0])
 
-    return types.voidptr(types.int64), generate
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def _power_of_two(context: Any, shifted: Any) -> Any:
-    """The lowest bits of a sum with 1.5 2^52, moved to where the exponent of a number lies."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        bits = builder.bitcast(arguments[0], _BITS)
-        exponent = builder.shl(builder.add(bits, _BITS(1023)), _BITS(52))
-        return builder.bitcast(exponent, ir.DoubleType())
-
-    return types.float64(types.float64), generate
+    return instruction
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _whole_number(context: Any, shifted: Any) -> Any:
-    """The bits of a sum with 1.5 2^52."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], _BITS)
-
-    return types.int64(types.float64), generate
+def _shifted_to_exponent(builder: Any, number: Any) -> Any:
+    exponent = builder.shl(builder.add(builder.bitcast(number, _BITS), _BITS(1023)), _BITS(52))
+    return builder.bitcast(exponent, ir.DoubleType())
 
 
+# A pointer from a whole number. Of a sum with 1.5 2^52, its lowest bits moved to where the exponent of a
+# number lies, and all its bits.
+_pointer = _instruction(types.int64, types.voidptr, lambda builder, n: builder.inttoptr(n, cgutils.voidptr_t))
+_power_of_two = _instruction(types.float64, types.float64, _shifted_to_exponent)
+_whole_number = _instruction(types.float64, types.int64, lambda builder, n: builder.bitcast(n, _BITS))
 # What :mod:`twin_gait.core.elementary` leaves to machine code, by name, to be bound: as numba compiles them,
 # the functions there are a call of the C library and a round trip through integers.
 ON_BITS = {"power_of_two": _power_of_two, "whole_number": _whole_number}

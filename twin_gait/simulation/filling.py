@@ -30,9 +30,16 @@ from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
-from twin_gait.simulation.problem import Problem, has_inertial_unit
+from twin_gait.simulation.problem import (
+    NEVER,
+    Problem,
+    fault_records,
+    has_inertial_unit,
+    phase_time_out_ticks,
+    ticks,
+    watch_bounds,
+)
 from twin_gait.simulation.record import ABSENT, Record, copied, is_record
-from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks, ticks, watch_bounds
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 
 MOST_SWITCHES_PER_SECOND = 200

@@ -25,11 +25,10 @@ from twin_gait.simulation.interface import (
     each,
     lanes,
 )
-from twin_gait.simulation.rooms.motion import integrate
+from twin_gait.simulation.rooms.motion import integrate, record
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
 from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.phases import choose_modes, decide
-from twin_gait.simulation.rooms.recording import record
 from twin_gait.simulation.rooms.sensors import measure
 from twin_gait.simulation.rooms.surroundings import catch, command, place_chair, push, use_crutches
 
