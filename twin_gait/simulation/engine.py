@@ -17,8 +17,6 @@ from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 
-# A joint that turns faster than this is no longer physical: the run has diverged.
-DIVERGED_VELOCITY = 1e3  # [rad] / [s]
 _BUS_UNIT = 1e-12  # what a bus counts in, in [s]
 
 
@@ -149,7 +147,7 @@ class EpisodeEngine(ABC):
         lean, reach = math.degrees(world.fall_pitch), world.longest_reach
         reasons = {
             DIVERGED: f"the state diverged {when}; try a smaller integration step",
-            FELL: f"the pelvis fell below {world.fall_height or 0.0:.2f} m {when}",
+            FELL: f"the pelvis fell below {world.fall_height:.2f} m {when}",
             TIPPED: f"the trunk leaned by more than {lean:.0f} deg {when}",
             LET_GO: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
         }

@@ -29,6 +29,7 @@ from twin_gait.core.trunk import Trunk
 from twin_gait.core.wearer import Condition
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
+DIVERGED_VELOCITY = 1e3  # [rad] / [s]: a joint that turns faster is no longer physical
 UNIT_READINGS = 3  # of an inertial unit: gyroscope, accelerometer forwards and up
 # First hip angle of the normative moments, and from one to the next, in [rad].
 LOWEST_POSTURE, POSTURE_STEP = math.radians(-30.0), math.radians(2.0)
@@ -95,16 +96,6 @@ class Asked:
 
     tick: int = -1  # In which it is made, -1 for none.
     request: int = 0  # Its code.
-
-
-@dataclass(slots=True)
-class Ends:
-    """What ends a run."""
-
-    fall_height: float  # Height of the pelvis below which the wearer has fallen, in [m].
-    diverged_velocity: float  # In [rad] / [s].
-    fall_pitch: float = math.inf  # Pitch of the trunk beyond which the wearer has fallen, in [rad].
-    longest_reach: float = math.inf  # Length of arm and crutch beyond which a hand has let go, in [m].
 
 
 @dataclass(slots=True)
@@ -197,6 +188,9 @@ class Episode:
     body_weight: float  # Of wearer and device in [N].
     catch_stiffness: float  # Of the harness that locks at a trip in [N] / [m].
     catch_dissipation: float  # In [s] / [m].
+    fall_height: float  # Height of the pelvis below which the wearer has fallen, in [m].
+    fall_pitch: float  # Pitch of the trunk, either way, beyond which the wearer has fallen, in [rad].
+    longest_reach: float  # Length of arm and crutch beyond which a hand has let go, in [m].
     watching: bool  # Whether the safety monitor is on.
     first_fault: int  # First tick with a fault.
     q: list[float]  # Coordinates in [rad] and [m].
@@ -210,7 +204,6 @@ class Episode:
     rates: Rates
     supply: Supply
     limits: Limits
-    ends: Ends
     controller: ControllerState
     joints: list[Joint]
     soles: list[Sole]

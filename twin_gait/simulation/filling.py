@@ -29,7 +29,6 @@ from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
-from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.problem import (
     NEVER,
     Problem,
@@ -102,6 +101,7 @@ def new_episode(
         step=stepping.step,
         substeps=stepping.substeps,
         gravity=experiment.plant.gravity,
+        fall_height=float(world.fall_height),
         watching=experiment.control.safety.enabled,
         first_fault=min((fault.start_tick for fault in faults), default=NEVER),
         q=world.start_q.tolist(),
@@ -120,12 +120,6 @@ def new_episode(
         ),
         supply=_supply(problem),
         limits=_limits(problem),
-        ends=episode.Ends(
-            -math.inf if world.fall_height is None else float(world.fall_height),
-            DIVERGED_VELOCITY,
-            world.fall_pitch,
-            world.longest_reach,
-        ),
         controller=_controller(problem, control_bodies),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[episode.Sole() for _ in problem.sides],

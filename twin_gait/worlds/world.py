@@ -79,7 +79,7 @@ class World:
         catch_stiffness: In [N] / [m] of the harness that locks at a trip; 0 for none.
         catch_dissipation: Of that harness in [s] / [m].
         body_weight: Weight of the wearer and device in [N].
-        fall_height: Pelvis height in [m] below which the wearer has fallen, or None.
+        fall_height: Pelvis height in [m] below which the wearer has fallen.
         imposed_motion: Imposed motion of a joint of the device, or None.
         braces: What binds the wearer to the device, or None if they are one.
         trunk: Of a wearer whose pelvis is free, or None.
@@ -103,7 +103,7 @@ class World:
     catch_stiffness: float = 0.0
     catch_dissipation: float = 0.0
     body_weight: float = 0.0
-    fall_height: float | None = None
+    fall_height: float = -math.inf
     imposed_motion: ImposedMotion | None = None
     contact_frames: Mapping[Side, tuple[str, ...]] = field(default_factory=dict)
     braces: Braces | None = None

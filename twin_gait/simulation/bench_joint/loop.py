@@ -24,7 +24,6 @@ from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
 from twin_gait.simulation.bench_joint.tick import bench_at, run_ticks
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows
-from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import COMPLETED, DIVERGED
 from twin_gait.simulation.keeping import kept_loop, source_key
 from twin_gait.simulation.log import writer_of
@@ -149,4 +148,4 @@ def _names(episode: BenchEpisode) -> dict[str, Any]:
 @lru_cache(maxsize=8)
 def _key(episode: np.dtype[Any], other_laws: bool) -> str:
     """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
-    return source_key(repr((episode, other_laws, TICK, DIVERGED_VELOCITY)), "compiled_engine", "bench_joint")
+    return source_key(repr((episode, other_laws, TICK)), "compiled_engine", "bench_joint")

@@ -29,8 +29,7 @@ from twin_gait.simulation.bench_joint.mechanics import (
     motor_torque,
     present_accelerations,
 )
-from twin_gait.simulation.engine import DIVERGED_VELOCITY
-from twin_gait.simulation.episode import DIVERGED
+from twin_gait.simulation.episode import DIVERGED, DIVERGED_VELOCITY
 from twin_gait.simulation.interface import log_row, noise_row, write_row
 
 # Places in the noise of a tick; the samples of the current follow, one for each period of the loop.

@@ -13,7 +13,15 @@ from twin_gait.control.gait_controller import (
     watch_supply,
 )
 from twin_gait.control.joint_board import watch_drive
-from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
+from twin_gait.simulation.episode import (
+    COMPLETED,
+    DIVERGED,
+    DIVERGED_VELOCITY,
+    FELL,
+    LET_GO,
+    TIPPED,
+    Episode,
+)
 from twin_gait.simulation.interface import (
     CRUTCHES,
     NETWORKED,
@@ -106,17 +114,17 @@ def status_of(e: Episode) -> int:
     """Whether the run goes on."""
     status = COMPLETED
     if PELVIS >= 0:
-        if e.q[PELVIS + SHIFT] < e.ends.fall_height:
+        if e.q[PELVIS + SHIFT] < e.fall_height:
             status = FELL
     if PITCH >= 0:
-        if abs(e.q[PITCH]) > e.ends.fall_pitch:
+        if abs(e.q[PITCH]) > e.fall_pitch:
             status = TIPPED
     if CRUTCHES > 0:
         for number in range(CRUTCHES):
-            if e.arms[number].length > e.ends.longest_reach:
+            if e.arms[number].length > e.longest_reach:
                 status = LET_GO
     for i in range(len(e.q)):
-        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.ends.diverged_velocity):
+        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < DIVERGED_VELOCITY):
             status = DIVERGED
     return status
 
