@@ -148,15 +148,15 @@ def test_the_gait_controller_goes_by_measurements_as_old_as_is_said(delay):
     assert checked > 4000
     assert run.traffic is not None
     for frame in run.traffic.frames:
-        assert frame.mean_age == pytest.approx(1e-3 * (1.5 + delay), abs=1e-5)
-        assert frame.oldest == pytest.approx(1e-3 * (2 + delay))
+        assert frame.mean_age_s == pytest.approx(1e-3 * (1.5 + delay), abs=1e-5)
+        assert frame.oldest_s == pytest.approx(1e-3 * (2 + delay))
 
 
 def test_lost_frames_make_what_is_heard_older_as_a_geometric_series_says():
     """With a share p lost in every cycle T the mean age grows by T p / (1 - p)."""
     run = walk("{loss: 0.2}", "duration_s=20")
     assert run.traffic is not None
-    mean = np.mean([frame.mean_age for frame in run.traffic.frames])
+    mean = np.mean([frame.mean_age_s for frame in run.traffic.frames])
     assert mean == pytest.approx(1e-3 * (1.5 + CYCLE * 0.2 / 0.8), rel=0.02)
     lost = sum(frame.lost for frame in run.traffic.frames) / sum(frame.sent for frame in run.traffic.frames)
     assert lost == pytest.approx(0.2, abs=5.0 * math.sqrt(0.16 / 80_000))
@@ -303,7 +303,7 @@ def test_bus_off_is_survived_with_recovery_and_held_without(node):
     well, ill = (walk(f"{{bus_off_recovery: {on}, {outages}}}", "duration_s=2") for on in ("true", "false"))
     assert well.trip is None and well.traffic is not None
     assert well.traffic.bus_offs[node] == 1 and sum(well.traffic.bus_offs.values()) == 1
-    oldest = max(frame.oldest for frame in well.traffic.frames)
+    oldest = max(frame.oldest_s for frame in well.traffic.frames)
     assert 0.003 <= oldest <= 0.02
     assert ill.trip is not None and ill.trip.cause is TripCause.BUS and 1_000 < ill.trip.tick <= 1_022
 

@@ -164,18 +164,9 @@ NETWORK_HEAD = ("mean age [ms]", "oldest [ms]", "lost [%]", "slowest [ms]")
 
 def summary_of_traffic(traffic: BusTraffic) -> dict[str, Any]:
     """What a bus has carried, for a summary; times in [s]."""
-    frames = {
-        frame.name: {
-            "mean_age_s": frame.mean_age,
-            "oldest_s": frame.oldest,
-            "sent": frame.sent,
-            "lost": frame.lost,
-            "replaced": frame.replaced,
-            "destroyed": frame.destroyed,
-            "worst_response_s": frame.worst_response,
-        }
-        for frame in traffic.frames
-    }
+    frames = {frame.name: frame._asdict() for frame in traffic.frames}
+    for frame in frames.values():
+        del frame["name"]  # it is the key
     totals = {key: sum(frame[key] for frame in frames.values()) for key in ("sent", "lost", "destroyed")}
     return {"bus_load": traffic.load, **totals, "bus_offs": dict(traffic.bus_offs), "frames": frames}
 

@@ -24,13 +24,13 @@ class FrameTraffic(NamedTuple):
     """What became of a frame that is sent in every cycle."""
 
     name: str  # For example ``left_hip_setpoint``.
-    mean_age: float  # Mean time in [s] since its sender wrote what its receiver goes by, over all ticks.
-    oldest: float  # Longest of them in [s].
+    mean_age_s: float  # Mean time in [s] since its sender wrote what its receiver goes by, over all ticks.
+    oldest_s: float  # Longest of them in [s].
     sent: int  # How many its sender believes to have sent.
     lost: int  # Of these, those that did not arrive.
     replaced: int  # Those that a newer one took the place of before they were sent.
     destroyed: int  # Transmissions that ended in an error frame.
-    worst_response: float  # Longest time from the instant at which one was due to its arrival in [s].
+    worst_response_s: float  # Longest time from the instant at which one was due to its arrival in [s].
 
 
 class BusTraffic(NamedTuple):
@@ -201,11 +201,11 @@ class EpisodeEngine(ABC):
 def _frame_traffic(name: str, wire: Any, frame: Any, ticks: int) -> FrameTraffic:
     return FrameTraffic(
         name,
-        mean_age=TICK * int(wire.ages) / ticks,
-        oldest=TICK * int(wire.oldest),
+        mean_age_s=TICK * int(wire.ages) / ticks,
+        oldest_s=TICK * int(wire.oldest),
         sent=int(frame.sent),
         lost=int(frame.lost),
         replaced=int(frame.replaced),
         destroyed=int(frame.destroyed),
-        worst_response=_BUS_UNIT * int(frame.worst_response),
+        worst_response_s=_BUS_UNIT * int(frame.worst_response),
     )
