@@ -86,7 +86,7 @@ def unlike(number: int, preset: str, *settings: str, record: bool = True) -> Com
     if number % 6 == 2:  # asks for what is no number
         setpoints["equilibrium"][-1, number % 4] = np.nan
     if number % 6 == 3:  # ends as soon as a joint is quick
-        engine.episode["ends"]["diverged_velocity"] = rng.uniform(0.5, 2.0)
+        engine.episode["diverged_velocity"] = rng.uniform(0.5, 2.0)
     if number % 6 == 5:  # the state becomes infinite, then undefined
         engine.episode["plant"]["stop"]["stiffness"][0] = 1e12
         engine.episode["plant"]["stop"]["upper"][0] = engine.episode["q"][0] + rng.uniform(-0.001, 0.1)
@@ -298,12 +298,12 @@ def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_no
     block = side_by_side(np.concatenate([engine.store for engine in engines]))
     dtype = engines[0].pattern.episode
     assert block.shape == (dtype.itemsize // 8, WIDTH) and block.flags.c_contiguous
-    weights = block[word_of(dtype, "body_weight")].view(float)
+    weights = block[word_of(dtype, "episode.body_weight")].view(float)
     assert weights[:3].tolist() == [engine.episode["body_weight"] for engine in engines]
     assert weights[3:].tolist() == [weights[0]] * (WIDTH - 3)
-    phases = block[word_of(dtype, "limits", "phase_ticks")]
+    phases = block[word_of(dtype, "limits.phase_ticks")]
     assert set(phases.tolist()) == {int(engines[0].episode["limits"]["phase_ticks"])}
-    first = block[word_of(dtype, "controller", "trip", "tick")]
+    first = block[word_of(dtype, "trip.tick")]
     assert set(first.tolist()) == {-1}
 
 
@@ -511,10 +511,10 @@ def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd)
     assert set(SCALAR.findall(code)) == ({"= fdiv double"} if function is chooses else set())
     rng = np.random.default_rng(1)
     block = rng.uniform(-2.0, 2.0, (TOY.itemsize // 8, WIDTH)).view(np.int64)
-    step = word_of(TOY, "joints")
+    first = word_of(TOY, "joints.place")
     for joint in range(3):
-        block[step + 3 * joint + word_of(JOINT, "place")] = (2, 0, 1)[joint]
-    block[word_of(TOY, "step")] = np.array(0.25).view(np.int64)
+        block[first + 3 * joint] = (2, 0, 1)[joint]
+    block[word_of(TOY, "episode.step")] = np.array(0.25).view(np.int64)
     names = {**bound_in_lanes(TOY, 1), "room": function}
     expected = in_plain_python(function, block)
     compile_loop(enter_at, names, manner=IN_LOCKSTEP).function(block.ctypes.data, 0, 1)

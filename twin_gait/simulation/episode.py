@@ -236,6 +236,7 @@ class Episode:
     potential_energy: float = 0.0
     guide_force: float = 0.0  # That the guides of the pelvis take, in [N].
     guide_moment: float = 0.0  # In [N m].
+    diverged_velocity: float = DIVERGED_VELOCITY  # In [rad] / [s].
     # ``COMPLETED``, ``DIVERGED``, or how the wearer fell: ``FELL``, ``TIPPED`` or ``LET_GO``.
     status: int = COMPLETED
     contact_power: float = 0.0  # Of the contact forces in [W].

@@ -7,7 +7,7 @@ as a copy of another one's, which changes nothing. With few left the rest run al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -65,12 +65,12 @@ class LaneEngine:
 
     def run(self, columns: Sequence[int] | None = None) -> list[EngineResult]:
         """Run all episodes to their ends, each with the result that :meth:`CompiledEngine.run` gives it."""
-        width, record = len(self.engines[0].layout.names), bool(self._numbers("recording", "on")[0])
+        width, record = len(self.engines[0].layout.names), bool(self._numbers("recording.on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
         # Apart, so that each goes when its run does.
         logs = [np.empty((len(kept), total if record else 0)) for total in self._totals]
         rows = np.zeros((_CHUNK_TICKS if record else 1, width, WIDTH))
-        self._numbers("recording", "log")[:] = rows.ctypes.data
+        self._numbers("recording.log")[:] = rows.ctypes.data
         running, done = np.arange(len(self.engines)), 0
         while len(running) >= FEWEST:
             end = int(self._totals[running].min())
@@ -89,12 +89,12 @@ class LaneEngine:
 
     def _run_ticks(self, first: int, end: int) -> int:
         """Run some ticks, fewer if an episode ends on the way; their rows go to the begin of the chunk."""
-        self._numbers("recording", "first_row")[:] = first
+        self._numbers("recording.first_row")[:] = first
         return self._loop(self._block.ctypes.data, first, end)
 
     def _take_out(self, running: np.ndarray, done: int) -> np.ndarray:
         """Give back the records of lanes that have ended, or of all if few are left; returns the others."""
-        over = (self._numbers("status")[running] != COMPLETED) | (self._totals[running] == done)
+        over = (self._numbers("episode.status")[running] != COMPLETED) | (self._totals[running] == done)
         if not over.any():
             return running
         self._ends[running[over]] = done
@@ -113,9 +113,9 @@ class LaneEngine:
             log[:, done:end] = rows[: end - done, kept].T
         self._ends[lane] = end
 
-    def _numbers(self, *path: str) -> np.ndarray:
+    def _numbers(self, name: str) -> np.ndarray:
         """A whole number of the record in all lanes."""
-        numbers: np.ndarray = self._block[word_of(self.engines[0].pattern.episode, *path)]
+        numbers: np.ndarray = self._block[word_of(self.engines[0].pattern.episode, name)]
         return numbers
 
 
@@ -156,34 +156,27 @@ def _key_of(pattern: Pattern) -> str:
     )
 
 
+def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:
+    """All numbers of a record that begins at a byte: its field, after that of the record, and its place."""
+    for name, (kind, offset, *_) in (dtype.fields or {}).items():
+        entry, _ = kind.subdtype or (kind, ())
+        for place in range(first + offset, first + offset + kind.itemsize, entry.itemsize):
+            if entry.fields is None:
+                yield f"{owner}.{name}", place // _WORD
+            else:
+                yield from numbers_of(entry, name, place)
+
+
 @lru_cache(maxsize=32)
 def shared_words(dtype: np.dtype[Any]) -> np.ndarray:
     """Which numbers of a record the lanes of a block have in common, shape ``(numbers,)``."""
-    found = np.zeros(dtype.itemsize // _WORD, dtype=bool)
-    _mark(dtype, "episode", 0, found)
-    return found
+    return np.array([name in SHARED for name, _ in numbers_of(dtype)])
 
 
-def _mark(dtype: np.dtype[Any], owner: str, first: int, found: np.ndarray) -> None:
-    """Mark the shared numbers of a record that begins at a byte."""
-    assert dtype.fields is not None
-    for name, (kind, offset, *_) in dtype.fields.items():
-        entry, _ = kind.subdtype or (kind, ())
-        for place in range(first + offset, first + offset + kind.itemsize, entry.itemsize):
-            if entry.fields is not None:
-                _mark(entry, name, place, found)
-            else:
-                found[place // _WORD] = f"{owner}.{name}" in SHARED
-
-
-def word_of(dtype: np.dtype[Any], *path: str) -> int:
-    """Place of a number among those of a record, by the names of the fields that lead to it."""
-    place = 0
-    for name in path:
-        assert dtype.fields is not None
-        dtype, offset = dtype.fields[name][:2]
-        place += offset
-    return place // _WORD
+@lru_cache(maxsize=256)
+def word_of(dtype: np.dtype[Any], name: str) -> int:
+    """Place of a number among those of a record."""
+    return next(place for found, place in numbers_of(dtype) if found == name)
 
 
 def side_by_side(records: np.ndarray) -> np.ndarray:

@@ -13,15 +13,7 @@ from twin_gait.control.gait_controller import (
     watch_supply,
 )
 from twin_gait.control.joint_board import watch_drive
-from twin_gait.simulation.episode import (
-    COMPLETED,
-    DIVERGED,
-    DIVERGED_VELOCITY,
-    FELL,
-    LET_GO,
-    TIPPED,
-    Episode,
-)
+from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
 from twin_gait.simulation.interface import (
     CRUTCHES,
     NETWORKED,
@@ -124,7 +116,7 @@ def status_of(e: Episode) -> int:
             if e.arms[number].length > e.longest_reach:
                 status = LET_GO
     for i in range(len(e.q)):
-        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < DIVERGED_VELOCITY):
+        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.diverged_velocity):
             status = DIVERGED
     return status
 
