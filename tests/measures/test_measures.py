@@ -55,6 +55,7 @@ from twin_gait.measures.strides import (
     swing_shares,
     symmetry_index,
 )
+from twin_gait.parameters import LimitParameters
 from twin_gait.vocabulary import JointName, Side
 
 TICK = 1e-3
@@ -441,11 +442,15 @@ def test_saturation_is_counted_per_cause_and_once_together() -> None:
     command = np.array([10.0, 61.0, -70.0, 60.0, 5.0, 5.0, 80.0, 5.0, 0.0, 0.0])
     target = np.array([1.0, 6.0, -6.0, 6.0, 15.0, -15.0, 6.0, 0.5, 0.0, 0.0])
     current = np.array([1.0, 6.0, -6.0, 6.0, 15.0, -15.0, 4.0, 0.2, 0.0, 0.0])
-    shares = saturation_shares(command, target, current, torque_limit=60.0, current_limit=15.0)
-    assert shares.at_torque_limit == pytest.approx(0.3)
-    assert shares.at_current_limit == pytest.approx(0.2)
-    assert shares.voltage_limited == pytest.approx(0.2)
-    assert shares.saturated == pytest.approx(0.6)  # the tick at index 6 has two causes
+    shares = saturation_shares(command, target, current, LimitParameters(torque=60.0, current=15.0))
+    assert shares == pytest.approx(
+        {
+            "at_torque_limit_share": 0.3,
+            "at_current_limit_share": 0.2,
+            "voltage_limited_share": 0.2,
+            "saturated_share": 0.6,  # the tick at index 6 has two causes
+        }
+    )
 
 
 def test_load_of_a_sinusoid_is_its_closed_form() -> None:
@@ -457,15 +462,15 @@ def test_load_of_a_sinusoid_is_its_closed_form() -> None:
 
 def test_battery_gives_and_takes() -> None:
     use = battery_use(np.repeat([100.0, -20.0], 500), TICK, 330.0)
-    assert tuple(use) == pytest.approx((40.0, 100.0, -20.0, 40.0, 40.0 / 330.0))
+    assert tuple(use.values()) == pytest.approx((40.0, 100.0, -20.0, 40.0, 40.0 / 330.0))
 
 
 def test_empty_records_are_undefined_not_wrong() -> None:
     empty = np.zeros(0)
     assert all(math.isnan(value) for value in load(empty, 1.0))
-    assert all(math.isnan(value) for value in battery_use(empty, TICK, 1.0))
-    shares = saturation_shares(empty, empty, empty, torque_limit=1.0, current_limit=1.0)
-    assert all(math.isnan(value) for value in shares)
+    assert all(math.isnan(value) for value in battery_use(empty, TICK, 1.0).values())
+    shares = saturation_shares(empty, empty, empty, LimitParameters())
+    assert all(math.isnan(value) for value in shares.values())
     assert math.isnan(energy_balance(empty, np.zeros((2, 0))).largest_residual)
 
 

@@ -20,40 +20,31 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.parameters import LimitParameters
+
 # A target that is met in floating point differs from the current by less than this.
 CURRENT_TOLERANCE = 1e-9  # [A]
 
 
-class SaturationShares(NamedTuple):
-    """Shares of the ticks in which a motor could not do what it was told, each in [0, 1]."""
-
-    at_torque_limit: float  # the command is beyond the torque limit
-    at_current_limit: float  # the target current sits at the current limit
-    voltage_limited: float  # the bus voltage drives less current than the target
-    saturated: float  # at least one of the three
-
-
 def saturation_shares(
-    command: np.ndarray,
-    target_current: np.ndarray,
-    current: np.ndarray,
-    *,
-    torque_limit: float,
-    current_limit: float,
-) -> SaturationShares:
-    """Count the ticks in which a limit cuts what the controller asks for.
+    command: np.ndarray, target_current: np.ndarray, current: np.ndarray, limits: LimitParameters
+) -> dict[str, float]:
+    """Shares of the ticks in which a motor could not do what it was told, by their names in a summary.
+
+    ``at_torque_limit_share``: the command is beyond the torque limit; ``at_current_limit_share``: the target
+    current sits at the current limit; ``voltage_limited_share``: the bus voltage drives less current than the
+    target; ``saturated_share``: at least one of the three. NaN for an empty record.
 
     ``command``: commanded torque before limits in [N m]; ``target_current``: current after torque and current
-    limit in [A]; ``current``: current after the voltage limit in [A]; ``torque_limit`` in [N m];
-    ``current_limit`` in [A]. Returns the shares; NaN for an empty record.
+    limit in [A]; ``current``: current after the voltage limit in [A].
     """
-    if len(command) == 0:
-        return SaturationShares(math.nan, math.nan, math.nan, math.nan)
-    torque = np.abs(command) > torque_limit
-    current_cut = np.abs(target_current) >= current_limit
-    voltage = np.abs(target_current - current) > CURRENT_TOLERANCE
-    cases = (torque, current_cut, voltage, torque | current_cut | voltage)
-    return SaturationShares(*(float(np.mean(case)) for case in cases))
+    cases = {
+        "at_torque_limit": np.abs(command) > limits.torque,
+        "at_current_limit": np.abs(target_current) >= limits.current,
+        "voltage_limited": np.abs(target_current - current) > CURRENT_TOLERANCE,
+    }
+    cases["saturated"] = np.any(list(cases.values()), axis=0)
+    return {f"{name}_share": float(case.mean()) if len(case) else math.nan for name, case in cases.items()}
 
 
 class Load(NamedTuple):
@@ -76,28 +67,22 @@ def load(values: np.ndarray, continuous: float) -> Load:
     return Load(float(np.max(np.abs(values))), rms, rms / continuous)
 
 
-class BatteryUse(NamedTuple):
-    """What a run takes from the battery."""
+def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> dict[str, float]:
+    """What a run takes from the battery, by names in a summary; NaN for an empty record.
 
-    mean: float  # mean power in [W]
-    peak: float  # largest power in [W]
-    lowest: float  # least power in [W]; negative while braking motors feed the pack
-    energy: float  # drawn less fed back in [J]
-    continuous_share: float  # mean power over what the pack can give for ever
-
-
-def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> BatteryUse:
-    """Power and energy from the battery.
-
-    ``power``: drawn from it in [W], constant within a tick, shape ``(n,)``; ``tick``: sampling period in [s];
-    ``continuous_power`` of the pack in [W]. Returns the use; NaN for an empty record.
+    ``power_mean_W``, ``power_peak_W`` and ``power_lowest_W``, which is negative while braking motors feed the
+    pack; ``energy_J``: drawn less fed back; ``continuous_share``: mean power over what the pack can give for
+    ever. ``power``: drawn from it in [W], constant within a tick, shape ``(n,)``; ``continuous_power`` of the
+    pack in [W].
     """
-    if len(power) == 0:
-        return BatteryUse(*(math.nan,) * 5)
-    mean = float(np.mean(power))
-    return BatteryUse(
-        mean, float(np.max(power)), float(np.min(power)), float(np.sum(power)) * tick, mean / continuous_power
-    )
+    drawn = power if len(power) else np.full(1, math.nan)
+    return {
+        "power_mean_W": float(drawn.mean()),
+        "power_peak_W": float(drawn.max()),
+        "power_lowest_W": float(drawn.min()),
+        "energy_J": float(drawn.sum()) * tick,
+        "continuous_share": float(drawn.mean()) / continuous_power,
+    }
 
 
 def battery_life(energy: float, power: float) -> float:

@@ -217,14 +217,9 @@ class MeasuredLeg:
 
     def saturation(self, joint: JointName) -> dict[str, float]:
         """Shares of the time in which a motor is at a limit."""
-        limits = self.run.experiment.control.limits
         names = ("motor_command_torque_Nm", "target_current_A", "measured_current_A")
-        shares = effort.saturation_shares(
-            *(self.column(joint, name) for name in names),
-            torque_limit=limits.torque,
-            current_limit=limits.current,
-        )
-        return {f"{name}_share": share for name, share in shares._asdict().items()}
+        command, target, current = (self.column(joint, name) for name in names)
+        return effort.saturation_shares(command, target, current, self.run.experiment.control.limits)
 
     def work(self, joint: JointName) -> dict[str, float]:
         """What a motor does at its joint, means over the counted strides; work is per mass of the wearer."""

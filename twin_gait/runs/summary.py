@@ -29,9 +29,8 @@ from twin_gait.vocabulary import JointName, Side
 # Distributions whose version can change a number of a log, by the name that people know.
 NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
 SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
-# Names of the fields of a WalkPower and of a BatteryUse.
+# Names of the fields of a WalkPower.
 _POWERS = ("belt_W", "motors_W", "wearer_W", "guide_W", "guide_force_N", "carried_by_belt")
-_BATTERY = ("power_mean_W", "power_peak_W", "power_lowest_W", "energy_J", "continuous_share")
 
 
 @cache
@@ -108,9 +107,9 @@ def battery_in_numbers(run: Run) -> dict[str, float]:
     battery = run.experiment.plant.battery
     use = effort.battery_use(run.log["battery_power_W"].to_numpy(), TICK, battery.continuous_power)
     return {
-        **{f"battery_{name}": value for name, value in zip(_BATTERY, use, strict=True)},
+        **{f"battery_{name}": value for name, value in use.items()},
         "battery_capacity_Wh": battery.energy / 3600.0,
-        "battery_life_h": effort.battery_life(battery.energy, use.mean) / 3600.0,
+        "battery_life_h": effort.battery_life(battery.energy, use["power_mean_W"]) / 3600.0,
         "battery_life_stated_h": STATED_AUTONOMY / 3600.0,
     }
 
