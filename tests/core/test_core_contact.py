@@ -13,17 +13,17 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from twin_gait.core.arms import Arm, Grip, anchored_friction_force, dragged_anchor
 from twin_gait.core.contact import (
     Ground,
     along_slope,
-    anchored_friction_force,
     contact_friction_force,
     contact_normal_force,
-    dragged_anchor,
     ground_contact_force,
     mechanical_stop_torque,
     sloped_contact_force,
 )
+from twin_gait.core.estimation import new_delay_line
 
 stiffnesses = st.floats(1e3, 1e6)
 dissipations = st.floats(0.0, 5.0)
@@ -292,16 +292,23 @@ def test_joint_bounces_off_its_stop_slower_than_it_came() -> None:
 STIFF, DAMPED, COEFFICIENT, WEIGHT, MASS = 20e3, 100.0, 0.8, 50.0, 0.5  # the tip of a crutch under 50 N
 
 
+def rubber(anchor: float) -> Arm:
+    """An arm whose crutch sticks at a place."""
+    limits, slack = (math.inf,) * 3, Grip(*(0.0,) * 8)
+    heard = new_delay_line(0), new_delay_line(0)
+    return Arm(0, MASS, *limits, slack, *heard, tip_stiffness=STIFF, tip_damping=DAMPED, anchor=anchor)
+
+
 def pulled(force: float, seconds: float) -> tuple[float, float, float]:
     """Place, speed and anchor of a tip that a force along the ground has pulled from rest."""
-    place = speed = anchor = 0.0
-    step = 1e-5
+    place = speed = 0.0
+    step, arm = 1e-5, rubber(0.0)
     for _ in range(round(seconds / step)):
-        friction = anchored_friction_force(place - anchor, speed, WEIGHT, COEFFICIENT, STIFF, DAMPED)
+        friction = anchored_friction_force(arm, place, speed, WEIGHT, COEFFICIENT)
         speed += step * (force + friction) / MASS
         place += step * speed
-        anchor = dragged_anchor(anchor, place, WEIGHT, COEFFICIENT, STIFF)
-    return place, speed, anchor
+        arm.anchor = dragged_anchor(arm, place, WEIGHT, COEFFICIENT)
+    return place, speed, arm.anchor
 
 
 def test_tip_rests_under_less_than_friction_and_goes_back_no_farther_than_it_was_sheared() -> None:
@@ -320,6 +327,6 @@ def test_tip_slides_under_more_than_friction_as_a_sledge_does() -> None:
 
 @given(stretch=st.floats(-1.0, 1.0), slip=rates, normal=st.floats(0.0, 500.0))
 def test_anchored_friction_stays_within_the_cone_and_a_tip_in_the_air_forgets(stretch, slip, normal) -> None:
-    force = anchored_friction_force(stretch, slip, normal, COEFFICIENT, STIFF, DAMPED)
+    force = anchored_friction_force(rubber(0.0), stretch, slip, normal, COEFFICIENT)
     assert abs(force) <= COEFFICIENT * normal
-    assert dragged_anchor(stretch, 0.3, 0.0, COEFFICIENT, STIFF) == 0.3
+    assert dragged_anchor(rubber(stretch), 0.3, 0.0, COEFFICIENT) == 0.3

@@ -6,6 +6,8 @@ from .actuator import motor_electrical_power as motor_electrical_power
 from .actuator import sagged_bus_voltage as sagged_bus_voltage
 from .actuator import torque_to_current as torque_to_current
 from .actuator import voltage_limited_current as voltage_limited_current
+from .arms import anchored_friction_force as anchored_friction_force
+from .arms import dragged_anchor as dragged_anchor
 from .assistance import adapted_assistance as adapted_assistance
 from .belt import belt_speed as belt_speed
 from .belt import belt_travel as belt_travel
@@ -13,10 +15,8 @@ from .belt import treadmill_speed as treadmill_speed
 from .belt import treadmill_travel as treadmill_travel
 from .blending import blend as blend
 from .blending import blend_share as blend_share
-from .contact import anchored_friction_force as anchored_friction_force
 from .contact import contact_friction_force as contact_friction_force
 from .contact import contact_normal_force as contact_normal_force
-from .contact import dragged_anchor as dragged_anchor
 from .contact import ground_contact_force as ground_contact_force
 from .contact import mechanical_stop_torque as mechanical_stop_torque
 from .elementary import exponential as exponential

@@ -160,3 +160,35 @@ def arm_force(
     across = arm.moment / length
     arm.power = arm.push * along_speed + across * aside_speed
     return arm.push * ex - across * ez, arm.push * ez + across * ex
+
+
+def anchored_friction_force(
+    arm: Arm, place: float, slip_velocity: float, normal_force: float, friction_coefficient: float
+) -> float:
+    r"""Coulomb friction of a tip that can rest: a spring to where it stuck (Cundall and Strack 1979).
+
+    :math:`F_t = -(k s + c v)`, within :math:`\pm\mu F_n`, with the stretch s from the anchor;
+    :func:`dragged_anchor` lets the spring's end slide.
+
+    Args:
+        arm: Whose rubber has k and c.
+        place: Of the tip in [m].
+        slip_velocity: Of the tip relative to the ground in [m] / [s].
+        normal_force: In [N].
+        friction_coefficient: :math:`\mu`.
+
+    Returns:
+        Force on the tip in [N], against stretch and slip.
+    """
+    sheared = -arm.tip_stiffness * (place - arm.anchor) - arm.tip_damping * slip_velocity
+    most = friction_coefficient * normal_force
+    return held(sheared, -most, most)
+
+
+def dragged_anchor(arm: Arm, place: float, normal_force: float, friction_coefficient: float) -> float:
+    """Where a tip sticks after it has moved: no farther away than friction can hold it from.
+
+    ``place`` of the tip in [m]; without a normal force in [N] the anchor is the place.
+    """
+    reach = friction_coefficient * normal_force / arm.tip_stiffness
+    return held(arm.anchor, place - reach, place + reach)

@@ -72,49 +72,6 @@ def contact_friction_force(
     return -friction_coefficient * normal_force * hyperbolic_tangent(slip_velocity / transition_velocity)
 
 
-def anchored_friction_force(
-    stretch: float,
-    slip_velocity: float,
-    normal_force: float,
-    friction_coefficient: float,
-    stiffness: float,
-    damping: float,
-) -> float:
-    r"""Coulomb friction of a point that can rest: a spring to where it stuck (Cundall and Strack 1979).
-
-    :math:`F_t = -(k s + c v)`, within :math:`\pm\mu F_n`; :func:`dragged_anchor` lets the spring's end slide.
-
-    Args:
-        stretch: :math:`s` of the point from its anchor in [m].
-        slip_velocity: Of the point relative to the ground in [m] / [s].
-        normal_force: In [N].
-        friction_coefficient: :math:`\mu`.
-        stiffness: :math:`k` in [N] / [m].
-        damping: :math:`c` in [N s] / [m].
-
-    Returns:
-        Force on the point in [N], against stretch and slip.
-    """
-    most = friction_coefficient * normal_force
-    return min(max(-stiffness * stretch - damping * slip_velocity, -most), most)
-
-
-def dragged_anchor(
-    anchor: float, place: float, normal_force: float, friction_coefficient: float, stiffness: float
-) -> float:
-    """Where a contact point sticks after it has moved: no farther away than friction can hold it from.
-
-    Args:
-        anchor: Where it stuck, in [m].
-        place: Of the point in [m].
-        normal_force: In [N]; without one the anchor is the place.
-        friction_coefficient: Coulomb coefficient.
-        stiffness: In [N] / [m], positive.
-    """
-    reach = friction_coefficient * normal_force / stiffness
-    return min(max(anchor, place - reach), place + reach)
-
-
 def mechanical_stop_torque(
     angle: float, velocity: float, lower: float, upper: float, stiffness: float, dissipation: float
 ) -> float:

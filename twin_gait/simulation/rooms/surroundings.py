@@ -7,9 +7,9 @@ import math
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
 from twin_gait.control.supervisor import NO_REQUEST, hear_request
 from twin_gait.core.arm_policy import REACHES, move_arm
-from twin_gait.core.arms import Arm, arm_force
+from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, dragged_anchor
 from twin_gait.core.belt import treadmill_speed, walk_command
-from twin_gait.core.contact import anchored_friction_force, contact_normal_force, dragged_anchor
+from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import delayed_sample
 from twin_gait.core.plant import Stop
@@ -179,12 +179,7 @@ def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
             -tip.height, -v[place + 1], e.ground.stiffness, e.ground.dissipation
         )
         tip.forward = anchored_friction_force(
-            q[place] - arm.anchor,
-            v[place],
-            tip.upward,
-            e.ground.friction_coefficient,
-            arm.tip_stiffness,
-            arm.tip_damping,
+            arm, q[place], v[place], tip.upward, e.ground.friction_coefficient
         )
         e.a[place] = (e.torque[place] + tip.forward) / arm.mass
         e.a[place + 1] = (e.torque[place + 1] + tip.upward) / arm.mass - e.gravity
@@ -195,9 +190,7 @@ def drag_tips(e: Episode) -> None:
     """End a step of the tips: what slides takes the place with it where it sticks."""
     for number in range(CRUTCHES):
         arm = e.arms[number]
-        arm.anchor = dragged_anchor(
-            arm.anchor, e.q[arm.place], arm.tip.upward, e.ground.friction_coefficient, arm.tip_stiffness
-        )
+        arm.anchor = dragged_anchor(arm, e.q[arm.place], arm.tip.upward, e.ground.friction_coefficient)
 
 
 def use_crutches(e: Episode, tick: int) -> None:
