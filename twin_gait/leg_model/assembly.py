@@ -64,16 +64,14 @@ class Assembly:
                 self._stretch(knee, ankle, sizes.tibia)
                 self._grow_foot(ankle, sizes.foot / wearer.DRAWN_FOOT)
 
-    def take_device_away(self) -> None:
-        """Leave the joints where they are, and the links without mass."""
-        for joint in range(self.model.njoints):
-            self.model.inertias[joint] = pin.Inertia.Zero()
-
-    def put_on(self, patient: Patient) -> None:
+    def put_on(self, patient: Patient, *, alone: bool = False) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
-        Raises ModelError if hip and knee coincide, so that there is no thigh between them.
+        ``alone``: leave the joints where they are and the links of the device without mass. Raises ModelError
+        if hip and knee coincide, so that there is no thigh between them.
         """
+        for joint in range(self.model.njoints) if alone else ():
+            self.model.inertias[joint] = pin.Inertia.Zero()
         segments = wearer.segments_of(patient)
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
@@ -92,20 +90,16 @@ class Assembly:
         if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
-    def set_gravity(self, gravity: float) -> None:
-        """Let gravity of a magnitude in [m] / [s²] pull down."""
-        self.model.gravity.linear = -gravity * self._up()
+    def load(self, gravity: float, armature: Mapping[JointName, float]) -> None:
+        """Let gravity in [m] / [s²] pull down, and rotors and gears turn with the joints.
 
-    def set_armature(self, armature: Mapping[JointName, float]) -> None:
-        """Set the inertia of rotors and gears at the joints.
-
-        ``armature``: per joint name in [kg m²]; 0 if absent.
+        ``armature``: their inertia per joint name in [kg m²]; 0 if absent.
         """
         values = np.zeros(self.model.nv)
         for leg in self.legs.values():
             for joint, name in leg.items():
                 values[self.model.joints[self._id(name)].idx_v] = armature.get(joint, 0.0)
-        self.model.armature = values
+        self.model.armature, self.model.gravity.linear = values, -gravity * self._up()
 
     def _read(self, turned: Collection[str] = ()) -> pin.Model:
         upward = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
@@ -134,13 +128,11 @@ class Assembly:
         for leg in self.legs.values():
             for _, name in leg.items():
                 joint = self.model.joints[self._id(name)]
-                if joint.nv == 1 and not joint.shortname().startswith("JointModelR"):
-                    raise ModelError(f"{self._path}: joint {name!r} slides; expected a revolute joint")
-                if joint.nq != 1 or joint.nv != 1:
-                    raise ModelError(
-                        f"{self._path}: joint {name!r} has {joint.nv} degrees of freedom; "
-                        "expected a revolute joint with one"
+                if joint.nq != 1 or joint.nv != 1 or not joint.shortname().startswith("JointModelR"):
+                    kind = (
+                        f"{joint.shortname().removeprefix('JointModel')} with {joint.nv} degrees of freedom"
                     )
+                    raise ModelError(f"{self._path}: joint {name!r} is {kind}; expected a revolute one")
 
     def _stretch(self, proximal: int, distal: int, length: float) -> None:
         placement = self.model.jointPlacements[distal]

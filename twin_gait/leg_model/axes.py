@@ -38,11 +38,9 @@ def plain_names(legs: Mapping[Side, LegJoints], known: Collection[str]) -> dict[
     def plain(name: str) -> str:
         return name[1:] if name[:1] in ("-", "+") and name not in known else name
 
-    def plain_leg(leg: LegJoints) -> LegJoints:
-        names: dict[str, Any] = {joint: plain(name) for joint, name in leg.items()}
-        return replace(leg, **names)
-
-    return {side: plain_leg(leg) for side, leg in legs.items()}
+    names: dict[Side, dict[str, Any]]
+    names = {side: {joint: plain(name) for joint, name in leg.items()} for side, leg in legs.items()}
+    return {side: replace(leg, **names[side]) for side, leg in legs.items()}
 
 
 def reversed_joints(

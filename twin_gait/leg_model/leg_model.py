@@ -79,12 +79,10 @@ class LegModel:
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
             assembly.fit(self.sizes)
-        if patient is not None and bodies is joints.Bodies.WEARER:
-            assembly.take_device_away()
+        alone = bodies is joints.Bodies.WEARER
         if patient is not None and bodies is not joints.Bodies.DEVICE:
-            assembly.put_on(patient)
-        assembly.set_gravity(gravity)
-        assembly.set_armature({} if bodies is joints.Bodies.WEARER else armature or {})
+            assembly.put_on(patient, alone=alone)
+        assembly.load(gravity, {} if alone else armature or {})
         self.model = assembly.model
         self.data = self.model.createData()
 

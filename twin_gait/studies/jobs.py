@@ -134,32 +134,26 @@ def even_size(total: int, block: int, slots: int) -> int:
     return in_turns if 2 * in_turns >= block else max(1, -(-total // least))
 
 
-class _Chunk(NamedTuple):
-    first: int
-    items: tuple[Any, ...]
-
-
-def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[_Chunk]:
-    """Items are taken when there is room for them: a sequence may make them one by one."""
+def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[dict[int, Any]]:
+    """Items by their index, taken when there is room for them: a sequence may make them one by one."""
     for first in range(0, len(items), size):
         if should_stop is not None and should_stop():
             return
-        last = min(first + size, len(items))
-        yield _Chunk(first, tuple(items[place] for place in range(first, last)))
+        yield {place: items[place] for place in range(first, min(first + size, len(items)))}
 
 
-def _do(function: BlockFunction[Any, Result], sources: str, chunk: _Chunk) -> _Portion:
+def _do(function: BlockFunction[Any, Result], sources: str, chunk: dict[int, Any]) -> _Portion:
     """Do the items of a chunk, up to the first that fails, in whatever process."""
     if sources != sources_hash():
         raise WorkersLost("a worker has another version of twin_gait; install the same everywhere")
     results: dict[int, Any] = {}
-    problem = None
+    indices, problem = list(chunk), None
     with _ONE_AT_A_TIME:
         try:
-            for place, result in function(chunk.items):
-                results[chunk.first + place] = result
+            for place, result in function(list(chunk.values())):
+                results[indices[place]] = result
         except JobFailed as error:  # a text, because not every exception can be pickled
-            problem = (chunk.first + error.index, error.problem)
+            problem = (indices[error.index], error.problem)
     return _Portion(results, problem, str(import_module("llvmlite.binding").get_host_cpu_name()))
 
 
