@@ -15,8 +15,7 @@ import numpy as np
 
 from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.validation import assign
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable
 from twin_gait.vocabulary import JointName, Side
@@ -106,8 +105,9 @@ def parameters_of(
         lower, upper = BLENDING_MS
         start = float(table.blending.duration_ticks)
         found.append(_parameter(("blending", "duration_ms"), start, "ms", lower, upper, 0))
-    if thresholds:
-        found += _thresholds(table)
+    for index, item in enumerate(table.transitions if thresholds else ()):
+        guard = item.guard if isinstance(item.guard, (AllOf, AnyOf)) else AllOf(guards=(item.guard,))
+        found += _thresholds(guard, ("transitions", index), item.cause)
     return tuple(found)
 
 
@@ -128,12 +128,13 @@ def table_with(
 
 def _in_degrees(entry: Mapping[str, float]) -> dict[str, float]:
     """Impedance with stiffness and equilibrium in degrees."""
-    changed = dict(entry)
-    stiffness, equilibrium = entry["stiffness_Nm_per_rad"], entry["equilibrium_rad"]
-    changed = assign(changed, ["stiffness_Nm_per_deg"], _tidy(stiffness / _PER_DEGREE))
-    changed = assign(changed, ["equilibrium_deg"], _tidy(equilibrium * _PER_DEGREE))
+    known = {
+        **entry,
+        "stiffness_Nm_per_deg": _tidy(entry["stiffness_Nm_per_rad"] / _PER_DEGREE),
+        "equilibrium_deg": _tidy(entry["equilibrium_rad"] * _PER_DEGREE),
+    }
     order = ("stiffness_Nm_per_deg", "damping_ratio", "damping_Nms_per_rad", "equilibrium_deg")
-    return {key: changed[key] for key in (*order, "friction_compensation_gain") if key in changed}
+    return {key: known[key] for key in (*order, "friction_compensation_gain") if key in known}
 
 
 def _tidy(value: float) -> float:
@@ -169,21 +170,14 @@ def _parameter(
     return Parameter(name, path, unit, start, least, most, digits, logarithmic=stiff)
 
 
-def _thresholds(table: GaitTable) -> Iterator[Parameter]:
-    for index, transition in enumerate(table.transitions):
-        guard, path = transition.guard, ("transitions", index)
-        if not isinstance(guard, (AllOf, AnyOf)):
-            guard = AllOf(guards=(guard,))
-        yield from _comparisons(guard, path, transition.cause)
-
-
-def _comparisons(whole: AllOf | AnyOf, path: tuple[str | int, ...], cause: str) -> Iterator[Parameter]:
-    path = (*path, "all" if isinstance(whole, AllOf) else "any")
-    for index, guard in enumerate(whole.guards):
-        if isinstance(guard, (AllOf, AnyOf)):
-            yield from _comparisons(guard, (*path, index), cause)
-        elif isinstance(guard, Comparison) and signal_of(guard.signal) is ANGLE:
-            left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
-            name, start = f"{cause}: {left} {guard.operator}", guard.threshold
-            lower, upper = start - THRESHOLD_REACH, start + THRESHOLD_REACH
-            yield Parameter(name, (*path, index), "deg", start, lower, upper, 1, guard=guard)
+def _thresholds(guard: Guard, path: tuple[str | int, ...], cause: str) -> Iterator[Parameter]:
+    """Angle thresholds of a guard that stands at a place of the document."""
+    if isinstance(guard, (AllOf, AnyOf)):
+        path = (*path, "all" if isinstance(guard, AllOf) else "any")
+        for index, inner in enumerate(guard.guards):
+            yield from _thresholds(inner, (*path, index), cause)
+    elif isinstance(guard, Comparison) and signal_of(guard.signal) is ANGLE:
+        left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
+        name, start = f"{cause}: {left} {guard.operator}", guard.threshold
+        lower, upper = start - THRESHOLD_REACH, start + THRESHOLD_REACH
+        yield Parameter(name, path, "deg", start, lower, upper, 1, guard=guard)
