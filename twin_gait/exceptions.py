@@ -46,7 +46,7 @@ class GaitTableError(TwinGaitError, ValueError):
 
 
 class MeasurementError(TwinGaitError, ValueError):
-    """A measurement handed to the state machine or a controller is missing or not finite."""
+    """A measurement handed to the state machine is missing or not finite."""
 
 
 class RunDirectoryError(TwinGaitError):

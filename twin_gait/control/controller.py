@@ -6,7 +6,6 @@ before the boards hear them. It keeps nothing but its memory, which is part of t
 """
 
 import inspect
-import math
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.control.gait_controller import controller_tick
-from twin_gait.exceptions import MeasurementError, ParameterError
+from twin_gait.exceptions import ParameterError
 from twin_gait.gait.scaling import InertiaAt
 from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName, Side
@@ -179,17 +178,12 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
 
 
 def checked(name: str, tick: TickFunction) -> TickFunction:
-    """A tick that is handed nothing that is not finite (MeasurementError), and whose demands are looked at.
+    """A tick whose demands are looked at.
 
     ParameterError if it returns something or demands no number; what is not finite is for the monitor.
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
-        for joint in device.joints:
-            for key in ("angle", "velocity"):
-                value = getattr(joint.measurement, key)
-                if not math.isfinite(value):
-                    raise MeasurementError(f"{key} of a joint is {value}; expected a finite measurement")
         require_no_answer(name, tick(memory, device, number, period))  # type: ignore[func-returns-value]
         for joint in device.joints:
             for key in _DEMANDED:
