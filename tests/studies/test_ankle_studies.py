@@ -25,7 +25,6 @@ from twin_gait.studies.fault_campaign import draw_faults
 from twin_gait.studies.tune.outcome import gait_curves
 from twin_gait.studies.tune.parts import ERROR_GOALS, WORST, parts_of, rate_walk, residuals, walk_cost
 from twin_gait.studies.tune.space import editable_document, parameters_of
-from twin_gait.studies.tune.tune import Settings
 from twin_gait.studies.tune.walks import robust_cases
 from twin_gait.vocabulary import JointName, Side
 
@@ -88,7 +87,7 @@ def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
 def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
     experiment = walk.experiment
     table = editable_document(experiment.table)
-    curves = gait_curves(table, table, experiment, Settings(robust_duration=8.0))
+    curves = gait_curves(experiment, {"before": table, "after": table}, 8.0)
     assert list(curves) == [*JOINTS]
     figure = pictures.draw_gait(curves)
     assert [axes.get_ylabel() for axes in figure.axes] == [

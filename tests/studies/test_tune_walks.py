@@ -193,7 +193,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert result is not None
         candidates = tuple(item for item in result.ranked if item.points is not None)
         result = replace(result, ranked=candidates or result.ranked)
-        written = outcome.write_tuning(result, experiment, SETTINGS, directory, wearer="the default wearer")
+        written = outcome.write_tuning(result, directory, wearer="the default wearer")
     assert written["experiment"] == "treadmill"
     return directory
 

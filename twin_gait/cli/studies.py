@@ -172,7 +172,7 @@ def tune(arguments: argparse.Namespace) -> int:
     if tuning is None:
         return terminal.interrupted("nothing was written")
     wearer = _wearer(options.person_of(arguments.settings), experiment)
-    found = outcome.write_tuning(tuning, experiment, settings, out, wearer=wearer, force=arguments.force)
+    found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
     return DONE
 

@@ -96,14 +96,12 @@ def frame_bits(header: Header, halves: Sequence[int]) -> int:
     :math:`8n + 47` and one for each stuff bit, of which there are at most :func:`most_stuff_bits`.
     ``halves``: as in :func:`frame_crc`.
     """
-    crc, run, stuffed, rest = header.crc, header.run, header.stuffed, halves[0]
+    crc, run, stuffed, rest = frame_crc(header, halves), header.run, header.stuffed, halves[0]
     for number in range(header.length):
         if number == _HALF_BYTES:
             rest = halves[1]
-        byte = rest & 0xFF
+        entry = int(_RUN[(run << 8) | (rest & 0xFF)])
         rest >>= 8
-        crc = ((crc << 8) & 0x7FFF) ^ int(_CRC[(crc >> 7) ^ byte])
-        entry = int(_RUN[(run << 8) | byte])
         run, stuffed = entry & 7, stuffed + (entry >> 3)
     entry = int(_RUN[(run << 8) | (crc >> 7)])
     run, stuffed = entry & 7, stuffed + (entry >> 3)

@@ -130,17 +130,13 @@ def why_refused(
     if not answers:
         known = [name for name in table.requests if table.answers(mode, name)]
         return f"{mode} does not answer {request}; it answers {', '.join(known) or 'nothing'}"
-    missing = [_missing(table, item, request, signals, ticks) for item in answers]
+    values, member = table.in_si({**signals, TIME: ticks * TICK}), table.member_index(request)
+    missing = []
+    for item in answers:
+        least = max(table.phases[mode].minimum_ticks, item.time_out_ticks or 0)
+        waits = [f"{mode} for {ticks * TICK:g} s, less than {least * TICK:g} s"] if ticks < least else []
+        missing.append(waits + _closed(table, item.guard, values, member))
     return None if [] in missing else "; or ".join(", ".join(lacks) for lacks in missing)
-
-
-def _missing(
-    table: ModeTable, item: Transition, request: str, signals: Mapping[str, float], ticks: int
-) -> list[str]:
-    values = table.in_si({**signals, TIME: ticks * TICK})
-    least = max(table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
-    waits = [f"{item.source} for {ticks * TICK:g} s, less than {least * TICK:g} s"] if ticks < least else []
-    return waits + _closed(table, item.guard, values, table.member_index(request))
 
 
 def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request: int) -> list[str]:

@@ -44,15 +44,15 @@ class Chosen(NamedTuple):
     refused: int  # finalists before it that the check found errors in
 
 
-def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
+def choose(tuning: Tuning) -> Chosen:
     """Take the best finalist whose table passes every error rule of the check, or ParameterError."""
     for refused, finalist in enumerate(tuning.ranked):
-        findings = check(build_case(table_of(finalist.table), experiment))
+        findings = check(build_case(table_of(finalist.table), tuning.experiment))
         if not any(item.severity is Severity.ERROR for item in findings):
             return Chosen(finalist, counts(findings), refused)
     raise ParameterError(
-        f"table {experiment.table.name}: no candidate passes twin-gait check, nor does the table itself; "
-        "mend its errors first"
+        f"table {tuning.experiment.table.name}: no candidate passes twin-gait check, nor does the table "
+        "itself; mend its errors first"
     )
 
 
@@ -71,7 +71,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     """
     tuning = tune(experiment, Settings(**settings), workers=workers)
     assert tuning is not None  # nobody stops it
-    return table_of(choose(tuning, experiment).finalist.table)
+    return table_of(choose(tuning).finalist.table)
 
 
 def final_table(finalist: Finalist, experiment: Experiment, wearer: str) -> dict[str, Any]:
@@ -86,24 +86,17 @@ def final_table(finalist: Finalist, experiment: Experiment, wearer: str) -> dict
     return {**finalist.table, "name": f"{start}_tuned", "description": origin}
 
 
-def write_tuning(
-    tuning: Tuning,
-    experiment: Experiment,
-    settings: Settings,
-    directory: Path,
-    *,
-    wearer: str,
-    force: bool = False,
-) -> dict[str, Any]:
+def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = False) -> dict[str, Any]:
     """Choose the table and write everything, for a wearer in words.
 
     Returns content of ``tune.json``. Raises ParameterError if no table passes the check. Raises
     RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
     """
-    chosen = choose(tuning, experiment)
-    table = final_table(chosen.finalist, experiment, wearer)
-    result = outcome(tuning, chosen, experiment, settings, wearer)
-    curves = gait_curves(tuning.before.table, table, experiment, settings)
+    chosen = choose(tuning)
+    table = final_table(chosen.finalist, tuning.experiment, wearer)
+    result = outcome(tuning, chosen, wearer)
+    tables = {"before": tuning.before.table, "after": table}
+    curves = gait_curves(tuning.experiment, tables, tuning.settings.robust_duration)
     with staged_directory(directory, TUNING, force=force) as staging:
         pictures = write_pictures(draw_figures(result, curves), staging / FIGURES_FOLDER)
         write_atomically(staging / REPORT_FILE, page(result, pictures))
@@ -112,11 +105,9 @@ def write_tuning(
     return result
 
 
-def outcome(
-    tuning: Tuning, chosen: Chosen, experiment: Experiment, settings: Settings, wearer: str
-) -> dict[str, Any]:
+def outcome(tuning: Tuning, chosen: Chosen, wearer: str) -> dict[str, Any]:
     """Content of ``tune.json``."""
-    before = tuning.before
+    experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
     speed = check_walker(experiment)[0].speed
     after, generations = chosen.finalist, tuning.generations
     return {
@@ -160,11 +151,12 @@ def outcome(
 
 
 def gait_curves(
-    before: Mapping[str, Any], after: Mapping[str, Any], experiment: Experiment, settings: Settings
+    experiment: Experiment, tables: Mapping[str, Mapping[str, Any]], duration: float
 ) -> dict[str, dict[str, np.ndarray]]:
     """By joint the reference and the mean cycles of each side, as ``before left``, in [deg] at ``PERCENT``.
 
-    A walk without a counted stride has no curve.
+    ``tables``: their documents as ``before`` and ``after``. ``duration`` of each walk in [s]; one without a
+    counted stride has no curve.
     """
     walking, patient = check_walker(experiment)
     speed, height = walking.speed, patient.height
@@ -172,8 +164,8 @@ def gait_curves(
         str(joint): {"reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=height))}
         for joint in experiment.joints
     }
-    walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
-    for name, table in (("before", before), ("after", after)):
+    walked = walker(experiment, duration=duration)
+    for name, table in tables.items():
         run = simulate(replace(walked, table=table_of(table)))
         for record in run.leg_records():
             for joint, angles in record.angles.items():

@@ -101,6 +101,8 @@ class Finalist:
 class Tuning:
     """Result of a tuning."""
 
+    experiment: Experiment  # whose table was to be bettered, with the seed of the settings
+    settings: Settings
     parameters: tuple[space.Parameter, ...]  # all numbers that were searched for
     generations: tuple[Generation, ...]  # of the search; the first is its start
     before: Finalist  # the table that was to be bettered
@@ -146,8 +148,8 @@ class Stages:
             self._generations.append(self._generation(descent))
         finalists = self._finalists()
         ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
-        generations = tuple(self._generations)
-        return Tuning(self._parameters, generations, finalists[0], tuple(ranked), self._elapsed())
+        found = self._parameters, tuple(self._generations), finalists[0], tuple(ranked), self._elapsed()
+        return Tuning(self._experiment, self._settings, *found)
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._began
