@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
-from twin_gait.report.canvas import picture_bytes
-from twin_gait.report.pages import TEMPLATES, figures_page, paragraphs, render
+from twin_gait.report.canvas import write_figures_page
+from twin_gait.report.pages import TEMPLATES, paragraphs, render
 
 
-def test_what_is_filled_in_is_escaped_and_nothing_is_loaded() -> None:
-    page = figures_page(
-        "<b>&", "'\"<i>", {"<u>": picture_bytes(Figure(figsize=(1.0, 1.0)))}, ("<th>",), [("<td>",)]
+def test_what_is_filled_in_is_escaped_and_nothing_is_loaded(tmp_path: Path) -> None:
+    write_figures_page(
+        tmp_path / "page.html", {"<u>": Figure(figsize=(1.0, 1.0))}, "<b>&", "'\"<i>", [("<th>",), ("<td>",)]
     )
+    page = (tmp_path / "page.html").read_text()
     assert "&lt;b&gt;&amp;" in page and "&lt;th&gt;" in page
     assert not any(text in page for text in ("<b>", "<i>", "<u>", "<th><th>", "<td><td>"))
     assert "default-src 'none'" in page
@@ -24,7 +26,8 @@ def test_what_is_filled_in_is_escaped_and_nothing_is_loaded() -> None:
 
 
 def test_figures_are_turned_dark_with_the_page() -> None:
-    page = figures_page("", "", {"one": b""})
+    content = {"title": "", "subtitle": "", "heads": (), "rows": (), "pictures": {"one": b""}}
+    page = render("figures.html", content)
     assert "@media screen and (prefers-color-scheme: dark) { img { filter: invert(1)" in page
 
 

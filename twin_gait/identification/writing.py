@@ -19,8 +19,7 @@ from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
 from twin_gait.identification.statistics import DRAWS, LEVEL
-from twin_gait.report.canvas import picture_bytes, readable
-from twin_gait.report.pages import figures_page
+from twin_gait.report.canvas import readable, write_figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
@@ -28,7 +27,7 @@ DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 SAMPLES_FILE = "samples.csv"
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
-FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
+REPORT_FILE = "report.html"
 SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _DIGITS = 10
@@ -76,10 +75,6 @@ def write_identification(
 
 def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
     figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
-    pictures = {name: picture_bytes(figure) for name, figure in figures.items()}
-    (folder / FIGURES_FOLDER).mkdir()
-    for name, picture in pictures.items():
-        write_atomically(folder / FIGURES_FOLDER / f"{name}.png", picture)
     left_out = (f"left out: {run.by} [N m]" for run in result.models[0].validations)
     heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
     rows = [
@@ -89,7 +84,7 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
     ]  # fmt: skip
     title = "Friction" if joint is None else f"Friction of the {joint}"
     subtitle = f"{len(result.tests)} tests, {int(result.samples.used.sum())} samples; models best first"
-    write_atomically(folder / REPORT_FILE, figures_page(title, subtitle, pictures, heads, rows))
+    write_figures_page(folder / REPORT_FILE, figures, title, subtitle, [heads, *rows])
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:

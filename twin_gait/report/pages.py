@@ -6,7 +6,7 @@ A page is one file that needs no other: what it shows stands in it, and its poli
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -45,18 +45,6 @@ def paragraphs(template: str, content: Mapping[str, Any]) -> list[str]:
     lines = (line.strip() for line in render(template, content).splitlines())
     texts = "\n".join(lines).split("\n\n")
     return [" ".join(text.split()) for text in texts if text.strip()]
-
-
-def figures_page(
-    title: str,
-    subtitle: str,
-    pictures: Mapping[str, bytes],
-    heads: Sequence[str] = (),
-    rows: Sequence[Sequence[str]] = (),
-) -> str:
-    """A page of figures, PNG by their headings, under a table, if that has rows."""
-    content = {"title": title, "subtitle": subtitle, "heads": heads, "rows": rows, "pictures": pictures}
-    return render("figures.html", content)
 
 
 def address(png: bytes) -> str:

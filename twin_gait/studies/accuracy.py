@@ -1,23 +1,18 @@
 """How far a run is from the same run at a tenth of its integration step."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from twin_gait.experiment import Integration
 from twin_gait.simulation import Run, simulate
+from twin_gait.studies.jobs import Watch
 
 REFINEMENT = 10
 
 
-def step_error(
-    run: Run,
-    *,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
-) -> dict[str, Any]:
+def step_error(run: Run, **watch: Unpack[Watch]) -> dict[str, Any]:
     """Steps of both runs, largest difference of the angle of any driven joint, and whether the phases agree.
 
     A gait switches phase by whole ticks, so a tiny difference now and then moves a switch by one tick,
@@ -26,9 +21,7 @@ def step_error(
     """
     integration = run.experiment.stepping
     fine = Integration(method=integration.method, step=integration.step / REFINEMENT)
-    reference = simulate(
-        replace(run.experiment, integration=fine), progress=progress, should_stop=should_stop
-    )
+    reference = simulate(replace(run.experiment, integration=fine), **watch)
     names = [f"{side}_{joint}_angle_rad" for side in run.sides for joint in run.experiment.joints]
     common = min(len(run.log), len(reference.log))
     difference = np.abs(run.log[names].to_numpy()[:common] - reference.log[names].to_numpy()[:common])

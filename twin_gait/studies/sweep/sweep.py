@@ -22,8 +22,7 @@ import pyarrow as pa
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically, write_json, write_parquet
-from twin_gait.report.canvas import write_pictures
-from twin_gait.report.pages import figures_page
+from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit_of_column, values_of
 from twin_gait.runs.folders import hold
 from twin_gait.simulation import RunStatus
@@ -34,7 +33,7 @@ from twin_gait.studies.workers import Workers
 
 TABLE_SCHEMA_VERSION = 1
 SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.json"
-FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
+REPORT_FILE = "report.html"
 PARTS_FOLDER = "parts"
 
 # Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
@@ -277,10 +276,9 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     parameters = list(batch.setting_columns(sweep.design.keys).values())
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
-    pictures = write_pictures(sweep_figures(table, parameters, measures, title), directory / FIGURES_FOLDER)
     counts = table["outcome"].value_counts().items()
-    rows = [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
-    named = {name.replace("_", " "): picture for name, picture in pictures.items()}
+    rows = [("outcome", "episodes", "share [%]")]
+    rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
+    figures = sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    page = figures_page(f"Sweep: {title}", subtitle, named, ("outcome", "episodes", "share [%]"), rows)
-    write_atomically(directory / REPORT_FILE, page)
+    write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)
