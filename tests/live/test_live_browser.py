@@ -23,7 +23,7 @@ import pytest
 
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
-from twin_gait.live.finishing import CHANGES_FILE
+from twin_gait.live.journal import CHANGES_FILE
 from twin_gait.live.stepping import FADE_TICKS
 from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.simulation.log import state_columns
@@ -451,7 +451,7 @@ def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_
     wrong = {
         "[": "expected JSON",
         '{"kind": "set", "id": "x1", "user": "", "control": "warp", "value": 1}': "no 'warp'",
-        '{"kind": "do", "id": "x2", "user": "", "action": "explode"}': "no 'explode'",
+        '{"kind": "do", "id": "x2", "user": "", "action": "explode"}': "input should be 'walk'",
         '{"kind": "set", "id": "x3", "control": "belt_speed", "value": "fast"}': "belt_speed: expected",
         '{"kind": "set", "id": "x4", "user": "", "control": "belt_speed", "value": NaN}': "value: expected",
         f'{{"kind": "set", "id": "x5", "user": "{"u" * 5000}"}}': "at most 4096",

@@ -17,9 +17,17 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.cli.program import main
 from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.live import finishing
-from twin_gait.live.finishing import complete, complete_all
-from twin_gait.live.journal import AppliedChange, Journals, Piece, locked, read_journal, walk_of
+from twin_gait.live import journal as finishing
+from twin_gait.live.journal import (
+    AppliedChange,
+    Journals,
+    Piece,
+    complete,
+    complete_all,
+    locked,
+    read_journal,
+    walk_of,
+)
 from twin_gait.live.loop import PIECE_TICKS
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session

@@ -22,8 +22,7 @@ from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
 from twin_gait.live.controls import Actions, Panel
-from twin_gait.live.finishing import walked_run
-from twin_gait.live.journal import walk_of
+from twin_gait.live.journal import walk_of, walked_run
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.live.finishing import walked_run
-from twin_gait.live.journal import AppliedChange, Piece
+from twin_gait.live.journal import AppliedChange, Piece, walked_run
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.runs.record import load_run, write_run

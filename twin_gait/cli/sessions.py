@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     The record of twin-gait live: who changed what, when, and where the run is. Sessions whose processes were
     killed are completed first, up to the last second that they wrote.
     """
-    from twin_gait.live.finishing import recover
+    from twin_gait.live.journal import recover
     from twin_gait.live.session_records import default_records
 
     records = arguments.records or default_records()
@@ -109,7 +109,7 @@ def _delete(arguments: argparse.Namespace, records: Path) -> None:
 
 
 def _complete(arguments: argparse.Namespace, records: Path) -> None:
-    from twin_gait.live.finishing import complete
+    from twin_gait.live.journal import complete
     from twin_gait.runs.folders import journal_of
 
     done = complete(journal_of(arguments.folder.expanduser().absolute()))

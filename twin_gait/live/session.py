@@ -22,9 +22,9 @@ from twin_gait.files import write_new
 from twin_gait.gait.table import GaitTable
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import Actions
-from twin_gait.live.finishing import complete, complete_all
-from twin_gait.live.handle import LoopProcess
+from twin_gait.live.journal import complete, complete_all
 from twin_gait.live.news import EventBook, WalkNews
+from twin_gait.live.process import LoopProcess
 from twin_gait.live.protocol import Action, DoAction, Event, Message, Response, SetControl, State
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning

@@ -17,8 +17,8 @@ from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterError
 from twin_gait.live.controls import EVERYTHING, Panel
-from twin_gait.live.handle import LoopProcess
 from twin_gait.live.news import EventBook
+from twin_gait.live.process import LoopProcess
 from twin_gait.live.protocol import DoAction, Message, MessageRefused, Response, SetControl, Value
 from twin_gait.live.settings import Mode, Settings, effect_of, loop_numbers
 from twin_gait.simulation.problem import Problem

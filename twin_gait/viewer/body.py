@@ -5,7 +5,6 @@ The shape of a limb is drawn by eye for a body of 1.75 m and 70 kg and scaled; i
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from twin_gait.leg_model.wearer import (
 )
 from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
-from twin_gait.viewer import shapes
+from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
 from twin_gait.viewer.commands import Material, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
@@ -50,7 +49,7 @@ VEST = Material(colour=(0.40, 0.48, 0.60), opacity=0.92, roughness=0.9)
 _VEST = (0.50, 0.80)  # around the chest, heights over the hips as shares of the trunk length
 _HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: where a rope meets its straps
 ROPES = "/meshcat/ropes"
-_ROPE_RADIUS = 0.006  # [m]
+_ROPE = ((0.0, 0.0), (0.006, 0.0), (0.006, 1.0), (0.0, 1.0))  # (radius, height) [m]
 ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
 ROOT = "/meshcat/crutches"
 PLASTIC = Material(colour=(0.25, 0.31, 0.40), roughness=0.85)
@@ -199,31 +198,43 @@ def _shoulder_strap(hook: np.ndarray, front: float, rings: np.ndarray, height: f
     return shapes.tube(shapes.bend(hook, middle, np.array(end)), 0.007, columns=6)
 
 
-@dataclass(frozen=True)
-class Rope:
-    """A rope."""
+class DrawnRopes:
+    """Ropes that go straight up from a harness to a bar over the treadmill, or along rails.
 
-    path: str  # its place in the scene
-    joint: str  # joint that carries its lower end
-    lower: np.ndarray  # lower end in the frame of that joint in [m], shape ``(3,)``
-    upper: np.ndarray  # upper end in the scene in [m], shape ``(3,)``
-    on_rail: bool = False  # whether the upper end follows along x
+    Attributes:
+        upper: Their upper ends in the scene in [m], shape ``(n, 3)``.
+    """
 
-    def state(self, figure: Figure, q: np.ndarray) -> dict[tuple[str, str], Any]:
-        """Where the rope is when the figure stands in a posture. ``q``: coordinates, shape ``(nq,)``."""
-        lower = figure.world_point(q, self.joint, self.lower)
-        upper = np.array([lower[0], *self.upper[1:]]) if self.on_rail else self.upper
-        span = upper - lower
-        return {
-            (self.path, "position"): lower.tolist(),
-            (self.path, "quaternion"): _pointing(span),
-            (self.path, "scale"): [1.0, 1.0, float(np.linalg.norm(span))],
-        }
+    def __init__(
+        self, window: Window, figure: Figure, joint: str, hooks: Sequence[np.ndarray], height: float,
+        *, on_rail: bool,
+    ) -> None:  # fmt: skip
+        """Draw them, and the mast or the rails; ``hooks``: lower ends in the frame of the joint in [m]."""
+        self._joint, self._hooks, self._on_rail = joint, hooks, on_rail
+        ends = [figure.world_point(pin.neutral(figure.model), joint, hook) for hook in hooks]
+        self.upper = np.array([[x, y, height] for x, y, _ in ends])
+        for number in range(len(hooks)):  # of 1 m along z; its length is the scale
+            draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), ROPE)
+        draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
+        draw(window, self.upper)
+
+    def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
+        """Where they are in a frame."""
+        state: dict[tuple[str, str], Any] = {}
+        for number, (hook, upper) in enumerate(zip(self._hooks, self.upper, strict=True)):
+            lower = figure.world_point(motion.q[frame], self._joint, hook)
+            span = (np.array([lower[0], *upper[1:]]) if self._on_rail else upper) - lower
+            state |= _spanned(f"{ROPES}/{number}", lower, span)
+        return state
 
 
-def rope_shape() -> Shape:
-    """Make a rope of 1 m from the origin along z; its length is the scale along z."""
-    return shapes.turned([(0.0, 0.0), (_ROPE_RADIUS, 0.0), (_ROPE_RADIUS, 1.0), (0.0, 1.0)], columns=8)
+def _spanned(path: str, start: np.ndarray, span: np.ndarray) -> dict[tuple[str, str], Any]:
+    """Of what is 1 m long along z, so that it spans a way from a start in [m]."""
+    return {
+        (path, "position"): start.tolist(),
+        (path, "quaternion"): _pointing(span),
+        (path, "scale"): [1.0, 1.0, float(np.linalg.norm(span))],
+    }
 
 
 def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float) -> np.ndarray:
@@ -288,9 +299,7 @@ class DrawnCrutches:
             elbow = np.insert(sagittal, 1, shoulder[1] + share * (tip[1] - shoulder[1]))
             arm, rest = f"{ROOT}/{side}_upper_arm", f"{ROOT}/{side}_forearm"
             state |= {
-                (arm, "position"): shoulder.tolist(),
-                (arm, "quaternion"): _pointing(elbow - shoulder),
-                (arm, "scale"): [1.0, 1.0, float(np.linalg.norm(elbow - shoulder))],
+                **_spanned(arm, shoulder, elbow - shoulder),
                 (rest, "position"): tip.tolist(),
                 (rest, "quaternion"): _pointing(elbow - tip),
                 **arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT),

@@ -7,13 +7,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
-from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
-from twin_gait.viewer.body import LEFT, ROPE, ROPES, Rope, rope_shape
+from twin_gait.viewer.body import LEFT
 from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
@@ -65,7 +64,6 @@ class Scene:
         self.covers: dict[Side, list[str]] = {}  # places of the coloured motor covers
         self.arrows: dict[Side, str] = {}  # place of the ground force
         self.arcs: dict[Side, dict[str, TorqueArc]] = {}  # arrows of the motor torque, by joint
-        self.ropes: list[Rope] = []  # of the body-weight support
         self.elements: list[Element] = []  # what else moves
         self.trails: list[StrideTrail] = []  # paths of the feet per stride, once a motion is known
         self.legs: dict[Side, LegJoints] = {}
@@ -84,24 +82,6 @@ class Scene:
                 motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
                 self.covers[side].append(self.figure.draw_cover(joint, motor, material))
                 self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward)
-
-    def draw_ropes(
-        self, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool = False
-    ) -> None:
-        """Draw ropes that go straight up, and the mast or the rails that they hang from.
-
-        ``hooks``: lower ends in the frame of the joint in [m], shape ``(3,)`` each; ``height`` of the upper
-        ends in [m]; ``on_rail``: whether the upper ends follow along x.
-        """
-        neutral = pin.neutral(self.figure.model)
-        for number, hook in enumerate(hooks):
-            x, y, _ = self.figure.world_point(neutral, joint, hook)
-            path = f"{ROPES}/{number}"
-            draw_mesh(self._window, path, rope_shape(), ROPE)
-            self.ropes.append(Rope(path, joint, hook, np.array([x, y, height]), on_rail))
-        draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
-        draw(self._window, np.array([rope.upper for rope in self.ropes]))
-        self.apply(self._rope_state(neutral))
 
     def draw_trails(self, motion: Motion) -> None:
         """Draw the path of each foot in every stride of a motion, hidden."""
@@ -135,16 +115,10 @@ class Scene:
         return self.figure.world_point(q, last, self.figure.segment(last, leg))
 
     def posture_state(self, q: np.ndarray) -> State:
-        """Where all joint groups and ropes are. ``q``: coordinates, shape ``(nq,)``."""
-        state = self._rope_state(q)
+        """Where all joint groups are. ``q``: coordinates, shape ``(nq,)``."""
+        state: State = {}
         for path, (position, quaternion) in self.figure.posture(q).items():
             state |= {(path, "position"): position, (path, "quaternion"): quaternion}
-        return state
-
-    def _rope_state(self, q: np.ndarray) -> State:
-        state: State = {}
-        for rope in self.ropes:
-            state |= rope.state(self.figure, q)
         return state
 
     def _force_state(self, side: Side, motion: Motion, frame: int) -> State:

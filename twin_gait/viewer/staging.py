@@ -12,7 +12,7 @@ from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import ChairParameters, CrutchParameters, Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.arrows import FORCE_ROOT
-from twin_gait.viewer.body import DrawnCrutches, draw_harness, draw_wearer
+from twin_gait.viewer.body import DrawnCrutches, DrawnRopes, draw_harness, draw_wearer
 from twin_gait.viewer.commands import Window, set_transform
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
@@ -130,7 +130,8 @@ def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, se
     if setting.get("ropes", True):
         hooks = draw_harness(scene.figure, patient, trunk)
         on_rail = setting.get("around") is Surroundings.WALKWAY
-        scene.draw_ropes(trunk, hooks, _BAR_ABOVE_HEAD + patient.height, on_rail=on_rail)
+        height = _BAR_ABOVE_HEAD + patient.height
+        scene.elements.append(DrawnRopes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
     crutches, chair = setting.get("crutches"), setting.get("chair")
     if crutches is not None:
         scene.elements.append(DrawnCrutches(window, scene.figure, crutches, patient, trunk))
