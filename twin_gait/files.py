@@ -199,25 +199,3 @@ def write_parquet(path: Path, table: pd.DataFrame, **metadata: str) -> None:
         arrow.replace_schema_metadata({**(arrow.schema.metadata or {}), **named}), buffer, compression="zstd"
     )
     write_atomically(path, buffer.getvalue())
-
-
-def read_log_text(path: Path) -> str:
-    """Read a log that is text, unless it or one of its lines is larger than that of any log of a walk.
-
-    Raises:
-        ParameterFileError: If it or a line is too long.
-        OSError: If it cannot be read.
-        UnicodeDecodeError: If it is not UTF-8.
-    """
-    size = path.stat().st_size
-    if size > MOST_TEXT:
-        raise ParameterFileError(path, "", f"has {size} bytes; at most {MOST_TEXT} are read: cut it in parts")
-    text = path.read_text(encoding="utf-8-sig")
-    for number, line in enumerate(text.splitlines(), start=1):
-        if len(line) > LONGEST_LINE:
-            raise ParameterFileError(
-                path,
-                f"line {number}",
-                f"has {len(line)} characters; a log has at most {LONGEST_LINE}",
-            )
-    return text

@@ -22,7 +22,7 @@ from twin_gait.conventions import OPENSIM_GAIT2392, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export import export_inverse_dynamics
 from twin_gait.gait.table import TICK
-from twin_gait.replay.tables import read_table
+from twin_gait.runs.log_files import read_table
 from twin_gait.runs.record import load_run
 from twin_gait.vocabulary import JointName, Side
 

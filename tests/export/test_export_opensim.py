@@ -12,7 +12,7 @@ from twin_gait.cli import main
 from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export import export_motion
-from twin_gait.replay.tables import read_table
+from twin_gait.runs.log_files import read_table
 
 
 def small_log(rng) -> pd.DataFrame:

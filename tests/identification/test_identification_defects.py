@@ -88,7 +88,10 @@ def test_a_line_of_units_under_the_names_is_obeyed(tmp_path):
 
 
 REFUSED = {
-    "dates": (text_of().replace("\n0,", "\n2024-01-01,"), "expected a number in row 1, got '2024-01-01'"),
+    "dates": (
+        text_of().replace("\n0,", "\n2024-01-01,"),
+        "expected a finite number in row 1, got '2024-01-01'",
+    ),
     "mark": (text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)), "a mark for a missing value"),
     "unit": (text_of().replace("dq2", "dq2 [counts/s]"), "no unit 'counts/s' of velocity is known"),
     "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "a mark|moves in 1 samples only"),

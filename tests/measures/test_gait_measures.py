@@ -33,7 +33,7 @@ from twin_gait.measures.strides import (
     stride_extremes,
     stride_lengths,
 )
-from twin_gait.replay.tables import read_table
+from twin_gait.runs.log_files import read_table
 from twin_gait.vocabulary import JointName, Side
 
 # ---------------------------------------------------------------- steps

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL, find_convention
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.replay import LogFormat, Recording, read_recording
-from twin_gait.replay.tables import read_table
+from twin_gait.runs.log_files import read_table
 from twin_gait.vocabulary import JointName, Side
 
 HIP, KNEE, ANKLE = JointName.HIP, JointName.KNEE, JointName.ANKLE
@@ -221,7 +221,7 @@ def test_a_mistake_in_a_csv_is_one_line_with_the_file_and_the_column(tmp_path, t
 
 STORAGE_MISTAKES = {
     "no header": ("time\thip\n0\t1\n", "endheader: is missing"),
-    "no names": ("a\nendheader\n\n", "is not a table"),
+    "no names": ("a\nendheader\n\n", "is empty"),
     "missing row": (OPENSIM_TEXT.replace("nRows=3", "nRows=4"), "the header says 4, the file has 3"),
     "missing column": (OPENSIM_TEXT.replace("nColumns=6", "nColumns=7"), "ncolumns: the header says 7"),
     "not a count": (OPENSIM_TEXT.replace("nRows=3", "nRows=many"), "nrows: the header says many"),

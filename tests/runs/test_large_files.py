@@ -16,7 +16,7 @@ from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import LONGEST_RUN
 from twin_gait.gait.table import TICK
 from twin_gait.identification import read_log
-from twin_gait.replay.tables import read_table
+from twin_gait.runs.log_files import read_table
 from twin_gait.runs.record import load_run
 from twin_gait.runs.run_page import read_shown_run
 
@@ -57,7 +57,7 @@ def test_a_run_whose_log_is_too_large_is_refused(read: object, tmp_path: Path, b
 
 def test_many_columns_count_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pq.write_table(pa.table({name: np.zeros(50) for name in "abc"}), tmp_path / "a.parquet")
-    (tmp_path / "a.csv").write_text("a,b,c\n" + 49 * "1,2,3\n")
+    (tmp_path / "a.csv").write_text("a,b,c\n" + 50 * "1,2,3\n")
     for name in ("a.parquet", "a.csv"):
         assert len(read_table(tmp_path / name).names) == 3
     monkeypatch.setattr(files, "MOST_CELLS", 149)
@@ -90,10 +90,7 @@ def test_identify_refuses_a_line_of_four_megabytes(tmp_path: Path, before: str) 
 
 
 def test_identify_refuses_too_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from twin_gait.identification import reading
-
     (tmp_path / "log.csv").write_text("velocity,friction_torque\n" + "1,2\n" * 50)
     assert len(read_log(tmp_path / "log.csv")) == 50
-    for module in (files, reading):
-        monkeypatch.setattr(module, "MOST_ROWS", 30)
-    assert "31 rows" in refused(read_log, tmp_path / "log.csv")
+    monkeypatch.setattr(files, "MOST_ROWS", 30)
+    assert "50 rows" in refused(read_log, tmp_path / "log.csv")

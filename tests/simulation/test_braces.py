@@ -25,9 +25,9 @@ from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
 from twin_gait.parameters import BraceParameters, SpringDamper
-from twin_gait.replay.tables import read_table
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles, draw_energy
+from twin_gait.runs.log_files import read_table
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.episode import Episode

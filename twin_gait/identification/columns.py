@@ -5,10 +5,10 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from pathlib import Path
 from typing import NamedTuple
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.runs.log_files import LogTable
 
 
 class Quantity(StrEnum):
@@ -55,7 +55,6 @@ KINDS: Mapping[Quantity, Kind] = {
     Quantity.MASS: Kind(("mass", "weight"), {"kg": 1.0, "g": 1e-3}, 200.0),
 }
 
-LISTED = 12  # columns that a message names
 _SHORT_UNIT, _NO_UNIT = 3, ("-", "1", "SI", "raw")
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 _RATE = re.compile(r"_([A-Za-z]+_per_[A-Za-z]+)$")
@@ -115,59 +114,48 @@ class LogColumns:
             _factor_of(unit, quantity)
 
 
-def places_of(path: Path, names: tuple[str, ...], columns: LogColumns) -> dict[Quantity, tuple[int, float]]:
-    """Position of the column of each quantity, and the factor to SI with the sign."""
-    places: dict[Quantity, tuple[int, float]] = {}
+def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
+    """Name of the column of each quantity, and the factor to SI with the sign."""
+    found: dict[Quantity, tuple[str, float]] = {}
     for quantity in Quantity:
         asked, sign = columns.names.get(quantity), 1.0
         if asked is None:
-            place = _known_column(names, quantity)
+            name = _known_column(table.names, quantity)
         else:
-            if asked.startswith("-") and asked not in names:
+            if asked.startswith("-") and asked not in table:
                 sign, asked = -1.0, asked[1:].strip()
-            place = _position(path, names, asked)
-        if place is None:
+            name = table.full_name(asked)
+        if name is None:
             continue
-        twice = next((other for other, (held, _) in places.items() if held == place), None)
+        twice = next((other for other, (held, _) in found.items() if held == name), None)
         if twice is not None:
-            raise ParameterFileError(path, names[place], f"is given for {twice} and {quantity}")
-        places[quantity] = (place, sign * _factor(path, names[place], quantity, columns.units.get(quantity)))
-    return places
+            raise ParameterFileError(table.source, name, f"is given for {twice} and {quantity}")
+        found[quantity] = (name, sign * _factor(table.source, name, quantity, columns.units.get(quantity)))
+    return found
 
 
-def _position(path: Path, names: tuple[str, ...], name: str) -> int:
-    known = [place for place, known in enumerate(names) if known == name]
-    known = known or [place for place, known in enumerate(names) if known.split("[")[0].strip() == name]
-    if not known:
-        shown = ", ".join(names[:LISTED]) + (" …" if len(names) > LISTED else "")
-        raise ParameterFileError(path, name, f"no such column; there are {shown}")
-    if len(known) > 1:
-        raise ParameterFileError(path, name, f"{len(known)} columns have this name")
-    return known[0]
-
-
-def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
-    """Position of the column whose name is the quantity's; an optional one in a strange unit is left."""
+def _known_column(names: tuple[str, ...], quantity: Quantity) -> str | None:
+    """The column whose name is the quantity's; an optional one in a strange unit is left."""
     headings = [_read_heading(name, quantity) for name in names]
     plain = [heading.name.strip().lower().replace(" ", "_") for heading in headings]
     for known in KINDS[quantity].names:
         if plain.count(known) == 1:
             place = plain.index(known)
             optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-            return None if optional and headings[place].strange else place
+            return None if optional and headings[place].strange else names[place]
     return None
 
 
-def _factor(path: Path, column: str, quantity: Quantity, given: str | None) -> float:
+def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
     """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
     units, (_, stated, strange) = KINDS[quantity].units, _read_heading(column, quantity)
     if strange is not None and given is None:
         text = f"no unit {strange!r} of {quantity} is known; give one of {', '.join(units)} with --units"
-        raise ParameterFileError(path, column, f"{text} {quantity}=…")
+        raise ParameterFileError(source, column, f"{text} {quantity}=…")
     factor = 1.0 if given is None else _factor_of(given, quantity)
     if stated is None:
         return factor
     if given is not None and factor != units[stated]:
         text = f"is in {stated} by its name; leave --units {quantity}={given} out"
-        raise ParameterFileError(path, column, text)
+        raise ParameterFileError(source, column, text)
     return units[stated]

@@ -14,7 +14,7 @@ from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Conventi
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.replay.recording import Recording, at_ticks
-from twin_gait.replay.tables import LogTable, read_table
+from twin_gait.runs.log_files import LogTable, read_table
 from twin_gait.vocabulary import JointName, Side
 
 TIME = "time"
@@ -123,8 +123,8 @@ class _Reader:
 
     def _column(self, quantity: str, *usual: str) -> str | None:
         """The column that was named for a quantity, or else the first of its usual ones that there is."""
-        present = (name for name in usual if name in self.table)
-        return self.log_format.columns.get(quantity) or next(present, None)
+        asked = self.log_format.columns.get(quantity)
+        return self.table.full_name(asked) if asked else next(filter(self.table.__contains__, usual), None)
 
     def _convention(self) -> Convention:
         log_format, source = self.log_format, self.table.source

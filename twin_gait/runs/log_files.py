@@ -1,0 +1,245 @@
+"""Read log files as columns: parquet, motion files of OpenSim (.mot, .sto) and any other table of text.
+
+The header of a motion file states ``nRows``, ``nColumns`` and ``inDegrees`` as ``key=value``; files of the
+older SIMM form state ``datarows`` and ``datacolumns`` and no unit. A name may stand over several columns.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import warnings
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from twin_gait.conventions import DEGREES, RADIANS
+from twin_gait.exceptions import ParameterFileError
+from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_parquet, require_table_size
+
+_SEPARATORS, _BLANKS = ",;\t", r"\s+"
+_REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines that may stand above the names
+_MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
+_LISTED = 12  # columns that a message names
+END_OF_HEADER = "endheader"
+_ROWS, _COLUMNS, _DEGREES = "nrows", "ncolumns", "indegrees"
+_SIMM = {"datarows": _ROWS, "datacolumns": _COLUMNS}
+_UNITS = {"yes": DEGREES, "no": RADIANS}
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class LogTable:
+    """Columns of a log file."""
+
+    source: str  # the file, for messages
+    names: tuple[str, ...]  # of the columns, in order; a name may occur twice
+    frame: pd.DataFrame  # the columns, in the same order
+    unit: str | None = None  # of angles, if the file states it: ``rad`` or ``deg``
+    opensim: bool = False  # whether it is a motion file of OpenSim
+    decimal: str = "."  # what stands before the decimals of a number
+    remarks: tuple[str, ...] = ()  # lines above the names
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is a column of that name."""
+        return name in self.names
+
+    def numbers(self, name: str, *, gaps: bool = False) -> np.ndarray:
+        """A column of finite numbers; with ``gaps`` NaN where a cell says that there is none."""
+        cells = self._column(name)
+        values = np.array([number_of(item, self.decimal) for item in cells])
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if gaps:
+            wrong = wrong[[not is_missing(item) for item in cells.iloc[wrong]]]
+        if len(wrong):
+            row = int(wrong[0])
+            found = " ".join(str(cells.iloc[row]).split())[:40]
+            text = f"expected a finite number in row {row + 1}, got {found!r}"
+            raise ParameterFileError(self.source, name, text)
+        return values
+
+    def words(self, name: str) -> np.ndarray:
+        """A column of names."""
+        return np.array([str(item).strip() for item in self._column(name)], dtype=object)
+
+    def full_name(self, name: str) -> str:
+        """The name of a column that is asked for with or without the unit in brackets behind it."""
+        known = [full for full in self.names if name in (full, bare_name(full))]
+        return name if name in self.names else self._only(known, name)
+
+    def listed(self) -> str:
+        """Names of the columns for a message."""
+        more = f" and {len(self.names) - _LISTED} more" if len(self.names) > _LISTED else ""
+        return ", ".join(self.names[:_LISTED]) + more
+
+    def _column(self, name: str) -> pd.Series:
+        places = [place for place, known in enumerate(self.names) if known == name]
+        return self.frame.iloc[:, self._only(places, name)]
+
+    def _only(self, found: Sequence[T], name: str) -> T:
+        if len(found) != 1:
+            text = f"{len(found)} columns have this name"
+            text = text if found else f"no such column; there are {self.listed()}"
+            raise ParameterFileError(self.source, name, text)
+        return found[0]
+
+
+def bare_name(column: str) -> str:
+    """Name of a column without the unit in brackets behind it."""
+    return column.split("[")[0].strip(' "')
+
+
+def is_missing(cell: Any) -> bool:
+    """Whether a cell says that there is no number."""
+    return str(cell).strip().lower() in _MISSING
+
+
+def number_of(cell: Any, decimal: str = ".") -> float:
+    """Value of a cell to the last digit; NaN if it holds no number."""
+    try:
+        return float(cell.replace(decimal, ".") if isinstance(cell, str) else cell)
+    except (ValueError, TypeError, OverflowError):
+        return math.nan
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell holds a number."""
+    return not math.isnan(number_of(cell, decimal))
+
+
+def read_table(path: Path) -> LogTable:
+    """Read a log file of one of the known formats, by the ending of its name."""
+    readers: dict[str, Callable[[Path], LogTable]] = {
+        ".parquet": _read_parquet,
+        ".csv": read_text_table,
+        ".mot": _read_storage,
+        ".sto": _read_storage,
+    }
+    reader = readers.get(path.suffix.lower())
+    if not path.is_file():
+        raise ParameterFileError(path, "", "no such log; expected a run directory or a file")
+    if reader is None:
+        raise ParameterFileError(path, "", f"unknown format; expected one of {', '.join(readers)}")
+    return reader(path)
+
+
+def _read_parquet(path: Path) -> LogTable:
+    try:
+        frame = read_parquet(path)
+    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
+        raise ParameterFileError(path, "", f"is not a parquet table ({_short(error)})") from error
+    return LogTable(str(path), tuple(str(name) for name in frame.columns), frame)
+
+
+def read_text_table(path: Path, asked: Collection[str] = ()) -> LogTable:
+    """Read a table of text with commas, semicolons, tabs or blanks between its cells.
+
+    Lines above the one with all the names that are ``asked`` for, and comments, are passed over. A table
+    without names has numbered columns.
+    """
+    lines = _lines(path)
+    start = _first_row(lines, asked)
+    first, following = (*lines[start : start + 2], "", "")[:2]
+    separator = max(_SEPARATORS, key=first.count)
+    separator = separator if separator in first else _BLANKS
+    decimal = "," if separator != "," and "," in following and "." not in following else "."
+    frame = _cells(path, [line.removesuffix(separator) for line in lines[start:]], separator)
+    names = tuple(frame.iloc[0].str.strip())
+    if all(is_missing(name) or is_number(name, decimal) for name in names):
+        names = tuple(str(number + 1) for number in range(len(names)))
+    else:
+        frame = frame.iloc[1:]
+    return LogTable(str(path), names, frame, decimal=decimal, remarks=tuple(lines[:start]))
+
+
+def _first_row(lines: Sequence[str], asked: Collection[str]) -> int:
+    """The line with the names, or with the first numbers of a table without."""
+    used = (number for number, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in _REMARKS)
+    first = next(used, len(lines))
+    for number, line in enumerate(lines[first : first + _PREAMBLE], start=first):
+        for separator in (*_SEPARATORS, None):
+            if asked and set(asked) <= {bare_name(cell) for cell in line.split(separator)}:
+                return number
+    return first
+
+
+def _read_storage(path: Path) -> LogTable:
+    lines = [line.strip() for line in _lines(path)]
+    end = next((number for number, line in enumerate(lines) if line.lower() == END_OF_HEADER), None)
+    if end is None:
+        raise ParameterFileError(path, END_OF_HEADER, "is missing; expected an OpenSim .mot or .sto file")
+    header = _header(lines[:end])
+    frame = _cells(path, lines[end + 1 :], _BLANKS)
+    names, frame = tuple(frame.iloc[0]), frame.iloc[1:]
+    short = np.flatnonzero((frame == "").any(axis=1))
+    if len(short):
+        text = f"expected {len(names)} numbers, one a column, and there are fewer"
+        raise ParameterFileError(path, f"row {short[0] + 1}", text)
+    for key, found in ((_ROWS, len(frame)), (_COLUMNS, len(names))):
+        stated = header.get(key, str(found))
+        if number_of(stated) != found:
+            text = f"the header says {stated[:40]}, the file has {found}; is it complete?"
+            raise ParameterFileError(path, key, text)
+    degrees = header.get(_DEGREES)
+    if degrees is not None and degrees.lower() not in _UNITS:
+        raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {degrees[:40]!r}")
+    unit = None if degrees is None else _UNITS[degrees.lower()]
+    return LogTable(str(path), names, frame, unit, opensim=True)
+
+
+def _header(lines: Sequence[str]) -> dict[str, str]:
+    header = {}
+    for line in lines:
+        key, _, value = line.partition("=") if "=" in line else line.partition(" ")
+        name = key.strip().lower()
+        header[_SIMM.get(name, name)] = value.strip()
+    return header
+
+
+def _lines(path: Path) -> list[str]:
+    """Lines of a text, unless it or one of them is larger than that of any log of a walk."""
+    if not path.is_file():
+        raise ParameterFileError(path, "", "no such file")
+    try:
+        size = path.stat().st_size
+        if size > MOST_TEXT:
+            text = f"has {size} bytes; at most {MOST_TEXT} are read: cut it in parts"
+            raise ParameterFileError(path, "", text)
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ParameterFileError(path, "", f"cannot be read ({error.strerror or error})") from error
+    except UnicodeDecodeError as error:
+        raise ParameterFileError(path, "", "is not UTF-8 text") from error
+    if "\0" in text:
+        raise ParameterFileError(path, "", "is not a text file")
+    lines = text.splitlines()
+    for number, line in enumerate(lines, start=1):
+        if len(line) > LONGEST_LINE:
+            text = f"is too long: {len(line)} characters; a log has at most {LONGEST_LINE}"
+            raise ParameterFileError(path, f"line {number}", text)
+    return lines
+
+
+def _cells(path: Path, lines: Sequence[str], separator: str) -> pd.DataFrame:
+    """Cells as they are written, the names in the first row."""
+    if not any(lines):
+        raise ParameterFileError(path, "", "is empty; expected a line of column names and rows of numbers")
+    require_table_size(path, len(lines) - 1, lines[0].count(separator) + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+            return pd.read_csv(
+                io.StringIO("\n".join(lines)), sep=separator, header=None, index_col=False, comment="#",
+                skipinitialspace=True, dtype=str, keep_default_na=False,
+            )  # fmt: skip
+    except (ValueError, TypeError, OverflowError, pd.errors.ParserWarning) as error:
+        raise ParameterFileError(path, "", f"is not a table ({_short(error)})") from error
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:100]
