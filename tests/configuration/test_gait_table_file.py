@@ -260,7 +260,7 @@ MISTAKES = {
     "truth value": ("equilibrium_deg: 12", "equilibrium_deg: yes", "equilibrium_deg", "true"),
     "empty value": (
         "stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg:",
-        "phases.early_stance: hip.stiffness_Nm_per_rad", "is missing",
+        "phases.early_stance.hip: stiffness_Nm_per_rad", "is missing",
     ),
     "list": ("equilibrium_deg: 12", "equilibrium_deg: [12]", "equilibrium_deg", "[12]"),
     "two stiffnesses": (
@@ -273,7 +273,7 @@ MISTAKES = {
     ),
     "no damping": (
         "damping_ratio: 0.7, ", "",
-        "phases.early_stance: hip.damping", "either a damping or a damping_ratio",
+        "phases.early_stance.hip: damping", "either a damping or a damping_ratio",
     ),
     "no gain": (", friction_compensation_gain: 0.35}", "}", "friction_compensation_gain", "missing"),
     "joint missing": (

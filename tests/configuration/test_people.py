@@ -110,7 +110,7 @@ MISTAKES = {
     "patient.both.knee={contracture_deg: 5, contracture_rad: 0.1}": (
         "patient.both.knee: expected exactly one of contracture_deg or contracture_rad"
     ),
-    "patient.effort_delay_ms=2000": "patient.effort_delay_ms: expected 0 to 1 s, got 2000 ms",
+    "patient.effort_delay_ms=2000": "patient.effort_delay_ms: expected 0 to 1 s, got 2000",
     "patient.effort_noise=.nan": "patient.effort_noise: .*finite",
     "patient=nobody": "patient: no person 'nobody': neither a file nor one of complete_sci, healthy,",
     "patient={preset: 7}": "patient: no person '7'",

@@ -123,4 +123,6 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
         "Experiment.table",
         "Patient.conditions",
         "PhaseParameters.joints",
+        "Transition.guard",
+        "Transition.time_out_ticks",
     }

@@ -82,10 +82,10 @@ def test_experiment_survives_its_own_document(mode):
     ("setting", "message"),
     [
         ("control.mode=magic", r"control\.mode: .*'position', got 'magic'"),
-        ("control.assistance.knee=1.5", r"assistance\.share of the knee: .*from 0 to 1, got 1\.5"),
+        ("control.assistance.knee=1.5", r"control\.assistance\.knee: .*from 0 to 1, got 1\.5"),
         ("control.assistance.help=1", r"control\.assistance\.help"),
         ("control.path.damping_ratio=-1", r"path\.damping_ratio: .*got -1$"),
-        ("control.path.stiffness_Nm_per_deg={hip: -5}", r"path\.stiffness of the hip: .*0 or more"),
+        ("control.path.stiffness_Nm_per_deg={hip: -5}", r"path\.stiffness_Nm_per_deg\.hip: .*0 or more"),
     ],
 )
 def test_mistake_in_the_control_block_is_one_line(setting, message):
@@ -98,7 +98,7 @@ def test_stiffness_in_two_units_is_refused():
     document = experiment_document(experiment())
     document["control"]["path"]["stiffness_Nm_per_deg"] = {"hip": 5, "knee": 5}
     with pytest.raises(
-        TwinGaitError, match=r"file: control: .* one of stiffness_Nm_per_rad or stiffness_Nm_per_deg"
+        TwinGaitError, match=r"file: control\.path: .* one of stiffness_Nm_per_rad or stiffness_Nm_per_deg"
     ):
         experiment_from_mapping(document, "file", Path())
 

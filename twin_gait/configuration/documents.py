@@ -14,18 +14,8 @@ import yaml
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.readers import section_of
 from twin_gait.experiment import Experiment
-from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.modes import Mode, ModeTable
-from twin_gait.gait.table import (
-    TICK,
-    Blending,
-    DrivenBy,
-    GaitTable,
-    PhaseParameters,
-    Scaling,
-    Transition,
-    Waiver,
-)
+from twin_gait.gait.table import Blending, GaitTable, PhaseParameters, Scaling, Transition, Waiver
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:
@@ -68,7 +58,7 @@ def _document(table: GaitTable | ModeTable, own: dict[str, Any], rest: dict[str,
         "description": table.description,
         "joints": list(table.joints),
         **own,
-        "transitions": [transition_document(item) for item in table.transitions],
+        "transitions": [section_of(Transition).document(item) for item in table.transitions],
         **rest,
     }
     if table.waivers:
@@ -78,31 +68,6 @@ def _document(table: GaitTable | ModeTable, own: dict[str, Any], rest: dict[str,
 
 def _phases(phases: Mapping[str, PhaseParameters]) -> dict[str, Any]:
     return {name: section_of(PhaseParameters).document(phase) for name, phase in phases.items()}
-
-
-def transition_document(item: Transition) -> dict[str, Any]:
-    """A transition as an entry of a table's file."""
-    document: dict[str, Any] = {"from": item.source, "to": item.target, "cause": item.cause}
-    document["debounce_ms"] = item.debounce_ticks
-    if isinstance(item.guard, AllOf) and item.guard.guards:
-        document["all"] = [_guard(inner) for inner in item.guard.guards]
-    elif isinstance(item.guard, AnyOf):
-        document["any"] = [_guard(inner) for inner in item.guard.guards]
-    elif not isinstance(item.guard, AllOf):
-        document["all"] = [_guard(item.guard)]
-    if item.time_out_ticks is not None:
-        document["after_s"] = round(item.time_out_ticks * TICK, 3)
-    if item.driven_by is not DrivenBy.JOINT:
-        document["driven_by"] = str(item.driven_by)
-    return document
-
-
-def _guard(guard: Guard) -> Any:
-    if isinstance(guard, AllOf):
-        return {"all": [_guard(inner) for inner in guard.guards]}
-    if isinstance(guard, AnyOf):
-        return {"any": [_guard(inner) for inner in guard.guards]}
-    return str(guard)
 
 
 def experiment_document(experiment: Experiment) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Experiments as YAML: the section of an experiment, with its gait table, and its conversion to SI."""
 
 from collections.abc import Mapping
-from dataclasses import MISSING, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,15 +9,14 @@ from typing import Any, NamedTuple
 from pydantic import create_model
 
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, mode_table_from_mapping
-from twin_gait.configuration.readers import section_of
-from twin_gait.configuration.validation import converting, validate
-from twin_gait.exceptions import ModelError, ParameterError, ParameterFileError
-from twin_gait.experiment import Experiment, default_integration
+from twin_gait.configuration.readers import section_of, type_of
+from twin_gait.configuration.validation import converting, refuse_two_units, validate
+from twin_gait.exceptions import ModelError, ParameterFileError
+from twin_gait.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
-from twin_gait.parameters import NetworkParameters
-from twin_gait.parameters.quantities import AsInFile, declarations
-from twin_gait.worlds import LegSource, world_kinds, world_of
+from twin_gait.parameters.quantities import declarations
+from twin_gait.worlds import world_kinds, world_of
 
 
 class Converted(NamedTuple):
@@ -35,37 +34,40 @@ def experiment_from_mapping(
     ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
     converted again, which takes most of the time.
     """
-    entry: Any = validate(_file_about(data.get("scenario"), source), data, source)
+    if like is None:
+        refuse_two_units(data, source)  # before one of them is laid over a default in the other
+    known = {} if like is None else _known(data, like)
+    entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
+    found: dict[str, Any] = {**entry.values(), "scenario": entry.scenario}
     # A table without a name has the experiment's.
-    named = like if like is not None and entry.name == like.experiment.name else None
-    table = (
-        named.experiment.table
-        if named is not None and data["table"] is named.document["table"]
-        else gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
-    )
-    if like is not None and data["scenario"] is like.document.get("scenario"):
-        scenario = like.experiment.scenario
+    if like is not None and entry.name == like.experiment.name and data["table"] is like.document["table"]:
+        found["table"] = like.experiment.table
     else:
-        scenario = converting(source, "scenario", entry.scenario.convert)
-    found: dict[str, Any] = {"table": table, "scenario": scenario}
+        found["table"] = gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
     if entry.modes is not None:
         found["modes"] = mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
-    for item in declarations(Experiment):
-        key = next((key for key in item.keys if key in data), item.key)
-        if item.mark(AsInFile) or key not in data:
-            continue
-        if like is not None and isinstance(data[key], dict) and data[key] is like.document.get(key):
-            found[item.name] = getattr(like.experiment, item.name)
-        else:
-            found[item.name] = _value(entry, item, found, source, folder)
-    provenance = entry.provenance
-    if provenance is not None and provenance.urdf_sha256 is not None:
-        wanted = provenance.urdf_sha256
-        converting(source, "provenance.urdf_sha256", lambda: _check_hash(found["leg"].urdf, wanted))
+    if entry.integration is not None:
+        braced, engine = found.get("interface") is not None, found.get("engine", Engine.COMPILED)
+        standard, own = default_integration(engine, entry.scenario, braced=braced), entry.integration.values()
+        found["integration"] = converting(source, "integration", lambda: replace(standard, **own))
     if data.get("patient") is None:
         found["patient"] = None
-    present = {name: value for name, value in found.items() if value is not MISSING}
-    return converting(source, "", lambda: Experiment(**present))
+    _find_files(found, source, folder)
+    wanted = None if entry.provenance is None else entry.provenance.urdf_sha256
+    if wanted is not None:
+        converting(source, "provenance.urdf_sha256", lambda: _check_hash(found["leg"].urdf, wanted))
+    return converting(source, "", lambda: Experiment(**found))
+
+
+def _known(data: Mapping[str, Any], like: Converted) -> dict[str, Any]:
+    """Sections that are the very same as in another mapping, as they were converted there."""
+    return {
+        item.key: getattr(like.experiment, item.name)
+        for item in declarations(Experiment)
+        if item.key not in ("table", "modes", "integration")
+        and isinstance(data.get(item.key), dict)
+        and data[item.key] is like.document.get(item.key)
+    }
 
 
 def _file_about(scenario: Any, source: str) -> Any:
@@ -82,35 +84,19 @@ def _file_about(scenario: Any, source: str) -> Any:
 
 @cache
 def _section_in(world: type[Any]) -> Any:
-    model: Any = create_model(
-        "Experiment", __base__=section_of(Experiment), scenario=(section_of(world), ...)
-    )
-    model.parameters = Experiment
-    return model
+    return create_model("Experiment", __base__=section_of(Experiment), scenario=(type_of(world), ...))
 
 
-def _value(entry: Any, item: Any, found: Mapping[str, Any], source: str, folder: Path) -> Any:
-    """Value of a field of the experiment, files that it names looked for beside it."""
-    beneath = None if item.default is MISSING else item.default
-
-    def convert() -> Any:
-        if item.name == "integration":
-            braced = entry.interface is not None and entry.interface.kind == "brace"
-            standard = default_integration(entry.engine, found["scenario"], braced=braced)
-            return None if entry.integration is None else entry.integration.convert(standard)
-        value = entry.value_of(item, beneath, named=False)
-        if isinstance(value, LegSource):
-            value = replace(value, urdf=_beside(folder, value.urdf))
-            find_urdf(value.urdf)
-        if isinstance(value, NetworkParameters):
-            value = replace(value, dbc=_beside(folder, value.dbc))
-            try:
-                find_dbc(value.dbc)
-            except ParameterFileError as error:
-                raise ParameterError(f"dbc: {error}") from error
-        return value
-
-    return converting(source, item.key, convert)
+def _find_files(found: dict[str, Any], source: str, folder: Path) -> None:
+    """Look for the files that an experiment names, beside its own file first."""
+    leg = found["leg"] = replace(found["leg"], urdf=_beside(folder, found["leg"].urdf))
+    converting(source, "leg", lambda: find_urdf(leg.urdf))
+    if found.get("network") is not None:
+        network = found["network"] = replace(found["network"], dbc=_beside(folder, found["network"].dbc))
+        try:
+            find_dbc(network.dbc)
+        except ParameterFileError as error:
+            raise ParameterFileError(source, "network.dbc", str(error)) from error
 
 
 def _beside(folder: Path, name: str) -> str:

@@ -6,13 +6,11 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
-from twin_gait.configuration.readers import section_of
+from twin_gait.configuration.readers import section_of, type_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import (
-    Count,
-    Number,
     Strict,
     converting,
     merge,
@@ -31,42 +29,20 @@ from twin_gait.vocabulary import GaitPhase, Side
 SCHEMA_VERSION = 1
 
 
+_Blending: Any = type_of(table.Blending)
+_Scaling: Any = type_of(table.Scaling)
+_Waiver: Any = type_of(table.Waiver)
+_Mode: Any = type_of(Mode)
+_Transition: Any = section_of(table.Transition)
+
+
 @lru_cache
 def phase_section(joints: tuple[str, ...]) -> Any:
     """The section of a phase of a table for some joints."""
-    fields: dict[str, Any] = dict.fromkeys(joints, (_Joint, ...))
+    fields: dict[str, Any] = dict.fromkeys(joints, (type_of(table.JointImpedance), ...))
     section: Any = create_model("Phase", __base__=section_of(table.PhaseParameters), **fields)
     section.joints = joints
     return section
-
-
-_Joint, _Blending, _Scaling, _Waiver = (  # sections made from what the classes declare
-    section_of(kind) for kind in (table.JointImpedance, table.Blending, table.Scaling, table.Waiver)
-)
-
-
-class TransitionEntry(Strict):
-    """One entry of the transition list."""
-
-    from_: str = Field(alias="from")
-    to: str
-    cause: str = Field(min_length=1)
-    all: list[Any] | None = None
-    any: list[Any] | None = None
-    after_s: Number | None = Field(
-        default=None, gt=table.TICK / 2, le=table.LONGEST * table.TICK
-    )  # rounded to ticks
-    debounce_ms: Count | None = Field(default=None, ge=1, le=table.LONGEST)
-    driven_by: table.DrivenBy = table.DrivenBy.JOINT
-    remove: bool = False
-
-    @model_validator(mode="after")
-    def _one_condition(self) -> TransitionEntry:
-        if self.remove:
-            raise ValueError("remove: there is nothing inherited to remove; it goes with extends")
-        if self.all is not None and self.any is not None:
-            raise ValueError("give either all or any at this level; nest the other inside it")
-        return self
 
 
 class _TableFile(Strict):
@@ -75,14 +51,13 @@ class _TableFile(Strict):
     schema_version: Literal[1]
     name: str | None = None
     description: str = ""
-    transitions: list[TransitionEntry]
-    waive: list[_Waiver] = Field(default_factory=list)  # type: ignore[valid-type]
+    transitions: list[_Transition]
+    waive: list[_Waiver] = Field(default_factory=list)
 
     def shared(
         self, name: str, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords, source: str
     ) -> dict[str, Any]:
         """What both kinds of tables have, in SI; ``members`` are what guards may ask for by name."""
-        waivers: list[Any] = self.waive
         transitions = [
             converting(source, f"transitions[{index}]", partial(_transition, entry, joints, members, words))
             for index, entry in enumerate(self.transitions)
@@ -92,7 +67,7 @@ class _TableFile(Strict):
             "joints": joints,
             "description": self.description,
             "transitions": tuple(transitions),
-            "waivers": tuple(converting(source, "", item.convert) for item in waivers),
+            "waivers": tuple(self.waive),
         }
 
 
@@ -100,8 +75,8 @@ class GaitTableFile(_TableFile):
     """A gait table file."""
 
     joints: list[str] = Field(min_length=1)
-    blending: _Blending = _Blending()  # type: ignore[valid-type]
-    scaling: _Scaling = _Scaling()  # type: ignore[valid-type]
+    blending: _Blending = table.Blending()
+    scaling: _Scaling = table.Scaling()
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
     cycles: list[list[str]] = Field(default_factory=list)
     postures: list[str] = Field(default_factory=list)
@@ -154,9 +129,9 @@ def gait_table_from_mapping(
         lambda: kind(
             **shared,
             phases=phases,
-            blending=entry.blending.convert(),
+            blending=entry.blending,
             side_phases=side_phases,
-            scaling=entry.scaling.convert(),
+            scaling=entry.scaling,
             cycles=tuple(tuple(cycle) for cycle in entry.cycles),
             postures=tuple(entry.postures),
         ),
@@ -165,29 +140,19 @@ def gait_table_from_mapping(
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
-    try:
-        entry: Any = validate(phase_section(joints), values, source)
-    except ParameterFileError as error:
-        raise ParameterFileError(source, f"{key}.{error.key}".rstrip("."), error.problem) from error
+    entry: Any = validate(phase_section(joints), values, source, key)
     phase: table.PhaseParameters = converting(source, key, entry.convert)
     return phase
 
 
 def _transition(
-    entry: TransitionEntry, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords
+    entry: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords
 ) -> table.Transition:
     listed = entry.any if entry.all is None else entry.all
     guards = tuple(_guard(item, joints, members, words) for item in listed or ())
     some = entry.all is None and entry.any is not None
-    return table.Transition(
-        source=entry.from_,
-        target=entry.to,
-        cause=entry.cause,
-        guard=AnyOf(guards=guards) if some else AllOf(guards=guards),
-        debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
-        time_out_ticks=None if entry.after_s is None else round(entry.after_s / table.TICK),
-        driven_by=entry.driven_by,
-    )
+    guard = AnyOf(guards=guards) if some else AllOf(guards=guards)
+    return table.Transition(**entry.values(), guard=guard)
 
 
 def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords) -> Guard:
@@ -203,16 +168,13 @@ def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: 
     )
 
 
-_Mode = section_of(Mode)
-
-
 class ModeTableFile(_TableFile):
     """A file of operating modes."""
 
     joints: list[str] = Field(default=["hip", "knee"], min_length=1)
     requests: list[str]
     hold: str
-    modes: dict[str, _Mode] = Field(min_length=2)  # type: ignore[valid-type]
+    modes: dict[str, _Mode] = Field(min_length=2)
 
 
 def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> ModeTable:
@@ -223,10 +185,8 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     entry: Any = validate(ModeTableFile, data, source)
     requests = tuple(entry.requests)
     shared = entry.shared(name, tuple(entry.joints), requests, MODE_WORDS, source)
-    modes = {key: converting(source, f"modes.{key}", mode.convert) for key, mode in entry.modes.items()}
-    return converting(
-        source, "", lambda: ModeTable(**shared, phases=modes, requests=requests, hold=entry.hold)
-    )
+    own = {"phases": entry.modes, "requests": requests, "hold": entry.hold}
+    return converting(source, "", lambda: ModeTable(**shared, **own))
 
 
 def packaged_mode_tables() -> list[str]:

@@ -1,9 +1,11 @@
 """JSON Schemas of experiment and gait-table files, by which editors complete and check them."""
 
+from itertools import combinations
 from typing import Any
 
 from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile, phase_section
 from twin_gait.configuration.readers import section_of
+from twin_gait.configuration.validation import quantity_of
 from twin_gait.experiment import Experiment
 from twin_gait.parameters.quantities import Word, declarations
 from twin_gait.vocabulary import JointName
@@ -12,7 +14,6 @@ from twin_gait.worlds import world_kinds, world_of
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # What a text of a guard looks like; which signals there are depends on the table.
 _GUARD = r"^[^<>]+[<>]\s*[-+.\d][^<>]*$|^\s*(other\.phase|request)\s+in\s*\[[^\]]+\]\s*$"
-_LIMITS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # in the words of JSON Schema
 
 
 def comment_for(kind: str) -> str:
@@ -67,7 +68,7 @@ def _table() -> dict[str, Any]:
              "additionalProperties": False},
         ]
     }  # fmt: skip
-    defined["TransitionEntry"]["properties"] |= {"all": guards, "any": guards}
+    defined["Transition"]["properties"] |= {"all": guards, "any": guards}
     sides = {
         "type": "object",
         "properties": {"left": by_name, "right": by_name},
@@ -80,20 +81,21 @@ def _table() -> dict[str, Any]:
 def _modes(defined: dict[str, Any]) -> dict[str, Any]:
     """Schema of a table of modes, its guards as those of a gait table."""
     schema: dict[str, Any] = _lenient(ModeTableFile.model_json_schema())
-    shared = {name: defined[name] for name in ("Guard", "TransitionEntry")}
+    shared = {name: defined[name] for name in ("Guard", "Transition")}
     return {**schema, "$defs": schema["$defs"] | shared}
 
 
 def _lenient(schema: Any) -> Any:
-    """The same in the words of JSON Schema, without required keys but for pairs of which one may be given."""
+    """The same without required keys; of the keys of a quantity in several units one at most may be given."""
     if isinstance(schema, list):
         return [_lenient(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    return {
-        _LIMITS.get(key, key) if isinstance(value, (float, int)) else key: (
-            value if key == "not" else _lenient(value)
-        )
+    found = {
+        key: _lenient(value)
         for key, value in schema.items()
         if key != "required" or not isinstance(value, list)
     }
+    keys = schema.get("properties", {})
+    pairs = [list(pair) for pair in combinations(keys, 2) if len(set(map(quantity_of, pair))) == 1]
+    return found | ({"allOf": [{"not": {"required": pair}} for pair in pairs]} if pairs else {})

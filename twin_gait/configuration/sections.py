@@ -1,70 +1,72 @@
 """Sections of a file, made from the declarations of frozen parameters: keys with units, both ways.
 
 A quantity may be given in one of its units, ``amplitude_deg`` or ``amplitude_rad``. A key that is left out,
-or null, keeps what is underneath: the default of the parameters that the section is a part of.
+or null, keeps its default; a section or mapping is laid over its default.
 """
 
 import math
 import types
-from collections.abc import Mapping
-from dataclasses import MISSING, replace
-from functools import cache, partial, reduce
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING
+from functools import reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BeforeValidator, Field, WrapValidator, create_model, model_validator
 
-from twin_gait.configuration.validation import Count, Number, Strict
+from twin_gait.configuration.validation import Count, Number, Strict, merge
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import (
+    AsInFile,
+    Declaration,
+    Inline,
+    Named,
+    Notation,
+    Parameters,
+    Range,
+    UnitInside,
+    Word,
+    declarations,
+)
 
 _PLAIN = {float: Number, int: Count}
-# Null in a file.
-_ENDLESS = AfterValidator(lambda value: math.inf if value is None else value)
 
 
 class Section(Strict):
     """A section whose keys are the declared fields of a frozen dataclass with their units.
 
-    Subclasses are made by :func:`section_of`; a field that is :class:`AsInFile` is read and written by the
-    class that is registered with :func:`reads`.
+    Subclasses are made by :func:`section_of`; what is validated in their fields is in SI. A field that is
+    :class:`AsInFile` is read and written by the class that is registered with :func:`reads`.
     """
 
     parameters: ClassVar[type[Any]]
+    defaults: ClassVar[Mapping[str, Any]] = {}  # what sections and mappings inside are laid over
+    inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields that are :class:`Inline`
 
-    def value_of(self, item: quantities.Declaration, beneath: Any, *, named: bool = True) -> Any:
-        """Value of a declared field in SI over what is ``beneath``; ``MISSING`` where none is given.
+    @model_validator(mode="before")
+    @classmethod
+    def _over_defaults(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            return data
+        given = {key: data[key] for key in cls.defaults if isinstance(data.get(key), Mapping)}
+        return {**data, **{key: merge(cls.defaults[key], value) for key, value in given.items()}}
 
-        ``named``: whether its key stands in front of what is wrong inside it.
-        """
-        if item.mark(quantities.AsInFile):
-            return MISSING
-        form, keys = form_of(item), item.keys
-        if item.mark(quantities.Inline):
-            given: Any = {key: getattr(self, key) for key in form.keys if key in self.model_fields_set}
-            return form.read_keys(given, beneath)
-        found = [key for key in keys if key in self.model_fields_set and getattr(self, key) is not None]
-        if len(found) > 1:
-            raise ParameterError(f"expected exactly one of {' or '.join(keys)}, got {found}")
-        if not found:
-            return MISSING
-        key = found[0] if named else ""
-        return within(key, form.read, getattr(self, found[0]), keys[found[0]], beneath)
+    def values(self) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        found = {name: read(self) for name, read in self.inline.items()}
+        for item in declarations(self.parameters):
+            values = {key: getattr(self, key) for key in item.keys if key in self.model_fields_set}
+            given = [key for key, value in values.items() if value is not MISSING]
+            if len(given) > 1:
+                raise ParameterError(f"expected exactly one of {' or '.join(item.keys)}, got {given}")
+            if given and not item.mark(AsInFile):
+                found[item.name] = values[given[0]]
+        return found
 
-    def values(self, default: Any = None) -> dict[str, Any]:
-        """Fields that are given, in SI; parts of ``default`` beneath may stay as they are."""
-        found = {}
-        for item in quantities.declarations(self.parameters):
-            beneath = item.default if default is None else getattr(default, item.name)
-            found[item.name] = self.value_of(item, None if beneath is MISSING else beneath)
-        return {name: value for name, value in found.items() if value is not MISSING}
-
-    def convert(self, default: Any = None) -> Any:
-        """The parameters in SI, over those underneath, if there are any."""
-        if default is not None and type(default) is self.parameters:
-            return replace(default, **self.values(default))
+    def convert(self) -> Any:
+        """The parameters in SI."""
         values = self.values()
-        for item in quantities.declarations(self.parameters):
+        for item in declarations(self.parameters):
             if item.default is MISSING and item.name not in values:
                 raise ParameterError(f"{next(iter(item.keys))}: is missing")
         return self.parameters(**values)
@@ -74,201 +76,152 @@ class Section(Strict):
         """Parameters as the mapping of a file, in SI; reading it gives the same."""
         named = cls.parameters.kind and not cls.parameters.implied
         found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if named else {}
-        for item in quantities.declarations(cls.parameters):
-            value = getattr(parameters, item.name)
-            if item.mark(quantities.Inline):
-                found |= form_of(item).write(value)
-            elif not item.mark(quantities.AsInFile) and (value is not None or item.mark(quantities.Word)):
-                found[next(iter(item.keys))] = form_of(item).write(value)
+        for item in declarations(cls.parameters):
+            value, word = getattr(parameters, item.name), item.mark(Word)
+            if item.mark(Inline):
+                found |= _written(item, value)
+            elif word:
+                section = {} if value is None else _written(item, value)
+                found[item.key] = {"kind": word.without if value is None else word.kind, **section}
+            elif value is not None and not item.mark(AsInFile):
+                found[next(iter(item.keys))] = _written(item, value)
         return found
 
 
-def within(key: str, read: Any, *arguments: Any) -> Any:
-    """What a function gives; in front of what it complains about stands a key."""
-    try:
-        return read(*arguments)
-    except ParameterError as error:
-        joint = "" if not key or str(error).startswith("[") else "."
-        raise ParameterError(f"{key}{joint}{error}") from error
-
-
-class Form:
-    """How a number, a word or a truth value stands in a file."""
-
-    def __init__(self, kind: Any) -> None:
-        """Take what pydantic checks a value against."""
-        self.kind = kind
-
-    def read(self, value: Any, factor: float, beneath: Any) -> Any:
-        """A checked value in SI, by the ``factor`` of its key's unit, over what is ``beneath``."""
-        return value if factor == 1.0 else factor * value
-
-    def write(self, value: Any) -> Any:
-        """A value as YAML holds it, in SI."""
-        if isinstance(value, float) and math.isinf(value):
-            return None  # a time that never comes is no number of YAML
-        return str(value) if isinstance(value, str) else value
-
-
-class ListForm(Form):
-    """A list of texts, each the notation of a value or the value itself."""
-
-    def __init__(self, notation: quantities.Notation | None) -> None:
-        """Take the notation, if there is one."""
-        super().__init__(tuple[str, ...])
-        self._notation = notation
-
-    def read(self, value: Any, factor: float, beneath: Any) -> Any:
-        """The values."""
-        if self._notation is None:
-            return value
-        return tuple(_noted(self._notation, number, text) for number, text in enumerate(value))
-
-    def write(self, value: Any) -> Any:
-        """The texts."""
-        return [str(item) for item in value]
-
-
-def _noted(notation: quantities.Notation, number: int, text: str) -> Any:
-    try:
-        return notation.read(text)
-    except ParameterError as error:
-        raise ParameterError(f"[{number}]: {error}") from error
-
-
-class SectionForm(Form):
-    """A section of one of some kinds, told apart by their tag; the first may be implied."""
-
-    def __init__(self, kinds: tuple[type[Any], ...]) -> None:
-        """Take the classes of the parameters."""
-        tag, first = kinds[0].tag, kinds[0]
-
-        def with_tag(value: Any) -> Any:
-            return {tag: first.kind, **value} if isinstance(value, Mapping) and first.implied else value
-
-        sections = [section_of(kind) for kind in kinds]
-        several = Annotated[reduce(or_, sections), Field(discriminator=tag), BeforeValidator(with_tag)]  # type: ignore[valid-type]
-        super().__init__(several if len(kinds) > 1 else sections[0])
-
-    def read(self, value: Any, factor: float, beneath: Any) -> Any:
-        """The parameters."""
-        return value.convert(beneath)
-
-    def write(self, value: Any) -> Any:
-        """The section."""
+def _written(item: Declaration, value: Any) -> Any:
+    """A value of a field as YAML holds it, in SI."""
+    if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
-
-
-class WordForm(SectionForm):
-    """A section, or a word for it or for its absence; ``kind`` has that word inside the section."""
-
-    def __init__(self, parameters: type[Any], word: quantities.Word) -> None:
-        """Take the class of the parameters and the words."""
-        choices: Any = Literal[word.without, word.kind]
-        self._word = word
-        model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=(choices, ...))
-        model.parameters, self._standard = parameters, parameters()
-
-        def as_mapping(value: Any) -> Any:
-            if isinstance(value, str):
-                return {"kind": value}
-            if not isinstance(value, Mapping):
-                kinds = f"{word.without}, {word.kind}"
-                raise ValueError(f"expected {kinds} or a mapping with a kind, got {value!r}")
-            return {"kind": word.kind, **value} if word.implied else value
-
-        def alone(section: Any) -> Any:
-            given = sorted(section.model_fields_set - {"kind"})
-            if section.kind == word.without and given:
-                raise ValueError(
-                    f"{word.without} has no {given[0]}: set kind to {word.kind}, or it all to {word.without}"
-                )
-            return section
-
-        self.kind = Annotated[model, BeforeValidator(as_mapping), AfterValidator(alone)]
-
-    def read(self, value: Any, factor: float, beneath: Any) -> Any:
-        """The parameters, or None."""
-        return None if value.kind == self._word.without else value.convert(self._standard)
-
-    def write(self, value: Any) -> Any:
-        """The section."""
-        if value is None:
-            return {"kind": self._word.without}
-        return {"kind": self._word.kind, **super().write(value)}
-
-
-class MappingForm(Form):
-    """A value by name, each with a unit of its own if the mapping has none."""
-
-    def __init__(self, item: quantities.Declaration, kind: Any) -> None:
-        """Take the declaration, and the mapping itself or one inside it."""
-        names, inner = get_args(kind)
-        named = item.mark(quantities.Named)
-        self._names = dict.fromkeys(named.names) if named else {str(name): name for name in names}
-        self.inner = _form(item, inner)
-        ends = item.unit.factors if item.unit and item.mark(quantities.UnitInside) else {"": 1.0}
-        ends = {"": 1.0} if isinstance(self.inner, MappingForm) else ends
-        self.keys = {
-            f"{name}_{end}" if end else name: (name, factor)
-            for name in self._names
-            for end, factor in ends.items()
+    if isinstance(value, Mapping):
+        end = next(iter(item.unit.factors)) if item.unit and item.mark(UnitInside) else ""
+        return {
+            f"{name}_{end}" if end and not isinstance(inner, Mapping) else str(name): _written(item, inner)
+            for name, inner in value.items()
         }
-        self._sparse = named is not None  # what is zero is not kept
-        fields: dict[str, Any] = {key: (Union[self.inner.kind, None], None) for key in self.keys}  # noqa: UP007
-        groups = [[f"{name}_{end}" for end in ends] for name in self._names if len(ends) > 1]
-        model = create_model(f"{item.name}_by_name", __base__=Strict, **fields)
-        super().__init__(_with_schema(model, groups))
+    if isinstance(value, tuple):
+        return [str(one) for one in value]
+    if isinstance(value, float) and math.isinf(value):
+        return None  # a time that never comes is no number of YAML
+    return str(value) if isinstance(value, str) else value
 
-    def read(self, value: Any, factor: float, beneath: Any) -> Any:
-        """What is given by name, laid over what is beneath."""
-        given = {key: getattr(value, key) for key in self.keys if key in value.model_fields_set}
-        return self.read_keys(given, beneath, factor)
 
-    def read_keys(self, given: Mapping[str, Any], beneath: Any, factor: float = 1.0) -> Any:
-        """As :meth:`read`, of what stands under the keys."""
-        found = {}
-        for key, value in given.items():
-            name, own = self.keys[key]
-            place = self._names[name] or name
-            if place in found:
+def type_of(parameters: type[Any]) -> Any:
+    """Type of a section that is validated as its parameters, which it may be already."""
+
+    def read(value: Any, section: Callable[[Any], Section]) -> Any:
+        return value if isinstance(value, parameters) else section(value).convert()
+
+    return Annotated[section_of(parameters), WrapValidator(read)]
+
+
+def _one_of(kinds: tuple[type[Any], ...]) -> Any:
+    """Type of a section of one of some kinds, told apart by their tag; the first may be implied."""
+    tag, first = kinds[0].tag, kinds[0]
+
+    def with_tag(value: Any) -> Any:
+        return {tag: first.kind, **value} if isinstance(value, Mapping) and first.implied else value
+
+    sections = reduce(or_, map(section_of, kinds))
+    converted = AfterValidator(lambda section: section.convert())
+    return Annotated[sections, Field(discriminator=tag), BeforeValidator(with_tag), converted]
+
+
+def _section_or_word(parameters: type[Any], word: Word) -> Any:
+    """Type of a section, or a word for it or for its absence; ``kind`` has that word inside the section."""
+    choices: Any = Literal[word.without, word.kind]
+    model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=(choices, ...))
+
+    def read(value: Any, section: Callable[[Any], Any]) -> Any:
+        if isinstance(value, parameters):
+            return value
+        given = {"kind": value} if isinstance(value, str) else value
+        if not isinstance(given, Mapping):
+            kinds = f"{word.without}, {word.kind}"
+            raise ValueError(f"expected {kinds} or a mapping with a kind, got {value!r}")
+        found = section({"kind": word.kind, **given} if word.implied else given)
+        if found.kind == word.kind:
+            return found.convert()
+        for key in sorted(found.model_fields_set - {"kind"}):
+            way_out = f"set kind to {word.kind}, or it all to {word.without}"
+            raise ValueError(f"{word.without} has no {key}: {way_out}")
+        return None
+
+    return Annotated[model, WrapValidator(read)]
+
+
+def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
+    """Type of a number in a unit, validated as that in SI."""
+    ends = {value: f" {end}" for end, value in item.unit.factors.items()} if item.unit else {}
+    unit = "" if factor == 1.0 else ends[factor]
+
+    def in_si(value: Any) -> Any:
+        found = value if factor == 1.0 else factor * value
+        if item.range is not None and not item.range.holds(found):
+            raise ValueError(f"expected {item.range.in_unit(factor).expected}, got {value:g}{unit}")
+        return found
+
+    return Annotated[_PLAIN[kind], AfterValidator(in_si)]
+
+
+def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any], Callable[[Any], Any]]:
+    """Fields of a mapping, each with a unit of its own if the mapping has none, and what reads them."""
+    names, inner = get_args(kind)
+    named = item.mark(Named)
+    inside = item.unit is not None and item.mark(UnitInside) and not _is_mapping(inner)
+    ends = item.unit.factors if item.unit is not None and inside else {"": factor}
+    keys = {
+        f"{name}_{end}" if end else str(name): (name, unit)
+        for name in (named.names if named else names)
+        for end, unit in ends.items()
+    }
+    fields = {key: (_nullable(_type(item, inner, unit)), None) for key, (_, unit) in keys.items()}
+
+    def read(section: Any) -> dict[Any, Any]:
+        found: dict[Any, Any] = {}
+        for key, (name, _) in keys.items():
+            value = getattr(section, key)
+            if key not in section.model_fields_set or value is MISSING or (named and value == 0.0):
+                continue  # of what has names of its own zeros are not kept
+            if name in found:
                 raise ParameterError(f"expected {name} in one unit, got two")
-            if value is not None and not (self._sparse and value == 0.0):
-                under = (beneath or {}).get(place)
-                found[place] = within(name, self.inner.read, value, factor * own, under)
-        both = {**(beneath or {}), **found}
-        return {place: both[place] for place in (*self._places, *both) if place in both}
+            found[name] = value
+        beneath = item.default if kind is item.kind and isinstance(item.default, Mapping) else {}
+        return {**beneath, **found}
 
-    @property
-    def _places(self) -> list[Any]:
-        return [place or name for name, place in self._names.items()]
-
-    def write(self, value: Any) -> Any:
-        """The mapping in SI."""
-        first = {name: key for key, (name, factor) in self.keys.items() if factor == 1.0}
-        return {first[str(name)]: self.inner.write(item) for name, item in value.items()}
+    return fields, read
 
 
-@cache
-def form_of(item: quantities.Declaration) -> Any:
-    """How the values of a field stand in a file."""
-    return _form(item, item.kind)
+def _is_mapping(kind: Any) -> bool:
+    origin = get_origin(kind)
+    return isinstance(origin, type) and issubclass(origin, Mapping)
 
 
-def _form(item: quantities.Declaration, kind: Any) -> Form:
+def _type(item: Declaration, kind: Any, factor: float) -> Any:
+    """Type of a value in a file, validated as the value in SI."""
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
-    origin = get_origin(kind)
-    if origin is tuple:
-        return ListForm(item.mark(quantities.Notation))
-    if origin in (Union, types.UnionType):
-        return SectionForm(get_args(kind))
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        return MappingForm(item, kind)
-    if isinstance(kind, type) and issubclass(kind, quantities.Parameters):
-        word = item.mark(quantities.Word)
-        return WordForm(kind, word) if word else SectionForm((kind,))
-    return Form(_PLAIN.get(kind, kind))
+    if get_origin(kind) is tuple:
+        notation = item.mark(Notation)
+        text: Any = Annotated[str, AfterValidator(notation.read)] if notation else str
+        return tuple[text, ...]
+    if get_origin(kind) in (Union, types.UnionType):
+        return _one_of(get_args(kind))
+    if _is_mapping(kind):
+        fields, read = _by_name(item, kind, factor)
+        model = create_model(f"{item.name}_by_name", __base__=Strict, **fields)
+        return Annotated[model, AfterValidator(read)]
+    if isinstance(kind, type) and issubclass(kind, Parameters):
+        word = item.mark(Word)
+        return _section_or_word(kind, word) if word else type_of(kind)
+    return _number(item, kind, factor) if kind in _PLAIN else kind
+
+
+def _nullable(kind: Any, null: Any = MISSING) -> Any:
+    """A type that takes null for something, for a key that is left out as a rule."""
+    return Annotated[
+        Union[kind, None],  # noqa: UP007
+        WrapValidator(lambda value, read: null if value is None else read(value)),
+    ]
 
 
 def reads(parameters: type[Any]) -> Any:
@@ -282,70 +235,56 @@ def reads(parameters: type[Any]) -> Any:
 
 
 _readers: dict[type[Any], type[Section]] = {}
-_known: dict[type[Any], type[Section]] = {}
+_sections: dict[type[Any], Any] = {}
 
 
 def section_of(parameters: type[Any]) -> Any:
     """The section of a dataclass of parameters."""
-    if parameters not in _known:
-        base = next((_readers[kind] for kind in parameters.__mro__ if kind in _readers), Section)
-        fields: dict[str, Any] = {}
-        if parameters.kind:
-            fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
-        groups = []
-        for item in quantities.declarations(parameters):
-            if item.mark(quantities.Inline):
-                fields |= {key: (Union[form_of(item).inner.kind, None], None) for key in form_of(item).keys}  # noqa: UP007
-            elif not item.mark(quantities.AsInFile):
-                fields |= {key: _field(item, key, factor) for key, factor in item.keys.items()}
-                groups += [list(item.keys)] if len(item.keys) > 1 else []
-        model = create_model(parameters.__name__, __base__=base, **fields)
-        model.parameters = parameters
-        model.__doc__ = (parameters.__doc__ or "").splitlines()[0]
-        _known[parameters] = _with_schema(model, groups)
-    return _known[parameters]
+    if parameters not in _sections:
+        _sections[parameters] = _section(parameters)
+    return _sections[parameters]
 
 
-def _with_schema(model: Any, groups: list[list[str]]) -> Any:
-    """A model whose JSON Schema says that of the keys of a quantity in several units one at most is given."""
-    pairs = [[first, second] for keys in groups for n, first in enumerate(keys) for second in keys[n + 1 :]]
-    said: Any = {"allOf": [{"not": {"required": pair}} for pair in pairs]} if pairs else {}
-    model.model_config = ConfigDict(**{**Strict.model_config, "json_schema_extra": said})
-    model.model_rebuild(force=True)
+def _section(parameters: type[Any]) -> Any:
+    base = next((_readers[kind] for kind in parameters.__mro__ if kind in _readers), Section)
+    fields: dict[str, Any] = {}
+    if parameters.kind:
+        fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
+    defaults, inline = {}, {}
+    for item in declarations(parameters):
+        if item.mark(Inline):
+            more, inline[item.name] = _by_name(item, item.kind, 1.0)
+            fields |= more
+        elif not item.mark(AsInFile) and item.key not in base.model_fields:
+            fields |= {key: _field(item, factor) for key, factor in item.keys.items()}
+            if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.mark(Word):
+                defaults[next(iter(item.keys))] = _written(item, item.default)
+    model: Any = create_model(parameters.__name__, __base__=base, **fields)
+    model.parameters, model.defaults, model.inline = parameters, defaults, inline
+    model.__doc__ = (parameters.__doc__ or "").splitlines()[0]
     return model
 
 
-def _field(item: quantities.Declaration, key: str, factor: float) -> tuple[Any, Any]:
-    """Type of a key, with its range, its default and what a JSON Schema says of it."""
-    plain = not isinstance(item.default, (Mapping, quantities.Parameters, tuple)) and len(item.keys) == 1
-    default = item.default if plain and item.default is not MISSING else None
-    kind = form_of(item).kind
-    said: dict[str, Any] = {}
-    if item.range is not None and item.kind in (int, float):
-        unit = key.removeprefix(item.key).replace("_", " ", 1) if factor != 1.0 else ""
-        kind = Annotated[kind, AfterValidator(partial(_in_range, item.range, factor, unit))]
-        if math.isfinite(item.range.least):
-            limit = "exclusiveMinimum" if item.range.above else "minimum"
-            said[limit] = _rounded(item.range.least / factor)
-        if math.isfinite(item.range.most):
-            said["maximum"] = _rounded(item.range.most / factor)
-    if item.range is not None and item.range.endless:
-        kind = Annotated[Union[kind, None], _ENDLESS]  # noqa: UP007
-    elif default is None and not (item.unit is None and item.default is MISSING and not item.optional):
-        kind = Union[kind, None]  # noqa: UP007
-    else:
-        default = default if item.default is not MISSING else ...
-    if isinstance(item.default, float) and math.isfinite(item.default):
-        said["default"] = _rounded(item.default / factor)
-    return kind, Field(default, description=item.meaning or None, json_schema_extra=said or None)
+def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
+    """Type of a key, with its default and what a JSON Schema says of it."""
+    kind, default, said = _type(item, item.kind, factor), item.default, dict[str, Any]()
+    if item.range is not None and item.kind in _PLAIN:
+        said = _limits(item.range.in_unit(factor))
+    if isinstance(default, (bool, int, float, str)) and default not in (math.inf, -math.inf):
+        plain = factor == 1.0 or isinstance(default, str)
+        said["default"] = default if plain else _rounded(float(default) / factor)
+    if default is MISSING and not item.optional and len(item.keys) == 1:
+        return kind, Field(description=item.meaning or None, json_schema_extra=said or None)
+    null = math.inf if item.range is not None and item.range.endless else MISSING
+    return _nullable(kind, null), Field(
+        None, description=item.meaning or None, json_schema_extra=said or None
+    )
 
 
-def _in_range(limits: quantities.Range, factor: float, unit: str, value: float) -> float:
-    """A value of a key, in range by the ``factor`` of its unit."""
-    if not limits.holds(factor * value):
-        scaled = replace(limits, least=limits.least / factor, most=limits.most / factor)
-        raise ValueError(f"expected {scaled.expected}, got {value:g}{unit}")
-    return value
+def _limits(bounds: Range) -> dict[str, Any]:
+    """A range in the words of JSON Schema."""
+    ends = {"exclusiveMinimum" if bounds.above else "minimum": bounds.least, "maximum": bounds.most}
+    return {name: _rounded(end) for name, end in ends.items() if math.isfinite(end)}
 
 
 def _rounded(value: float) -> float:

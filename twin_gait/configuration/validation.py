@@ -247,24 +247,25 @@ def descriptions(found: Mapping[str, Path]) -> dict[str, str]:
     return {name: _one_line(str(read_yaml(path).get("description", ""))) for name, path in found.items()}
 
 
-def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Model:
-    """Check a mapping against a schema."""
+def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: str = "") -> _Model:
+    """Check a mapping against a schema; ``place``: where it stands in its file."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
         mistakes = error.errors(include_url=False)
         # A misspelt key is also a missing one: its own message helps more.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
-        place, problem = first["loc"], first["msg"]
+        location, problem = first["loc"], first["msg"]
         if first["type"] == "unknown_key":
-            place, problem = (*place, first["ctx"]["key"]), first["ctx"]["problem"]
+            location, problem = (*location, first["ctx"]["key"]), first["ctx"]["problem"]
         elif first["type"] == "missing":
             problem = "is missing"
         elif first["type"] == "value_error":
             problem = problem.removeprefix("Value error, ")
         else:
             problem = f"{problem[:1].lower()}{problem[1:]}, got {short(first.get('input'))}"
-        raise ParameterFileError(source, _dotted(_as_written(place, data)), problem) from error
+        key = f"{place}.{_dotted(_as_written(location, data))}".strip(".")
+        raise ParameterFileError(source, key, problem) from error
 
 
 def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:

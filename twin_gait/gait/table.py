@@ -131,12 +131,12 @@ class Transition(quantities.Parameters):
         driven_by: What carries the leg to this exit; read by checks only.
     """
 
-    source: str
-    target: str
+    source: Annotated[str, quantities.Key("from")]
+    target: Annotated[str, quantities.Key("to")]
     cause: str
-    guard: Guard = field(default_factory=lambda: AllOf(guards=()))
-    debounce_ticks: Annotated[int, TICKS] = 1
-    time_out_ticks: Annotated[int | None, TICKS] = None
+    guard: Annotated[Guard, quantities.AsInFile()] = field(default_factory=lambda: AllOf(guards=()))
+    debounce_ticks: Annotated[int, TICKS, quantities.Key("debounce_ms")] = 1
+    time_out_ticks: Annotated[int | None, TICKS, quantities.AsInFile()] = None
     driven_by: DrivenBy = DrivenBy.JOINT
 
     def __post_init__(self) -> None:

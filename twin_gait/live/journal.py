@@ -18,6 +18,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -306,15 +307,16 @@ def complete_all(
     ``tell``: takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
     (``folder`` with ``folder``, ``summary`` and ``failed``).
     """
+
+    def note(which: str, name: str) -> None:
+        tell({"kind": "writing", "step": f"{which}{name}"})
+
     there = [path for path in journals if path.exists()]
     for number, journal in enumerate(there, start=1):
         which = f"walk {number} of {len(there)}: " if len(there) > 1 else ""
         report = {"kind": "folder", "folder": str(journal), "summary": {}, "failed": ""}
         try:
-            done = complete(
-                journal, pictures=pictures and journal == there[-1],
-                on_step=lambda name, which=which: tell({"kind": "writing", "step": f"{which}{name}"}),
-            )  # fmt: skip
+            done = complete(journal, pictures=pictures and journal == there[-1], on_step=partial(note, which))
             if done is None:
                 continue
             report |= {"folder": str(done.folder), "summary": done.summary}

@@ -66,6 +66,10 @@ class Range:
         inside = self.least < value <= self.most if self.above else self.least <= value <= self.most
         return inside and (self.endless or math.isfinite(value))
 
+    def in_unit(self, factor: float) -> "Range":
+        """The range in a unit, given by its value in SI; the words stay."""
+        return dataclasses.replace(self, least=self.least / factor, most=self.most / factor)
+
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
         """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
         fits = isinstance(value, int) or not whole
