@@ -74,7 +74,7 @@ class CompiledEngine(EpisodeEngine):
         super().__init__(problem)
         bodies, episode, structure = laid_out(problem, record=record)
         self.store = stored(episode)
-        self.episode = self.store[0]
+        self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.
         self._noise = np.ascontiguousarray(problem.noise)
         self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
@@ -102,11 +102,6 @@ class CompiledEngine(EpisodeEngine):
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         return self.loop(self.store.ctypes.data, first, end)
-
-    @property
-    def state(self) -> Any:
-        """The record, to be read."""
-        return self.store.view(np.recarray)[0]
 
     def switch_rows(self, first: int) -> list[tuple[int, int, int, int, int]]:
         """See :meth:`EpisodeEngine.switch_rows`."""

@@ -75,20 +75,17 @@ class EpisodeEngine(ABC):
     Attributes:
         chunk_ticks: Between two looks at progress and interruption.
         problem: The experiment as an engine needs it.
+        state: The record of the episode, its fields as attributes, to be read.
         layout: Names and positions of the log's columns.
     """
 
     chunk_ticks: ClassVar[int]
+    state: Any
 
     def __init__(self, problem: Problem) -> None:
         """Find the columns of the log."""
         self.problem = problem
         self.layout = log_layout(problem)
-
-    @property
-    @abstractmethod
-    def state(self) -> Any:
-        """The record of the episode, its fields as attributes."""
 
     @abstractmethod
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:

@@ -40,6 +40,7 @@ class ReferenceEngine(EpisodeEngine):
         """
         super().__init__(problem)
         _, self.episode, structure = laid_out(problem)
+        self.state = self.episode
         self.machines = [
             GaitStateMachine(
                 problem.table, side, initial_phase=problem.world.initial_phases[side], program=problem.program
@@ -56,11 +57,6 @@ class ReferenceEngine(EpisodeEngine):
         for name, tick in problem.controller.functions().items():
             names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick)
         self._run_ticks = bind(run_ticks, names)
-
-    @property
-    def state(self) -> Episode:
-        """The record."""
-        return self.episode
 
     def switch_rows(self, first: int) -> Iterator[tuple[int, int, int, int, int]]:
         """See :meth:`EpisodeEngine.switch_rows`."""
