@@ -147,12 +147,8 @@ def new_sense(delay: int, lean: float, chair: float = 0.0) -> Sense:
         lean: In [rad].
         chair: What is felt of one.
     """
-    return Sense(
-        new_delay_line(delay, lean),
-        new_delay_line(delay),
-        new_delay_line(delay),
-        new_delay_line(delay, chair),
-    )
+    rate, stepping = new_delay_line(delay), new_delay_line(delay)
+    return Sense(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair))
 
 
 def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:

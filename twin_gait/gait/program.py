@@ -31,13 +31,8 @@ def compile_guards(table: StateTable) -> guards.GuardProgram:
                 time_out_ticks=-1 if transition.time_out_ticks is None else transition.time_out_ticks,
             )
         )
-    return guards.GuardProgram(
-        n_transitions=len(rules),
-        minimum_ticks=[item.minimum_ticks for item in table.phases.values()],
-        transitions=rules,
-        nodes=nodes,
-        comparisons=comparisons,
-    )
+    minimum_ticks = [item.minimum_ticks for item in table.phases.values()]
+    return guards.GuardProgram(len(rules), minimum_ticks, rules, nodes, comparisons)
 
 
 def guard_is_open(guard: Guard, table: StateTable, signals: Sequence[float], member: int) -> bool:

@@ -324,14 +324,8 @@ def walk_power(
     holding = mean_over(force, bounds)
     if (forward := "pelvis_forward_velocity_m_per_s") in log:
         power = mean_over(force * log[forward].to_numpy(), bounds)
-    return WalkPower(
-        belt=belt,
-        motors=motors,
-        wearer=wearer,
-        guide=power,
-        guide_force=holding,
-        carried_by_belt=belt_carries(holding, motors + wearer, walkway),
-    )
+    carried_by_belt = belt_carries(holding, motors + wearer, walkway)
+    return WalkPower(belt, motors, wearer, power, holding, carried_by_belt)
 
 
 def belt_carries(holding: float, legs: float, walkway: Walkway) -> bool:

@@ -185,12 +185,8 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     }
     patient = replace(patient, mass=min(HEAVIEST_WEARER, weight * patient.mass), conditions=conditions)
     friction = {joint: rough * plant.friction_ratio.get(joint, 1.0) for joint in plant.friction}
+    plant = replace(plant, friction_ratio=friction)
     if scenario.adjusts(BELT_SPEED):
         scenario = scenario.adjusted(BELT_SPEED, fast * scenario.walking.speed)
-    return replace(
-        experiment,
-        seed=experiment.seed + seed,
-        patient=patient,
-        plant=replace(plant, friction_ratio=friction),
-        scenario=scenario,
-    )
+    seed += experiment.seed
+    return replace(experiment, seed=seed, patient=patient, plant=plant, scenario=scenario)
