@@ -27,24 +27,19 @@ def scale_table(
     law = table.scaling
     stiffness = _power(carried_mass, law.carried_mass, law.carried_mass_exponent)
     excursion = _power(speed, law.speed, law.speed_exponent) * _power(height, law.height, law.height_exponent)
+    centre, stiff = law.hip_centre, dict.fromkeys(law.stance_phases, stiffness)
 
     def adapt(phases: Mapping[str, PhaseParameters]) -> dict[str, PhaseParameters]:
         return {
-            name: _scale_phase(
-                phase, stiffness if name in law.stance_phases else 1.0, excursion, law.hip_centre
-            )
+            name: _scale_phase(phase, stiff.get(name, 1.0), excursion, centre)
             for name, phase in phases.items()
         }
 
-    return replace(
-        table,
-        phases=adapt(table.phases),
-        side_phases={side: adapt(phases) for side, phases in table.side_phases.items()},
-        transitions=tuple(
-            replace(item, guard=_scale_guard(item.guard, excursion, law.hip_centre))
-            for item in table.transitions
-        ),
+    sides = {side: adapt(phases) for side, phases in table.side_phases.items()}
+    transitions = tuple(
+        replace(item, guard=_scale_guard(item.guard, excursion, centre)) for item in table.transitions
     )
+    return replace(table, phases=adapt(table.phases), side_phases=sides, transitions=transitions)
 
 
 def _power(value: float | None, reference: float | None, exponent: float) -> float:

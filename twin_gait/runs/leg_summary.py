@@ -179,14 +179,9 @@ class MeasuredLeg:
 
     def time_outs(self) -> list[int]:
         """Ticks of the switches that only the clock made."""
-        transitions = self.run.table.transitions
-        return [
-            item.tick
-            for item in self.run.switches
-            if item.side is self.record.side
-            and item.cause != POSTURE
-            and transitions[item.transition].is_time_out
-        ]
+        transitions, own = self.run.table.transitions, self.record.side
+        taken = [item for item in self.run.switches if item.side is own and item.cause != POSTURE]
+        return [item.tick for item in taken if transitions[item.transition].is_time_out]
 
     def joint(self, joint: JointName) -> dict[str, float]:
         """Everything that is measured of a driven joint."""

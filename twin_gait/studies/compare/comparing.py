@@ -172,13 +172,9 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
         return experiment
     scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
     assert scenario.walking is not None and patient is not None  # the caller has checked
-    draw = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4).tolist()
-    weight, rough, fast, form = (
-        1.0 + spread * drawn
-        for spread, drawn in zip(
-            (MASS_SPREAD, FRICTION_SPREAD, SPEED_SPREAD, EFFORT_SPREAD), draw, strict=True
-        )
-    )
+    spreads = np.array((MASS_SPREAD, FRICTION_SPREAD, SPEED_SPREAD, EFFORT_SPREAD))
+    drawn = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4)
+    weight, rough, fast, form = (1.0 + spreads * drawn).tolist()
     conditions = {
         place: replace(item, effort=min(1.0, form * item.effort))
         for place, item in patient.conditions.items()
