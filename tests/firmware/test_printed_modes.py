@@ -11,8 +11,8 @@ from firmware_tools import require_tools
 
 from twin_gait import load_experiment
 from twin_gait.configuration.experiments import resolved_document
+from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import print_project
-from twin_gait.firmware.vectors import record_vectors
 
 TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 REQUESTS = "walk@0.2s, sit@0.3s, step@0.4s, stop@1.6s, gravity@2.9s, stop@3.2s, twin_care@3.4s"

@@ -22,6 +22,7 @@ from twin_gait.core.guards import OP_ALL
 from twin_gait.core.safety import COMMAND_TRIP
 from twin_gait.exceptions import GaitTableError
 from twin_gait.firmware import Unit, build_object, sizes, units
+from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import (
     EXOSKELETON,
     GAIT_CONTROLLER,
@@ -30,7 +31,6 @@ from twin_gait.firmware.project import (
     Project,
     print_project,
 )
-from twin_gait.firmware.vectors import record_vectors
 from twin_gait.gait.program import require_bits
 from twin_gait.simulation.record import copied
 

@@ -16,8 +16,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.builds import Bench, walk_with
 from twin_gait.firmware.cross import INSTALL
+from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import Project, print_project
-from twin_gait.firmware.vectors import record_vectors
 from twin_gait.firmware.verification import Check, Verification, cases_of, verify
 from twin_gait.simulation import Run, simulate
 from twin_gait.worlds.faults import FaultKind

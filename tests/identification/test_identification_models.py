@@ -15,6 +15,7 @@ from twin_gait.core.friction import advanced_deflection, friction_torque, rotati
 from twin_gait.core.friction_models import bristle_rate, bristle_step
 from twin_gait.identification import MODELS
 from twin_gait.identification.fitting import bounds, jacobian
+from twin_gait.identification.identify import inherited_starts
 from twin_gait.identification.laws import (
     asymmetric_torque,
     bristle_deflection,
@@ -28,7 +29,6 @@ from twin_gait.identification.laws import (
     stribeck_torque,
     two_velocity_torque,
 )
-from twin_gait.identification.models import inherited_starts
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE
 

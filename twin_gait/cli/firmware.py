@@ -66,8 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Print the project into a folder; its manifest."""
     from twin_gait.configuration.experiments import resolved_document
+    from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project
-    from twin_gait.firmware.vectors import record_vectors
     from twin_gait.runs.summary import versions
 
     experiment = loaded.experiment

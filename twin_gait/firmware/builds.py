@@ -11,8 +11,7 @@ from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment import Experiment
 from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
-from twin_gait.firmware.project import Project
-from twin_gait.firmware.vectors import (
+from twin_gait.firmware.linked import (
     Progress,
     Vectors,
     drive_pairs,
@@ -21,6 +20,7 @@ from twin_gait.firmware.vectors import (
     sensor_pairs,
     without_bus,
 )
+from twin_gait.firmware.project import Project
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import dtype_of

@@ -21,9 +21,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, linked_unit
+from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
-from twin_gait.firmware.vectors import Vectors
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace

@@ -63,7 +63,7 @@ class Sources:
         if name not in self._read:
             tree, hints = self._texts[name], get_type_hints(stub) if stub is not None else {}
             text = ast.get_source_segment(self._text, tree) or ""
-            self._read[name] = self._folded(Source(name, "generated", text, 1, tree, {}, hints))
+            self._keep(name, Source(name, "generated", text, 1, tree, {}, hints))
         return self._read[name]
 
     def _written(self, function: FunctionType) -> Source:
@@ -73,16 +73,15 @@ class Sources:
             tree = ast.parse(text).body[0]
             assert isinstance(tree, ast.FunctionDef)
             name, scope, hints = function.__name__, function.__globals__, get_type_hints(function)
-            source = Source(name, function.__module__, text, first, tree, scope, hints)
-            self._read[function] = self._folded(source)
+            self._keep(function, Source(name, function.__module__, text, first, tree, scope, hints))
         return self._read[function]
 
-    def _folded(self, source: Source) -> Source:
+    def _keep(self, key: Any, source: Source) -> None:
         names = (node for node in ast.walk(source.tree) if isinstance(node, ast.Name))
         own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
         own |= {item.arg for item in source.tree.args.args}
         _Folding(self, source, own).generic_visit(source.tree)
-        return source
+        self._read[key] = source
 
 
 class _Folding(ast.NodeTransformer):

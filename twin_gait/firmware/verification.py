@@ -8,12 +8,13 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.lib.recfunctions import structured_to_unstructured
 
 from twin_gait.exceptions import MissingToolError
 from twin_gait.experiment import Experiment
 from twin_gait.firmware.builds import Bench
+from twin_gait.firmware.linked import Progress, record_vectors
 from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, print_project
-from twin_gait.firmware.vectors import Progress, record_vectors
 from twin_gait.simulation.run import Run
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -25,21 +26,11 @@ FAULT_TIME, FAULT_RUN = 2.5, 4.0  # [s] of the fault, and of the run with it
 Events: TypeAlias = Sequence[tuple[int, tuple[Any, ...]]]
 
 
-def numbers_in(rows: np.ndarray) -> list[np.ndarray]:
-    """Arrays of numbers in an array of records, field by field."""
-    if rows.dtype.names is None:
-        return [np.ascontiguousarray(rows)]
-    return [numbers for name in rows.dtype.names for numbers in numbers_in(rows[name])]
-
-
 def differing(first: np.ndarray, second: np.ndarray) -> int:
     """Numbers of two arrays of records of one layout that are not the same bits; of NaN any is the same."""
-    count = 0
-    for ours, theirs in zip(numbers_in(first), numbers_in(second), strict=True):
-        bits = np.dtype(f"u{ours.itemsize}")
-        same = (ours.view(bits) == theirs.view(bits)) | ((ours != ours) & (theirs != theirs))
-        count += int(same.size - same.sum())
-    return count
+    ours, theirs = (structured_to_unstructured(rows, float) for rows in (first, second))
+    same = (ours.view(np.uint64) == theirs.view(np.uint64)) | (np.isnan(ours) & np.isnan(theirs))
+    return int(same.size - same.sum())
 
 
 def events_of(outputs: np.ndarray) -> Events:
@@ -142,7 +133,7 @@ def _tried(name: str, check: Callable[[Bench], Check], bench: Bench) -> Check:
 
 
 def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Check:
-    count = sum(numbers.size for rows in first for numbers in numbers_in(rows))
+    count = sum(structured_to_unstructured(rows).size for rows in first)
     wrong = sum(map(differing, first, second))
     text = f"{wrong} of {count} numbers differ in {len(first)} runs"
     return Check("", wrong == 0, text, {"numbers": count, "differing": wrong, "runs": len(first)})

@@ -2,8 +2,6 @@ from .bench import BenchSetup as BenchSetup
 from .bench import CurrentSource as CurrentSource
 from .bench import Processing as Processing
 from .bench import ProcessingOptions as ProcessingOptions
-from .columns import LogColumns as LogColumns
-from .columns import Quantity as Quantity
 from .fitting import Fit as Fit
 from .fitting import FitOptions as FitOptions
 from .fitting import Loss as Loss
@@ -12,14 +10,16 @@ from .friction_model import FrictionModel as FrictionModel
 from .identify import Identification as Identification
 from .identify import IdentificationOptions as IdentificationOptions
 from .identify import IdentifiedModel as IdentifiedModel
+from .identify import find_models as find_models
 from .identify import identify_logs as identify_logs
 from .identify import identify_tests as identify_tests
 from .laws import MODELS as MODELS
-from .models import find_models as find_models
 from .processing import RATE as RATE
 from .processing import WINDOW as WINDOW
 from .processing import process_log as process_log
 from .reading import Log as Log
+from .reading import LogColumns as LogColumns
+from .reading import Quantity as Quantity
 from .reading import read_log as read_log
 from .samples import FrictionTest as FrictionTest
 from .samples import Samples as Samples

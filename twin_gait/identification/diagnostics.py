@@ -6,7 +6,6 @@ import numpy as np
 
 from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.fitting import Fit
-from twin_gait.identification.models import rarer_direction
 from twin_gait.identification.processing import RATE, WINDOW
 from twin_gait.identification.samples import FrictionTest, Samples
 from twin_gait.identification.statistics import Uncertainty
@@ -21,7 +20,7 @@ _DRIFT = 0.5  # of the residual's standard deviation, from the first third of th
 
 def sample_warnings(samples: Samples) -> list[str]:
     """What the samples cannot tell, whatever the model."""
-    speed, rarer = np.abs(samples.velocity[samples.used]), rarer_direction(samples)
+    speed, rarer = np.abs(samples.velocity[samples.used]), samples.rarer_direction
     slow, fast = float((speed < _SLOW).mean()), float((speed > _FAST).mean())
     found = []
     if rarer < _ONE_WAY:

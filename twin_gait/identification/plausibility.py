@@ -7,8 +7,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.identification.columns import KINDS, Quantity
-from twin_gait.identification.reading import Log
+from twin_gait.identification.reading import KINDS, Log, Quantity
 from twin_gait.identification.samples import LONGEST_GAP
 
 FEWEST = 20  # samples of a test

@@ -7,9 +7,8 @@ import numpy as np
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
-from twin_gait.identification.columns import Quantity
 from twin_gait.identification.plausibility import FEWEST, clean
-from twin_gait.identification.reading import Log
+from twin_gait.identification.reading import Log, Quantity
 from twin_gait.identification.samples import FrictionTest
 from twin_gait.identification.signals import (
     decimate,

@@ -1,15 +1,168 @@
 """Read logs and series of measurements: any text table, any column names, units declared or by name."""
 
+import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.exceptions import ParameterFileError
-from twin_gait.identification.columns import KINDS, LogColumns, Quantity, columns_of, known_unit
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.runs.log_files import LogTable, is_missing, is_number, read_text_table
+
+
+class Quantity(StrEnum):
+    """A column that the identification can use."""
+
+    TIME = "time"
+    ANGLE = "angle"
+    VELOCITY = "velocity"
+    FRICTION_TORQUE = "friction_torque"
+    LOAD_TORQUE = "load_torque"
+    TARGET_CURRENT = "target_current"
+    MEASURED_CURRENT = "measured_current"
+    TEMPERATURE = "temperature"
+    MASS = "mass"
+
+
+class Kind(NamedTuple):
+    """How a quantity is written."""
+
+    names: tuple[str, ...]  # of its columns without their unit, lower case, best first
+    units: Mapping[str, float]  # factor to SI by the way a unit is written, that of SI first
+    largest: float = math.inf  # beyond this no joint of a robot goes; such a column is in another unit
+
+
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": 2.0 * math.pi}
+_SPEEDS = {**{f"{name}/s": factor for name, factor in _ANGLES.items()}, "rpm": 2.0 * math.pi / 60.0}
+_TORQUES = {"Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+_CURRENTS = {"A": 1.0, "mA": 1e-3}
+KINDS: Mapping[Quantity, Kind] = {
+    Quantity.TIME: Kind(
+        ("time", "t", "timestamp"), {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}
+    ),
+    Quantity.ANGLE: Kind(("position", "angle", "theta", "q"), _ANGLES, 60.0),
+    Quantity.VELOCITY: Kind(
+        ("velocity", "omega", "speed", "dq", "qd"), {**_SPEEDS, "rev/s": 2.0 * math.pi}, 60.0
+    ),
+    Quantity.FRICTION_TORQUE: Kind(
+        ("friction_torque", "torque_friction", "t_fr", "tau_f"), _TORQUES, 2_000.0
+    ),
+    Quantity.LOAD_TORQUE: Kind(("load_torque", "torque_load"), _TORQUES, 5_000.0),
+    Quantity.TARGET_CURRENT: Kind(("target_current", "current_target"), _CURRENTS, 200.0),
+    Quantity.MEASURED_CURRENT: Kind(("measured_current", "current_measured", "current"), _CURRENTS, 200.0),
+    Quantity.TEMPERATURE: Kind(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
+    Quantity.MASS: Kind(("mass", "weight"), {"kg": 1.0, "g": 1e-3}, 200.0),
+}
+
+_SHORT_UNIT, _NO_UNIT = 3, ("-", "1", "SI", "raw")
+_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+_RATE = re.compile(r"_([A-Za-z]+_per_[A-Za-z]+)$")
+
+
+class _Heading(NamedTuple):
+    """A column's name, read as that of a quantity: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
+
+    name: str
+    unit: str | None = None  # that it states
+    strange: str | None = None  # that it states and that is none of the quantity
+
+
+def _read_heading(column: str, quantity: Quantity) -> _Heading:
+    text = column.strip()
+    bracketed = _BRACKETED.match(text)
+    if bracketed:
+        name, stated = bracketed["name"], bracketed["unit"].strip()
+        unit = known_unit(stated, quantity)
+        # A remark in brackets is no unit: units are ratios or short words.
+        alike = "/" in stated or (0 < len(stated) <= _SHORT_UNIT and stated not in _NO_UNIT)
+        return _Heading(name, unit, stated if unit is None and alike else None)
+    for unit in sorted(KINDS[quantity].units, key=len, reverse=True):
+        ending = "_" + unit.replace("/", "_per_")
+        if text.endswith(ending):
+            return _Heading(text.removesuffix(ending), unit)
+    rate = _RATE.search(text)
+    return _Heading(text, strange=rate[1] if rate else None)
+
+
+def known_unit(text: str, quantity: Quantity) -> str | None:
+    """A unit in the way it is written here, or None if it is none of the quantity."""
+    wanted = text.strip().replace(" ", "").replace("·", "").replace("_per_", "/")
+    wanted = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}.get(wanted, wanted)
+    return wanted if wanted in KINDS[quantity].units else None
+
+
+def _factor_of(unit: str, quantity: Quantity) -> float:
+    """Factor from a unit to SI."""
+    known, units = known_unit(unit, quantity), KINDS[quantity].units
+    if known is None:
+        raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {', '.join(units)}")
+    return units[known]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogColumns:
+    """Which column holds what."""
+
+    # column of a quantity; a minus before it turns the sign
+    names: Mapping[Quantity, str] = field(default_factory=dict)
+    # unit of a quantity, where the column does not state it; SI without one
+    units: Mapping[Quantity, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for quantity, unit in self.units.items():
+            _factor_of(unit, quantity)
+
+
+def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
+    """Name of the column of each quantity, and the factor to SI with the sign."""
+    found: dict[Quantity, tuple[str, float]] = {}
+    for quantity in Quantity:
+        asked, sign = columns.names.get(quantity), 1.0
+        if asked is None:
+            name = _known_column(table.names, quantity)
+        else:
+            if asked.startswith("-") and asked not in table:
+                sign, asked = -1.0, asked[1:].strip()
+            name = table.full_name(asked)
+        if name is None:
+            continue
+        twice = next((other for other, (held, _) in found.items() if held == name), None)
+        if twice is not None:
+            raise ParameterFileError(table.source, name, f"is given for {twice} and {quantity}")
+        found[quantity] = (name, sign * _factor(table.source, name, quantity, columns.units.get(quantity)))
+    return found
+
+
+def _known_column(names: tuple[str, ...], quantity: Quantity) -> str | None:
+    """The column whose name is the quantity's; an optional one in a strange unit is left."""
+    headings = [_read_heading(name, quantity) for name in names]
+    plain = [heading.name.strip().lower().replace(" ", "_") for heading in headings]
+    for known in KINDS[quantity].names:
+        if plain.count(known) == 1:
+            place = plain.index(known)
+            optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
+            return None if optional and headings[place].strange else names[place]
+    return None
+
+
+def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
+    """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
+    units, (_, stated, strange) = KINDS[quantity].units, _read_heading(column, quantity)
+    if strange is not None and given is None:
+        text = f"no unit {strange!r} of {quantity} is known; give one of {', '.join(units)} with --units"
+        raise ParameterFileError(source, column, f"{text} {quantity}=…")
+    factor = 1.0 if given is None else _factor_of(given, quantity)
+    if stated is None:
+        return factor
+    if given is not None and factor != units[stated]:
+        text = f"is in {stated} by its name; leave --units {quantity}={given} out"
+        raise ParameterFileError(source, column, text)
+    return units[stated]
+
 
 _LONGEST_UNIT = 8
 _MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)

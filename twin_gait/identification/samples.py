@@ -57,6 +57,13 @@ class Samples:
     def __len__(self) -> int:
         return len(self.velocity)
 
+    @property
+    def rarer_direction(self) -> float:
+        """Share of the moving samples that move in the rarer direction."""
+        way = np.sign(self.velocity[self.used])
+        moving = max(int((way != 0.0).sum()), 1)
+        return float(min((way > 0.0).sum(), (way < 0.0).sum())) / moving
+
     def rows(self, chosen: np.ndarray) -> Samples:
         """Some of the samples, by a mask or indices; a dynamic model needs whole tests."""
         columns = {name: None if values is None else values[chosen] for name, values in vars(self).items()}
