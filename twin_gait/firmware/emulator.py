@@ -6,10 +6,9 @@ Inputs go down a pipe, outputs come back on another; QEMU has no network, and it
 import contextlib
 import os
 import select
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
+from subprocess import PIPE, Popen
 from typing import Self
 
 import numpy as np
@@ -39,7 +38,7 @@ class UnitProcess:
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
         """Keep name for messages, program and arguments, and the longest time in [s] without an answer."""
         self._name, self._command, self._timeout = name, [str(word) for word in command], timeout
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Popen[bytes] | None = None
         self._input_bytes = self._answer_words = 0
         self._calibration = np.zeros(len(_CALIBRATION))  # clock counts of steps of known length
         self._costs = [np.empty((0, _COST), np.uint32)]
@@ -47,13 +46,7 @@ class UnitProcess:
     def __enter__(self) -> Self:
         """Start the process; the unit is as its ``init`` leaves it."""
         # Ctrl-C is for us, who then end the process: a session of its own. Without us its input ends.
-        self._process = subprocess.Popen(
-            self._command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
+        self._process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
         try:
             words = np.frombuffer(self._read(self._process, 4 * _GREETING), np.uint32)
         except BaseException:
@@ -63,9 +56,7 @@ class UnitProcess:
         self._calibration = words[3:].astype(float)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *reason: object) -> None:
         """End the process."""
         self._end()
 
@@ -102,7 +93,7 @@ class UnitProcess:
             self._process.stdin.flush()
         return self._read(self._process, 4 * len(rows) * self._answer_words)
 
-    def _read(self, process: subprocess.Popen[bytes], size: int) -> bytes:
+    def _read(self, process: Popen[bytes], size: int) -> bytes:
         assert process.stdout is not None  # __enter__ asked for it
         poll = select.poll()
         poll.register(process.stdout, select.POLLIN)
@@ -117,7 +108,7 @@ class UnitProcess:
             content += part
         return content
 
-    def _last_words(self, process: subprocess.Popen[bytes]) -> str:
+    def _last_words(self, process: Popen[bytes]) -> str:
         assert process.stderr is not None  # __enter__ asked for it
         said = process.stderr.read().decode(errors="replace").splitlines()
         status = process.wait()

@@ -239,14 +239,14 @@ def refine(
     def errors(x: np.ndarray) -> np.ndarray:
         return -residuals(model, x, samples)
 
-    def derivative(x: np.ndarray) -> np.ndarray:
+    def slopes(x: np.ndarray) -> np.ndarray:
         return jacobian(model, x, samples)
 
     robust = math.isfinite(threshold)
     result = least_squares(
         errors,
         np.clip(start, *bounds),
-        jac=derivative,
+        jac=slopes,
         bounds=bounds,
         x_scale="jac",
         loss="huber" if robust else "linear",

@@ -14,7 +14,7 @@ from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
-from twin_gait.files import write_atomically, write_json
+from twin_gait.files import plain, write_atomically, write_json
 from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
@@ -30,7 +30,6 @@ PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
 REPORT_FILE = "report.html"
 SCHEMA_VERSION = 1
 PRESET = "bench_leg"
-_DIGITS = 10
 _LISTED_SAMPLES = 100_000
 _TABLE: Mapping[JointName, parameters.FrictionLaw] = {
     JointName.HIP: parameters.HIP_FRICTION,
@@ -60,7 +59,7 @@ def write_identification(
 ) -> dict[str, Any]:
     """Write everything into a folder that appears when all is written."""
     laws = {} if joint is None else _parameter_laws(result)
-    document: dict[str, Any] = _plain(_identification_document(result, joint))
+    document: dict[str, Any] = plain(_identification_document(result, joint))
     document["parameter_files"] = {file: model for file, (model, _) in laws.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         write_json(staging / DOCUMENT_FILE, document)
@@ -148,17 +147,6 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
         "beyond_threshold_share": float((np.abs(item.residuals) > threshold).mean()),
         "warnings": item.warnings,
     }
-
-
-def _plain(value: Any) -> Any:
-    """A document as JSON holds it: numbers to ten digits, None for one that is not finite."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
-    return value
 
 
 def _samples_csv(result: Identification) -> str:

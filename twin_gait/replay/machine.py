@@ -7,6 +7,7 @@ that lacks a signal which a guard reads is refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -69,34 +70,32 @@ def replay(
     that was not recorded, or there is no such start phase.
     """
     _check_signals(recording, table, body_weight)
-    sensors, program, total = SensorParameters(), compile_guards(table), recording.n_ticks
-    if fast_time_constant is None:
-        fast_time_constant = sensors.fast_time_constant
-    fast_gain = first_order_gain(TICK, fast_time_constant)
-    angles, loads = _angle_rows(recording, table), _load_rows(recording, body_weight)
-    device = _device_rows(recording)
-    encoders = [new_encoder(0.0, 0.0, sensors.window) for _ in range(angles.shape[1])]
-    starts = [_start(recording, table, side, start_phases or {}) for side in recording.sides]
+    program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
+    nothing = np.zeros(total)
+    angles, velocities = np.zeros((2, total, len(sides), len(table.joints)))
+    for leg, joints in enumerate(recording.angles.values()):
+        for place, name in enumerate(table.joints):
+            measured = _measured(joints.get(name, nothing), fast_time_constant)
+            angles[:, leg, place], velocities[:, leg, place] = measured
+    loads = [recording.loads.get(side, nothing) / (body_weight or math.inf) for side in sides]
+    # As at first where they were not recorded: who walks was told to.
+    device = {
+        signal.field: recording.device.get(signal.name, np.full(total, signal.first))
+        for signal in DEVICE_SIGNALS
+    }
+    starts = {side: _start(recording, table, side, start_phases or {}) for side in sides}
     machines = [
-        GaitStateMachine(table, side, initial_phase=start, program=program)
-        for side, start in zip(recording.sides, starts, strict=True)
+        GaitStateMachine(table, side, initial_phase=start, program=program) for side, start in starts.items()
     ]
-    velocity, phase = np.zeros_like(angles), np.zeros((total, len(machines)), dtype=int)
-    switches: list[PhaseSwitch] = []
-    width = len(table.joints)
+    phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
         if progress is not None and tick % PROGRESS_TICKS == 0:
             progress(tick, total)
-        for encoder, angle in zip(encoders, angles[tick].tolist(), strict=True):
-            measure_joint(encoder, tick, angle, TICK, fast_gain, sensors.decimation)
         times = [machine.time_in_phase(tick) for machine in machines]
         before = [machine.phase_index for machine in machines]
         of_device = {name: float(values[tick]) for name, values in device.items()}
-        legs = []
-        for leg in range(len(machines)):
-            own = encoders[leg * width : (leg + 1) * width]
-            turned, turning = tuple(item.angle for item in own), tuple(item.velocity_fast for item in own)
-            legs.append(LegSignals(turned, turning, float(loads[tick, leg]), **of_device))
+        rows = zip(angles[tick].tolist(), velocities[tick].tolist(), loads, strict=True)
+        legs = [LegSignals(tuple(q), tuple(v), float(load[tick]), **of_device) for q, v, load in rows]
         for leg, machine in enumerate(machines):
             others = len(legs) - 1 - leg
             other = legs[others] if len(legs) == 2 else None
@@ -105,38 +104,25 @@ def replay(
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
-        velocity[tick] = [encoder.velocity_fast for encoder in encoders]
     if progress is not None:
         progress(total, total)
-    velocities = {
-        side: {joint: velocity[:, leg * width + i] for i, joint in enumerate(table.joints)}
-        for leg, side in enumerate(recording.sides)
+    estimated = {
+        side: {joint: velocities[:, leg, place] for place, joint in enumerate(table.joints)}
+        for leg, side in enumerate(sides)
     }
-    phases = {side: phase[:, leg] for leg, side in enumerate(recording.sides)}
-    return Replay(table, recording, velocities, phases, tuple(switches))
+    phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
+    return Replay(table, recording, estimated, phases, tuple(switches))
 
 
-def _angle_rows(recording: Recording, table: GaitTable) -> np.ndarray:
-    """Angles leg by leg in the order of the table, 0 for a joint that no guard reads; ``(n, n_joints)``."""
-    nothing = np.zeros(recording.n_ticks)
-    columns = [joints.get(name, nothing) for joints in recording.angles.values() for name in table.joints]
-    return np.column_stack(columns)
-
-
-def _load_rows(recording: Recording, body_weight: float | None) -> np.ndarray:
-    """Foot loads over body weight, 0 where no guard reads them; shape ``(n, n_legs)``."""
-    nothing = np.zeros(recording.n_ticks)
-    if body_weight is None:
-        return np.column_stack([nothing for _ in recording.sides])
-    return np.column_stack([recording.loads.get(side, nothing) / body_weight for side in recording.sides])
-
-
-def _device_rows(recording: Recording) -> dict[str, np.ndarray]:
-    """Signals of the device by field, as at first where they were not recorded: who walks was told to."""
-    return {
-        signal.field: recording.device.get(signal.name, np.full(recording.n_ticks, signal.first))
-        for signal in DEVICE_SIGNALS
-    }
+def _measured(angle: np.ndarray, time_constant: float | None) -> np.ndarray:
+    """Angle of a joint as its board has it, 0 if no guard reads it, and the fast estimate of its velocity."""
+    sensors = SensorParameters()
+    gain = first_order_gain(TICK, sensors.fast_time_constant if time_constant is None else time_constant)
+    encoder, found = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, len(angle)))
+    for tick, value in enumerate(angle.tolist()):
+        measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
+        found[:, tick] = encoder.angle, encoder.velocity_fast
+    return found
 
 
 def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Mapping[Side, str]) -> str:

@@ -22,24 +22,12 @@ _TIME_COLUMNS = ("time_s", "time", "Time", "t")
 _UNIT_ENDINGS = {"_rad": RADIANS, "_deg": DEGREES, "[rad]": RADIANS, "[deg]": DEGREES, "(deg)": DEGREES}
 
 
-def _angle_key(side: Side, joint: JointName) -> str:
-    return f"{side}_{joint}_angle"
-
-
-def _load_key(side: Side) -> str:
-    return f"{side}_foot_normal_force"
-
-
-def _phase_key(side: Side) -> str:
-    return f"{side}_phase"
-
-
 # Signals of the device by quantity.
 _OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
 
 QUANTITIES = (
-    TIME, *(_angle_key(side, joint) for side in Side for joint in JointName),
-    *(_load_key(side) for side in Side), *(_phase_key(side) for side in Side), *_OF_DEVICE,
+    TIME, *(f"{side}_{joint}_angle" for side in Side for joint in JointName),
+    *(f"{side}_foot_normal_force" for side in Side), *(f"{side}_phase" for side in Side), *_OF_DEVICE,
 )  # fmt: skip
 
 
@@ -108,10 +96,10 @@ class _Reader:
         angles = self._angles(convention)
         loads, phases, device = {}, {}, {}
         for side in angles:
-            load = self._column(_load_key(side), f"{side}_foot_normal_force_N")
+            load = self._column(f"{side}_foot_normal_force", f"{side}_foot_normal_force_N")
             if load is not None:
                 loads[side] = table.numbers(load)
-            phase = self._column(_phase_key(side), f"{side}_phase")
+            phase = self._column(f"{side}_phase", f"{side}_phase")
             if phase is not None:
                 phases[side] = table.words(phase)
         for key, signal in _OF_DEVICE.items():
@@ -143,7 +131,7 @@ class _Reader:
     def _angles(self, convention: Convention) -> dict[Side, dict[str, np.ndarray]]:
         angles: dict[Side, dict[str, np.ndarray]] = {}
         for side, joint in product(Side, JointName):
-            key, own = _angle_key(side, joint), convention.columns.get((side, joint))
+            key, own = f"{side}_{joint}_angle", convention.columns.get((side, joint))
             usual = [] if own is None else [own]
             if convention.name == HOUSE.name:
                 # The controller saw the measured angle; a log of another device may have degrees.

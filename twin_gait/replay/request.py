@@ -13,7 +13,7 @@ import numpy as np
 
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import ParameterError, RunDirectoryError
-from twin_gait.experiment import PlantParameters
+from twin_gait.experiment import Experiment, PlantParameters
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK, GaitTable
@@ -114,82 +114,63 @@ class ReplayRequest(Parameters):
     start_phases: Mapping[Side, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Walk:
-    """A recording with what is known of where it comes from."""
-
-    recording: Recording
-    table: GaitTable | None = None
-    speed: float | None = None
-    body_weight: float | None = None
-    start_phases: Mapping[Side, str] = field(default_factory=dict)
-    fast_time_constant: float | None = None
-
-
 def replay_log(request: ReplayRequest, *, progress: Callable[[int, int], None] | None = None) -> Replay:
     """Replay a walk.
 
     ``request``: what to replay, and how; ``progress``: called with ticks done and ticks in all, now and then.
     Raises TwinGaitError if log, table or request have a mistake, or do not fit each other.
     """
-    walk = _open(request)
-    table = _table(request, walk)
-    recording = walk.recording
-    known = {side: phase for side, phase in walk.start_phases.items() if phase in table.phases}
-    if request.mirror:
-        # The first half stride is cut off, and with it the instant that the run's start phases belong to.
-        recording, known = mirrored(recording, request.stride_time), {}
+    recording, experiment = _open(request)
+    table, starts, time_constant = _table(request, experiment), request.start_phases, None
+    weight = None if request.mass is None else request.mass * PlantParameters().gravity
+    if experiment is not None:
+        world = experiment.build_world()
+        weight = world.body_weight if weight is None else weight
+        time_constant = experiment.sensors.fast_time_constant
+        if not request.mirror:  # it cuts off the first half stride, and with it the instant of these phases
+            known = {
+                side: str(phase) for side, phase in world.initial_phases.items() if phase in table.phases
+            }
+            starts = {**known, **starts}
     return replay(
-        recording,
+        mirrored(recording, request.stride_time) if request.mirror else recording,
         table,
-        body_weight=walk.body_weight if request.mass is None else request.mass * PlantParameters().gravity,
-        start_phases={**known, **request.start_phases},
-        fast_time_constant=walk.fast_time_constant,
+        body_weight=weight,
+        start_phases=starts,
+        fast_time_constant=time_constant,
         progress=progress,
     )
 
 
-def _open(request: ReplayRequest) -> _Walk:
+def _open(request: ReplayRequest) -> tuple[Recording, Experiment | None]:
+    """The recording, and the experiment if it is of a run."""
+    path = Path(request.log).expanduser()
     if is_normative(request.log):
         if request.log_format != LogFormat(offsets=request.log_format.offsets):
             raise ParameterError(
                 f"{request.log}: has no columns to choose; leave columns, units, convention out"
             )
-        walk = normative_walk(request.log)
-        return _Walk(recording=shifted(walk.recording, request.log_format.offsets))
-    path = Path(request.log).expanduser()
-    if path.is_dir():
-        return _open_run(path, request)
-    return _Walk(recording=read_recording(path, request.log_format))
-
-
-def _open_run(directory: Path, request: ReplayRequest) -> _Walk:
+        return shifted(normative_walk(request.log).recording, request.log_format.offsets), None
+    if not path.is_dir():
+        return read_recording(path, request.log_format), None
     for name in (EXPERIMENT_FILE, LOG_FILE):
-        if not (directory / name).is_file():
-            raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
-    experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
-    world = experiment.build_world()
-    recording = read_recording(directory / LOG_FILE, request.log_format)
-    walking = experiment.scenario.walking
+        if not (path / name).is_file():
+            raise RunDirectoryError(f"{path}: not a run directory: it has no {name}")
+    recording = read_recording(path / LOG_FILE, request.log_format)
     # What a run does not log of the device stayed as at first: nothing in it moved the signal.
     known = {
         signal.name: np.full(recording.n_ticks, signal.first) for signal in DEVICE_SIGNALS if signal.column
     } | dict(recording.device)
-    return _Walk(
-        recording=replace(recording, source=str(directory), device=known),
-        table=experiment.table,
-        speed=None if walking is None else walking.speed,
-        body_weight=world.body_weight,
-        start_phases={side: str(phase) for side, phase in world.initial_phases.items()},
-        fast_time_constant=experiment.sensors.fast_time_constant,
-    )
+    experiment = load_experiment(path / EXPERIMENT_FILE).experiment
+    return replace(recording, source=str(path), device=known), experiment
 
 
-def _table(request: ReplayRequest, walk: _Walk) -> GaitTable:
+def _table(request: ReplayRequest, experiment: Experiment | None) -> GaitTable:
     """The table asked for, else that of the run, scaled as guards need it: to the speed."""
-    if request.table is None and walk.table is not None:
-        table = walk.table
+    walking = None if experiment is None else experiment.scenario.walking
+    speed = walking.speed if request.speed is None and walking is not None else request.speed
+    if request.table is None and experiment is not None:
+        table = experiment.table
     else:
         table = load_gait_table(request.table or DEFAULT_TABLE)
-    speed = walk.speed if request.speed is None else request.speed
     return scale_table(table, carried_mass=None, speed=speed)
