@@ -1,6 +1,7 @@
 """What builds of an experiment's firmware give for the vectors of its runs, and in a loop with the plant."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -90,6 +91,7 @@ def _switch(engine: CompiledEngine, number: int, decision: np.void, tick: int) -
     leg["phase"], leg["entry_tick"] = phase, tick
 
 
+@dataclass(frozen=True, eq=False)
 class Bench:
     """Builds of a project, and their outputs for vectors; nothing is built before it is asked for.
 
@@ -97,18 +99,16 @@ class Bench:
     :class:`~twin_gait.exceptions.MissingToolError` without it.
     """
 
-    def __init__(
-        self,
-        project: Project,
-        vectors: Sequence[Vectors],
-        folder: Path,
-        progress: Progress | None = None,
-        on_compile: Callable[[], None] | None = None,
-    ) -> None:
-        """Write the C for vectors of some runs into a folder; for the last two see :func:`walk_with`."""
-        self.project, self.vectors, self.folder = project, vectors, folder
-        self.progress, self.on_compile = progress, on_compile
-        self.unit = project.write_linked(folder)
+    project: Project
+    vectors: Sequence[Vectors]  # of some runs
+    folder: Path  # into which C and builds are written
+    progress: Progress | None = None  # of the walk in the loop, see :func:`walk_with`
+    on_compile: Callable[[], None] | None = None  # likewise
+
+    @cached_property
+    def unit(self) -> Unit:
+        """The C of the linked unit, written with that of all others."""
+        return self.project.write_linked(self.folder)
 
     def host(self, *, double: bool) -> HostUnit:
         """The unit on this machine."""
@@ -150,7 +150,7 @@ class Bench:
 
     def bytes_of(self, name: str) -> dict[str, int]:
         """Flash of a unit of the device, and RAM of its record."""
-        flash, variables = sizes(build_object(Unit(name, self.folder), self.folder))
+        flash, variables = sizes(build_object(replace(self.unit, name=name), self.folder))
         return {"flash": flash, "ram": variables + self.project.record_bytes[name]}
 
     @cached_property

@@ -36,6 +36,11 @@ JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS = (
     "exoskeleton",
     "can_codec",
 )
+RECORDS = {
+    JOINT_BOARD: units.JointBoard,
+    GAIT_CONTROLLER: units.GaitController,
+    EXOSKELETON: units.Exoskeleton,
+}
 _FILES = Environment(
     loader=FileSystemLoader(Path(__file__).with_name("project_files")),
     undefined=StrictUndefined,
@@ -85,9 +90,7 @@ class Project:
     def record_bytes(self) -> dict[str, int]:
         """RAM that the records of the units take on a Cortex-M, by unit."""
         records = self.program.records
-        kinds = (units.JointBoard, units.GaitController, units.Exoskeleton)
-        pairs = zip((JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON), kinds, strict=True)
-        return {name: records.dtype(kind, "f4").itemsize for name, kind in pairs}
+        return {name: records.dtype(kind, "f4").itemsize for name, kind in RECORDS.items()}
 
     def write_linked(self, folder: Path) -> Unit:
         """Write the C alone, of all units, into a folder that exists; the linked unit in it."""

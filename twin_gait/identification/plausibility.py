@@ -56,11 +56,8 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
         text = f"has {len(cleaned)} usable rows of {len(log)}{why}; expected at least {FEWEST}"
         raise ParameterFileError(log.source, key, text)
     _check_marks(cleaned)
-    if series:
-        cleaned = _plausible_series(cleaned, optional & set(columns), notes, joint_known=joint_known)
-    else:
-        _check_units(cleaned)
-    return cleaned, counts, tuple(notes)
+    strict = joint_known or not series
+    return _plausible(cleaned, optional & set(columns), notes, strict=strict), counts, tuple(notes)
 
 
 def _timed_log(source: str, columns: Columns) -> tuple[Columns, int]:
@@ -106,24 +103,30 @@ def _timed_series(columns: Columns, notes: list[str]) -> tuple[Columns, int]:
     return columns, int(same.sum())
 
 
-def _plausible_series(log: Log, optional: set[Quantity], notes: list[str], *, joint_known: bool) -> Log:
-    """Leave out optional columns that cannot be right; doubt the others."""
+def _plausible(log: Log, optional: set[Quantity], notes: list[str], *, strict: bool) -> Log:
+    """Leave out optional columns that cannot be right; doubt the others, or refuse them if strict."""
     columns = dict(log.columns)
-    for quantity in sorted(optional):
+    for quantity in sorted(columns):
         if doubt := _beyond(quantity, columns[quantity]):
-            notes.append(f"{quantity} was left out: {quantity} {doubt}")
-            del columns[quantity]
+            if quantity in optional:
+                notes.append(f"{quantity} was left out: {quantity} {doubt}")
+                del columns[quantity]
+            elif strict:
+                raise ParameterFileError(log.source, str(quantity), doubt)
+            else:
+                notes.append(f"{quantity} {doubt}")
     slope = _wrong_slope(columns)
-    if slope is not None and Quantity.ANGLE not in log.asked:
+    if slope is not None and Quantity.ANGLE not in optional:
+        raise ParameterFileError(
+            log.source,
+            "velocity",
+            f"its integral moves {slope:.3g} times as far as the angle: one of time, angle and velocity is "
+            "in another unit or sign; declare them with --units time=…,angle=…,velocity=…",
+        )
+    if slope is not None:
         notes.append(f"angle was left out: the velocity's integral moves {slope:.3g} times as far")
         del columns[Quantity.ANGLE]
-    kept = replace(log, columns=columns)
-    if joint_known:
-        _check_units(kept)
-    notes += [f"{name} {doubt}" for name in sorted(columns) if (doubt := _beyond(name, columns[name]))]
-    if not joint_known:
-        _check_velocity(kept)
-    return kept
+    return replace(log, columns=columns)
 
 
 def _check_marks(log: Log) -> None:
@@ -146,26 +149,6 @@ def _beyond(quantity: Quantity, values: np.ndarray) -> str:
     if found <= KINDS[quantity].largest:
         return ""
     return f"reaches {found:.4g} {unit}: of a joint? Declare its unit, such as --units {quantity}={other}"
-
-
-def _check_units(log: Log) -> None:
-    """Refuse columns that are in another unit than they are read in."""
-    for quantity in sorted(log.columns):
-        if doubt := _beyond(quantity, log.columns[quantity]):
-            raise ParameterFileError(log.source, str(quantity), doubt)
-    _check_velocity(log)
-
-
-def _check_velocity(log: Log) -> None:
-    """Compare the velocity with the derivative of the angle, which shows degrees and milliseconds."""
-    slope = _wrong_slope(log.columns)
-    if slope is not None:
-        raise ParameterFileError(
-            log.source,
-            "velocity",
-            f"its integral moves {slope:.3g} times as far as the angle: one of time, angle and velocity is "
-            "in another unit or sign; declare them with --units time=…,angle=…,velocity=…",
-        )
 
 
 def _wrong_slope(columns: Mapping[Quantity, np.ndarray]) -> float | None:
