@@ -16,7 +16,7 @@ from table_builder import JOINTS, guard, phase
 from twin_gait.checking.check import build_case
 from twin_gait.checking.exits import ambiguity, cascade, hysteresis
 from twin_gait.checking.finding import CheckCase, Finding, label
-from twin_gait.checking.graph import TwoLegs, deadlock, starting_pairs
+from twin_gait.checking.graph import deadlock, pairs_of, starting_pairs
 from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import GaitTableError
@@ -314,7 +314,7 @@ def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> 
     case = random_case(seed)
     table, generator = case.table, np.random.default_rng(seed)
     vectors = Vectors(table, generator, 2000)
-    known = set(TwoLegs(case).entered)
+    known = set(pairs_of(case))
     for episode, start in enumerate(starting_pairs(case)):
         legs = [
             GaitStateMachine(table, side, initial_phase=name) for side, name in zip(Side, start, strict=True)
@@ -329,17 +329,17 @@ def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> 
 
 
 def test_random_legs_do_walk_into_new_pairs() -> None:
-    entered = [len(TwoLegs(random_case(seed)).entered) for seed in SEEDS]
+    entered = [len(pairs_of(random_case(seed))) for seed in SEEDS]
     assert sum(entered) > len(SEEDS) * len(PHASES)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_random_vector_lets_a_leg_out_of_a_deadlock(seed: int) -> None:
     case = random_case(seed)
-    table, legs = case.table, TwoLegs(case)
+    table = case.table
     vectors = Vectors(table, np.random.default_rng(seed), 20_000)
     reasons = " ".join(item.reason for item in deadlock(case))
-    for pair in legs.entered:
+    for pair in pairs_of(case):
         stuck = f"one leg in {pair[0]} and the other in {pair[1]} " in reasons
         for own, other in (pair, pair[::-1]):
             there = vectors.others == table.phase_index(other)

@@ -2,11 +2,11 @@
 
 import itertools
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
-from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
+from twin_gait.checking.signals import OTHER_PHASE, Point, SignalSpace, signal_space, swapped
 from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
@@ -120,14 +120,6 @@ def _chain(closing: Transition, before: dict[str, str | None]) -> str:
     return " → ".join([closing.source, *phases])
 
 
-class Step(NamedTuple):
-    """How a pair of phases is entered."""
-
-    before: Pair  # the pair before
-    taken: tuple[int, ...]  # transitions that are taken in one tick, of the first leg or of both
-    counterexample: dict[str, float | str]  # signals of the first leg and the other that open them
-
-
 def starting_pairs(case: CheckCase) -> list[Pair]:
     """Pairs of phases that two legs can start in.
 
@@ -144,79 +136,52 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
     return [*((first, phase) for phase in stances), *sent]
 
 
-class TwoLegs:
-    """Pairs of phases that two legs reach with free signals; the order of the legs does not matter.
+class Step(NamedTuple):
+    """What two legs in a pair of phases take in one tick."""
+
+    own: str  # phase of the first leg
+    other: str  # phase of the other one
+    first: int  # transition that the first leg takes
+    second: int | None = None  # transition that the other one takes in the same tick, if any
+
+
+def _steps(space: SignalSpace, pair: Pair) -> Iterator[tuple[Step, Pair]]:
+    """All steps out of a pair, whether signals allow them or not, with the pair that each leads to."""
+
+    def after(first: int, other: str) -> Pair:
+        return _sorted((space.transition(first).target, other))
+
+    for own, other in (pair, pair[::-1]):
+        yield from ((Step(own, other, index), after(index, other)) for index in space.exits(own))
+    for first, second in itertools.product(*map(space.exits, pair)):
+        yield Step(*pair, first, second), after(first, space.transition(second).target)
+
+
+def signals_for(space: SignalSpace, step: Step) -> dict[str, float | str] | None:
+    """Signals of the first leg and the other that open a step; None if there are none.
 
     Both legs read one snapshot, ``other.phase`` is that before the tick, and each takes at most one
     transition in a tick.
-
-    Attributes:
-        space: Signals of the table.
-        entered: How each pair is entered first; None for the pairs that the legs start in.
     """
+    point = space.opening(step.first, step.other) if space.can_fire(step.first) else None
+    if point is not None and step.second is not None:
+        point = _together(space, step, step.second)
+    return None if point is None else {**space.counterexample(point), OTHER_PHASE: step.other}
 
-    def __init__(self, case: CheckCase) -> None:
-        """Search all pairs breadth first."""
-        self.space = signal_space(case)
-        self.entered: dict[Pair, Step | None] = dict.fromkeys(map(_sorted, starting_pairs(case)))
-        waiting = deque(self.entered)
-        while waiting:
-            for pair, step in self._steps(waiting.popleft()):
-                self.entered[pair] = step
-                waiting.append(pair)
 
-    def _steps(self, pair: Pair) -> Iterator[tuple[Pair, Step]]:
-        """Pairs that are entered from a pair and have not been before."""
-        for own, other in (pair, pair[::-1]):
-            for index in self.space.exits(own):
-                target = _sorted((self.space.transition(index).target, other))
-                found = None if target in self.entered else self.can_leave(index, other)
-                if found is not None:
-                    yield target, Step((own, other), (index,), found)
-        for first, second in itertools.product(*map(self.space.exits, pair)):
-            target = _sorted((self.space.transition(first).target, self.space.transition(second).target))
-            found = None if target in self.entered else self._together(first, second)
-            if found is not None:
-                yield target, Step(pair, (first, second), found)
-
-    def can_leave(self, index: int, other: str) -> dict[str, float | str] | None:
-        """Signals that open a transition while the other leg is in a phase; None if there are none."""
-        found = self.space.opening(index, other) if self.space.can_fire(index) else None
-        return None if found is None else {**self.space.counterexample(found), OTHER_PHASE: other}
-
-    def lifts_in_swing(self, index: int) -> Step | None:
-        """How a transition can be taken while the other leg swings; None if it cannot."""
-        source = self.space.transition(index).source
-        for other in filter(self.space.case.gait.is_swing, self.space.table.phase_names):
-            found = self.can_leave(index, other) if _sorted((source, other)) in self.entered else None
-            if found is not None:
-                return Step((source, other), (index,), found)
+def _together(space: SignalSpace, step: Step, second: int) -> Point | None:
+    """Signals that open the transitions of both legs in one tick."""
+    if not space.can_fire(second) or space.opening(second, step.own) is None:
         return None
 
-    def lifts_together(self, index: int, others: Sequence[int]) -> Step | None:
-        """How a transition can be taken in the tick in which the other leg takes one of some."""
-        for second in others:
-            pair = self.space.transition(index).source, self.space.transition(second).source
-            found = self._together(index, second) if _sorted(pair) in self.entered else None
-            if found is not None:
-                return Step(pair, (index, second), found)
-        return None
+    def holds(point: Point) -> bool:
+        mirrored = Point({swapped(name): value for name, value in point.signals.items()}, step.own)
+        return space.is_open(step.first, point) and space.is_open(second, mirrored)
 
-    def _together(self, first: int, second: int) -> dict[str, float | str] | None:
-        """Signals that open a transition of either leg in the same tick."""
-        own, other = self.space.transition(first).source, self.space.transition(second).source
-        if self.can_leave(first, other) is None or self.can_leave(second, own) is None:
-            return None
-
-        def holds(point: Point) -> bool:
-            mirrored = Point({swapped(name): value for name, value in point.signals.items()}, own)
-            return self.space.is_open(first, point) and self.space.is_open(second, mirrored)
-
-        theirs = translated(self.space.transition(second).guard, swapped, lambda item: own in item.phases)
-        times = {TIME: self.space.window(first), OTHER_TIME: self.space.window(second)}
-        requirements = [self.space.requirement(first), Requirement(theirs)]
-        point = next(self.space.find(requirements, times, holds, other=other), None)
-        return None if point is None else {**self.space.counterexample(point), OTHER_PHASE: other}
+    theirs = translated(space.transition(second).guard, swapped, lambda item: step.own in item.phases)
+    times = {TIME: space.window(step.first), OTHER_TIME: space.window(second)}
+    requirements = [space.requirement(step.first), Requirement(theirs)]
+    return next(space.find(requirements, times, holds, other=step.other), None)
 
 
 def _sorted(pair: Pair) -> Pair:
@@ -224,9 +189,15 @@ def _sorted(pair: Pair) -> Pair:
 
 
 @once
-def two_legs(case: CheckCase) -> TwoLegs:
-    """The pairs of phases of a case, searched once for all rules."""
-    return TwoLegs(case)
+def pairs_of(case: CheckCase) -> list[Pair]:
+    """Pairs of phases that two legs reach with free signals; the order of the legs does not matter."""
+    space = signal_space(case)
+    pairs = list(dict.fromkeys(map(_sorted, starting_pairs(case))))
+    for pair in pairs:  # breadth first: what is found is looked at in its turn
+        for step, target in _steps(space, pair):
+            if target not in pairs and signals_for(space, step) is not None:
+                pairs.append(target)
+    return pairs
 
 
 @rule
@@ -243,26 +214,37 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
         reason = "no phase is swing by its name, so whether both legs can swing at once is not known"
         yield Finding(Severity.NOTE, reason, "let the names of the phases of swing contain the word")
         return
-    legs = two_legs(case)
+    space, pairs = signal_space(case), pairs_of(case)
     lifting = [
         index
         for index, item in enumerate(case.table.transitions)
         if not case.gait.is_swing(item.source) and case.gait.is_swing(item.target)
     ]
-    steps = (legs.lifts_in_swing(index) or legs.lifts_together(index, lifting) for index in lifting)
-    yield from (_both_lifted(case, step) for step in steps if step is not None)
+    for index in lifting:
+        for step in _lifts(case, index, lifting):
+            found = signals_for(space, step) if _sorted((step.own, step.other)) in pairs else None
+            if found is not None:
+                yield _both_lifted(case, step, found)
+                break
 
 
-def _both_lifted(case: CheckCase, step: Step) -> Finding:
-    taken = [case.table.transitions[index] for index in step.taken]
-    own, other = step.before
+def _lifts(case: CheckCase, index: int, lifting: Sequence[int]) -> Iterator[Step]:
+    """Steps by which a transition into swing brings both legs there: after the other leg, or with it."""
+    own = case.table.transitions[index].source
+    yield from (Step(own, other, index) for other in filter(case.gait.is_swing, case.table.phase_names))
+    yield from (Step(own, case.table.transitions[second].source, index, second) for second in lifting)
+
+
+def _both_lifted(case: CheckCase, step: Step, signals: Mapping[str, float | str]) -> Finding:
+    own, other, *indices = step
+    taken = [case.table.transitions[index] for index in indices if index is not None]
     sure = case.experiment is not None or any(OTHER in str(item.guard) for item in case.table.transitions)
     names = " and ".join(dict.fromkeys(label(item) for item in taken))
     together = " in the same tick" if len(taken) > 1 else ""
     severity = Severity.ERROR if sure else Severity.WARNING
     reason = f"with one leg in {own} and the other in {other}, {names} can bring both into swing{together}"
     suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
-    return about(taken[0], severity, reason, suggestion, counterexample=step.counterexample)
+    return about(taken[0], severity, reason, suggestion, counterexample=signals)
 
 
 @rule
@@ -273,13 +255,10 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
     """
     if not case.has_other_leg or len(case.table.phases) == 1:
         return
-    legs = two_legs(case)
-    for first, second in legs.entered:
-        goes_on = any(
-            legs.can_leave(index, other) is not None
-            for own, other in ((first, second), (second, first))
-            for index in legs.space.exits(own)
-        )
+    space = signal_space(case)
+    for first, second in pairs_of(case):
+        alone = [step for step, _ in _steps(space, (first, second)) if step.second is None]
+        goes_on = any(signals_for(space, step) is not None for step in alone)
         if not goes_on and not {first, second} <= set(case.gait.postures):
             reason = f"with one leg in {first} and the other in {second} no signals ever let either go on"
             suggestion = f"let {first} or {second} be left in this case too, or give one a time-out"
