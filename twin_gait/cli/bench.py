@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait import simulation, studies
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import RunDirectoryError
@@ -65,13 +66,10 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the true
     friction.
     """
-    from twin_gait.simulation import RunStatus
-    from twin_gait.studies import Campaign, Protocol, run_campaign
-
     out = arguments.out
-    campaign = Campaign(
+    campaign = studies.Campaign(
         joint=JointName(arguments.joint),
-        protocol=Protocol(arguments.protocol),
+        protocol=studies.Protocol(arguments.protocol),
         seed=arguments.seed,
         bench=bench_of(arguments),
         longest=arguments.longest,
@@ -79,9 +77,9 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     if out.exists():
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.watched(str(campaign.protocol), "test") as watch:
-        result = run_campaign(campaign, out, **watch)
+        result = studies.run_campaign(campaign, out, **watch)
     print("\n".join(report_campaign(result)))
-    if result.status is RunStatus.INTERRUPTED:
+    if result.status is simulation.RunStatus.INTERRUPTED:
         return terminal.interrupted("the logs so far are kept")
     return DONE
 

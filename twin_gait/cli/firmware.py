@@ -7,16 +7,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from twin_gait import configuration, firmware, runs, simulation
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
-
-if TYPE_CHECKING:
-    from twin_gait.configuration import LoadedExperiment
-    from twin_gait.firmware.verification import Verification
-    from twin_gait.simulation import Run
 
 WALK = 3.0  # [s] of the vectors: every phase of both legs
 VERIFICATION = "verification.json"
@@ -63,15 +59,14 @@ def run(arguments: argparse.Namespace) -> int:
     return FAILED if document.get("passed") is False else DONE
 
 
-def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
+def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Print the project into a folder; its manifest."""
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project
-    from twin_gait.runs.summary import versions
 
     experiment = loaded.experiment
-    document = resolved_document(experiment, loaded.document, versions())
+    document = resolved_document(experiment, loaded.document, runs.versions())
     terminal.note_step("C", "printing")
     project = print_project(experiment)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
@@ -81,27 +76,26 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     return project.manifest(document)
 
 
-def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
+def _verify(loaded: configuration.LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     """Verify, and keep what was found in the folder."""
     from twin_gait.files import write_json
-    from twin_gait.firmware.verification import verify
 
     with terminal.progress_bar("verifying", "tick") as progress:
-        found = verify(loaded.experiment, progress, terminal.note_compilation)
+        found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
     document = _document(found)
     if folder is not None:
         write_json(folder / VERIFICATION, document)
     return document
 
 
-def _document(found: Verification) -> dict[str, Any]:
+def _document(found: firmware.Verification) -> dict[str, Any]:
     named = [item._asdict() for item in found.checks]
     walks = {"simulation": found.walk, "processor_in_the_loop": found.loop_walk}
     gaits = {name: _gait(run) for name, run in walks.items() if run is not None}
     return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named, "walks": gaits}
 
 
-def _gait(run: Run) -> dict[str, Any]:
+def _gait(run: simulation.Run) -> dict[str, Any]:
     """Strides of each leg, and how far they are off the reference."""
     from twin_gait.runs.leg_summary import side_in_brief
 

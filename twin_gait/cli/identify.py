@@ -6,14 +6,13 @@ import argparse
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from twin_gait import identification as of
+from twin_gait import parameters
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, answer, progress_bar
 from twin_gait.exceptions import ParameterError
-
-if TYPE_CHECKING:
-    from twin_gait.identification import IdentificationOptions
 
 PRINTED_MODELS = 5
 SUFFIXES = (".log", ".csv", ".txt", ".tsv", ".dat")
@@ -71,7 +70,6 @@ def run(arguments: argparse.Namespace) -> int:
     one test. Written: identification.json (models best first), parameter files that simulate takes, the
     samples, and figures.
     """
-    from twin_gait.identification import identify_logs
     from twin_gait.identification.writing import IDENTIFICATION, write_identification
     from twin_gait.runs.folders import check_target
     from twin_gait.vocabulary import JointName
@@ -80,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_target(arguments.out, IDENTIFICATION, force=arguments.force)
     paths = list(_files(arguments.logs))
     with progress_bar("identifying", "step") as progress:
-        result = identify_logs(paths, chosen, progress)
+        result = of.identify_logs(paths, chosen, progress)
     joint = None if arguments.joint is None else JointName(arguments.joint)
     pictures = not arguments.no_pictures
     document = write_identification(result, arguments.out, joint, force=arguments.force, pictures=pictures)
@@ -107,9 +105,8 @@ def _parameter_file_lines(document: Mapping[str, Any]) -> Iterator[str]:
             yield f"no {file}: it takes {', '.join(laws)}, of which none was fitted; add --model"
 
 
-def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
+def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
     """Turn arguments into options."""
-    from twin_gait import identification as of
     from twin_gait.parameters.quantities import WHOLE
 
     def by_quantity(flag: str, text: str) -> dict[of.Quantity, str]:
@@ -137,8 +134,6 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
 
 def _bench(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
-    from twin_gait.identification import BenchSetup
-    from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
     from twin_gait.worlds import LoadAngle
 
     if arguments.joint is None:
@@ -152,8 +147,8 @@ def _bench(arguments: argparse.Namespace) -> Any:
     elif arguments.start_angle_deg is not None:
         degrees = options.number("--start-angle-deg", arguments.start_angle_deg, "a number or as-logged")
         stated["start_angle"] = math.radians(degrees)
-    return BenchSetup(
-        actuator=KNEE_ACTUATOR if arguments.joint == "knee" else HIP_ACTUATOR,
+    return of.BenchSetup(
+        actuator=parameters.KNEE_ACTUATOR if arguments.joint == "knee" else parameters.HIP_ACTUATOR,
         load_angle=LoadAngle(arguments.load_angle),
         mass_as_printed=arguments.mass_inertia_as_printed,
         **stated,

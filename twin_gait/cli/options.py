@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait import configuration
 from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
 
 if TYPE_CHECKING:
-    from twin_gait.configuration import LoadedExperiment
     from twin_gait.experiment import Experiment
 
 PROCESSORS = os.cpu_count() or 1
@@ -125,11 +125,9 @@ def add_choices(parser: Any, entries: Sequence[tuple[str, Sequence[str], str | N
         parser.add_argument(flag, choices=words, default=default, help=text)
 
 
-def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
+def experiment_of(arguments: argparse.Namespace, *defaults: str) -> configuration.LoadedExperiment:
     """The experiment that the user asked for, its gait table checked."""
-    from twin_gait.configuration import load_experiment
-
-    loaded = load_experiment(arguments.experiment, [*defaults, *arguments.settings])
+    loaded = configuration.load_experiment(arguments.experiment, [*defaults, *arguments.settings])
     loaded.experiment.build_world()
     if not arguments.unchecked:
         check_table(loaded.experiment, arguments.experiment, arguments.settings)

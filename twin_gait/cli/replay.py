@@ -5,13 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from twin_gait import replay
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, answer, progress_bar
-
-if TYPE_CHECKING:
-    from twin_gait.replay.request import ReplayRequest
 
 FOUND = "found"  # --mirror without a number: the stride time is found in the angles
 
@@ -51,26 +49,21 @@ def run(arguments: argparse.Namespace) -> int:
     is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, or normative gait:
     koopman@1.5 (speed in km/h) or winter.
     """
-    from twin_gait.replay.request import replay_log
-    from twin_gait.replay.writing import summarise_replay, write_replay
-
     request = make_request(arguments)
     with progress_bar("replaying", "tick") as progress:
-        result = replay_log(request, progress=progress)
+        result = replay.replay_log(request, progress=progress)
     if arguments.out is not None:
-        write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
-    summary = summarise_replay(result)
+        replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
+    summary = replay.summarise_replay(result)
     folder = [] if arguments.out is None else [str(arguments.out)]
     answer(arguments, [*summary_lines(summary), *folder], lambda: {**summary, "directory": arguments.out})
     return DONE
 
 
-def make_request(arguments: argparse.Namespace) -> ReplayRequest:
+def make_request(arguments: argparse.Namespace) -> replay.ReplayRequest:
     """Turn arguments into a request."""
     from twin_gait.conventions import find_convention
-    from twin_gait.measures.reference import KILOMETRES_PER_HOUR
-    from twin_gait.replay import LogFormat
-    from twin_gait.replay.request import ReplayRequest
+    from twin_gait.measures import KILOMETRES_PER_HOUR
     from twin_gait.vocabulary import JointName, Side
 
     offsets = {
@@ -80,10 +73,10 @@ def make_request(arguments: argparse.Namespace) -> ReplayRequest:
     starts = options.pairs("--start", arguments.start, list(Side))
     speed, mirror, named = arguments.speed, arguments.mirror, arguments.convention
     columns = options.pairs("--columns", arguments.columns)
-    return ReplayRequest(
+    return replay.ReplayRequest(
         log=arguments.log,
         table=arguments.table,
-        log_format=LogFormat(
+        log_format=replay.LogFormat(
             convention=named and find_convention(named),
             columns=columns,
             units=arguments.units,

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait import simulation
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
     from twin_gait.live.session import LiveSession
     from twin_gait.runs.drawing import Draw
-    from twin_gait.simulation import Run
 
 _ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -70,8 +70,6 @@ def simulate(arguments: argparse.Namespace) -> int:
 def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
-    from twin_gait.simulation import RunStatus
-    from twin_gait.simulation import simulate as run
     from twin_gait.studies.accuracy import step_error
 
     if arguments.faults:
@@ -83,9 +81,9 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
     ):
         with terminal.watched("simulating", "tick", should_stop) as watch:
-            result = run(loaded.experiment, **watch)
+            result = simulation.simulate(loaded.experiment, **watch)
         accuracy = None
-        if arguments.accuracy and result.status is RunStatus.COMPLETED:
+        if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
             with terminal.progress_bar("a tenth of the step", "tick") as progress:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
         summary = write_run(
@@ -97,7 +95,7 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     if arguments.accuracy and accuracy is None:
         lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
     terminal.answer(arguments, lines, lambda: {**summary, "directory": out})
-    if result.status is RunStatus.INTERRUPTED:
+    if result.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
         from twin_gait.cli.view import serve
@@ -105,9 +103,9 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
 
         with contextlib.redirect_stdout(sys.stderr) if arguments.json else contextlib.nullcontext():
             serve(page_of([shown_run(result, summary)]))
-    if result.status is RunStatus.DIVERGED:
+    if result.status is simulation.RunStatus.DIVERGED:
         return FAILED
-    return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
+    return FAILED if result.status is simulation.RunStatus.FELL and arguments.fail_on_fall else DONE
 
 
 def default_folder(name: str) -> Path:
@@ -115,12 +113,10 @@ def default_folder(name: str) -> Path:
     return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
 
 
-def report(result: Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
+def report(result: simulation.Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
     """Results in a few lines."""
-    from twin_gait.simulation import RunStatus
-
     pace = summary["realtime_factor"]
-    ended = f"{result.status}, " if result.status is RunStatus.INTERRUPTED else ""
+    ended = f"{result.status}, " if result.status is simulation.RunStatus.INTERRUPTED else ""
     word = result.verdict.outcome or result.status
     yield f"{ended}{word}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)"
     if result.verdict.reason:
@@ -144,7 +140,7 @@ def accuracy_line(accuracy: Mapping[str, Any]) -> str:
 
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
-    from twin_gait.measures.strides import stride_count
+    from twin_gait.measures import stride_count
     from twin_gait.report import walk_words
     from twin_gait.report.walk_words import table_of_network
 

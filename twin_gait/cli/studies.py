@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait import simulation, studies
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 
@@ -69,29 +70,26 @@ def sweep(arguments: argparse.Namespace) -> int:
     Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. The same
     command goes on with a sweep that was stopped or killed.
     """
-    from twin_gait.simulation import RunStatus
-    from twin_gait.studies import Workers, WorkersLost, load_sweep, run_sweep
-
     number = options.workers_of(arguments)
-    spec = load_sweep(arguments.spec, arguments.settings)
+    spec = studies.load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
         options.check_table(spec.experiment)
     again = f"the same command goes on from there: {arguments.out}"
     pictures = not arguments.no_pictures
     try:
         with (
-            Workers(number, arguments.scheduler) as workers,
+            studies.Workers(number, arguments.scheduler) as workers,
             terminal.progress_bar("checking", "episode") as checking,
             terminal.watched("sweeping", "episode") as watch,
         ):
-            result = run_sweep(
+            result = studies.run_sweep(
                 spec, arguments.out, workers=workers, pictures=pictures, checking=checking, **watch
             )
-    except WorkersLost as error:
+    except studies.WorkersLost as error:
         return terminal.lost(error, again)
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
     terminal.answer(arguments, report_sweep(result), lambda: document)
-    return terminal.interrupted(again) if result.status is RunStatus.INTERRUPTED else DONE
+    return terminal.interrupted(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
 
 
 def report_sweep(result: SweepResult) -> Iterator[str]:
@@ -147,7 +145,6 @@ def tune(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.report.tune import summary
     from twin_gait.runs.folders import check_target
-    from twin_gait.studies import Workers
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.tune import Settings
 
@@ -161,7 +158,7 @@ def tune(arguments: argparse.Namespace) -> int:
         terminal.note_line(_stage(step))
 
     with (
-        Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+        studies.Workers(options.workers_of(arguments), arguments.scheduler) as workers,
         terminal.stop_on_interrupt() as should_stop,
     ):
         tuning = tune.tune(
@@ -201,22 +198,20 @@ def faults(arguments: argparse.Namespace) -> int:
     trip did not end in the hold.
     """
     from twin_gait.files import write_atomically
-    from twin_gait.simulation import RunStatus
-    from twin_gait.studies import draw_faults, outcome_table, simulate_faults
     from twin_gait.studies.fault_campaign import limit_lines
 
     workers, seed = options.workers_of(arguments), arguments.seed
     if arguments.out is not None:
         options.check_file("--out", arguments.out, force=arguments.force)
     base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
-    drawn = draw_faults(base, arguments.count, seed)
+    drawn = studies.draw_faults(base, arguments.count, seed)
     with terminal.watched("faults", "fault") as watch:
-        campaign = simulate_faults(base, drawn, workers=workers, **watch)
+        campaign = studies.simulate_faults(base, drawn, workers=workers, **watch)
     table = campaign.table
     violations = list(campaign.violations["fault"]) if len(table) else []
     lines = [f"{base.name}, {base.duration:g} s each, {len(table)} faults, seed {seed}"]
     if len(table):
-        lines += [outcome_table(table).to_string(index=False), *limit_lines(table)]
+        lines += [studies.outcome_table(table).to_string(index=False), *limit_lines(table)]
     if violations:
         lines.append(f"broken: {', '.join(violations[:5])}")
     document = {
@@ -226,6 +221,6 @@ def faults(arguments: argparse.Namespace) -> int:
     terminal.answer(arguments, lines, lambda: document)
     if len(table) and arguments.out is not None:
         write_atomically(arguments.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
-    if campaign.status is RunStatus.INTERRUPTED:
+    if campaign.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     return FAILED if violations else DONE

@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait import configuration, gait
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from twin_gait.checking.finding import Finding
-    from twin_gait.gait import StateTable
 
 
 WIDTH = 100
@@ -59,21 +59,19 @@ def show_presets(arguments: argparse.Namespace) -> int:
     """
     import yaml
 
-    from twin_gait.configuration import packaged_gait_tables, packaged_mode_tables, people, presets
     from twin_gait.configuration.schema import json_schema
 
     if arguments.schema is not None:
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
     elif arguments.name is None and not arguments.as_table:
-        known = {
-            "experiments": presets(), "people": people(), "gait_tables": packaged_gait_tables(),
-            "modes": packaged_mode_tables(),
-        }  # fmt: skip
+        experiments, persons = configuration.presets(), configuration.people()
+        tables, modes = configuration.packaged_gait_tables(), configuration.packaged_mode_tables()
+        known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
         lines = [
-            *_listed("experiments", presets()),
-            *_listed("people (--patient NAME)", people()),
-            f"gait tables: {', '.join(known['gait_tables'])}",
-            f"operating modes: {', '.join(known['modes'])}",
+            *_listed("experiments", experiments),
+            *_listed("people (--patient NAME)", persons),
+            f"gait tables: {', '.join(tables)}",
+            f"operating modes: {', '.join(modes)}",
         ]
         answer(arguments, lines, lambda: known)
     else:
@@ -83,23 +81,22 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str | None, *, as_table: bool) -> str:
-    from twin_gait.configuration import load_experiment, packaged_gait_tables, packaged_mode_tables, presets
-    from twin_gait.configuration.documents import dump_yaml
-    from twin_gait.configuration.experiments import people, person_text
+    from twin_gait.configuration.experiments import person_text
     from twin_gait.configuration.gait_table_file import mode_table_path
     from twin_gait.configuration.schema import comment_for
     from twin_gait.configuration.table_inheritance import gait_table_path
 
-    tables = packaged_gait_tables()
-    if name in tables and (as_table or name not in presets()):
+    tables = configuration.packaged_gait_tables()
+    if name in tables and (as_table or name not in configuration.presets()):
         return gait_table_path(name).read_text(encoding="utf-8")
-    if name in packaged_mode_tables():
+    if name in configuration.packaged_mode_tables():
         return mode_table_path(name).read_text(encoding="utf-8")
     if name is None or as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
-    if name in people():
+    if name in configuration.people():
         return person_text(name)
-    return f"{comment_for('experiment')}\n{dump_yaml(load_experiment(name).document)}"
+    document = configuration.load_experiment(name).document
+    return f"{comment_for('experiment')}\n{configuration.dump_yaml(document)}"
 
 
 def _listed(title: str, entries: Mapping[str, str]) -> Iterator[str]:
@@ -114,12 +111,11 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
 
     State diagram, state-transition table and truth table of a gait table.
     """
-    from twin_gait.configuration import load_state_table
     from twin_gait.gait.documents import transition_table, truth_table
     from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
 
-    table = load_state_table(arguments.table)
-    writers: dict[str, Callable[[StateTable], str]] = {
+    table = configuration.load_state_table(arguments.table)
+    writers: dict[str, Callable[[gait.StateTable], str]] = {
         "svg": state_diagram_svg, "mermaid": state_diagram_mermaid, "transitions": transition_table,
         "truth": truth_table,
     }  # fmt: skip
@@ -131,7 +127,7 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _write_diagrams(table: StateTable, folder: Path, texts: dict[str, str], force: bool) -> None:
+def _write_diagrams(table: gait.StateTable, folder: Path, texts: dict[str, str], force: bool) -> None:
     """Write formats of a table into a folder, all of them or none, and say where."""
     from twin_gait.files import write_atomically
 
