@@ -12,7 +12,7 @@ import yaml
 from twin_gait import load_experiment
 from twin_gait.cli import main
 from twin_gait.configuration import load_gait_table, load_mode_table, load_state_table, packaged_mode_tables
-from twin_gait.configuration.documents import dump_yaml, experiment_document, mode_document
+from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
 from twin_gait.configuration.gait_table_file import mode_table_from_mapping, mode_table_path
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait import ModeTable, TimedRequest
@@ -43,7 +43,7 @@ def read(data: dict[str, Any]) -> ModeTable:
 @pytest.mark.parametrize("name", packaged_mode_tables())
 def test_what_ships_is_read_and_written_back(name):
     table = load_mode_table(name)
-    assert table.name == name and table == read(yaml.safe_load(dump_yaml(mode_document(table))))
+    assert table.name == name and table == read(yaml.safe_load(dump_yaml(table_document(table))))
     assert load_mode_table(mode_table_path(name)) == table == load_state_table(name)
 
 

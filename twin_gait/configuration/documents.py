@@ -14,8 +14,9 @@ import yaml
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.readers import section_of
 from twin_gait.experiment import Experiment
-from twin_gait.gait.modes import Mode, ModeTable
-from twin_gait.gait.table import Blending, GaitTable, PhaseParameters, Scaling, Transition, Waiver
+from twin_gait.gait.modes import ModeTable
+from twin_gait.gait.table import GaitTable
+from twin_gait.parameters.quantities import Parameters
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:
@@ -28,55 +29,44 @@ def content_hash(mapping: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(mapping, sort_keys=True).encode()).hexdigest()
 
 
-def table_document(table: GaitTable) -> dict[str, Any]:
-    """A gait table as its file's mapping; reading it gives an equal table."""
-    own: dict[str, Any] = {
-        "blending": section_of(Blending).document(table.blending),
-        "scaling": section_of(Scaling).document(table.scaling),
-        "phases": _phases(table.phases),
-    }
-    rest: dict[str, Any] = {}
-    if table.cycles:
-        rest["cycles"] = [list(cycle) for cycle in table.cycles]
-    if table.postures:
-        rest["postures"] = list(table.postures)
-    sides = {str(side): _phases(phases) for side, phases in table.side_phases.items()}
-    return _document(table, own, rest) | ({"sides": sides} if sides else {})
-
-
-def mode_document(table: ModeTable) -> dict[str, Any]:
-    """A table of modes as its file's mapping; reading it gives an equal table."""
-    modes = {name: section_of(Mode).document(mode) for name, mode in table.phases.items()}
-    return _document(table, {"requests": list(table.requests), "hold": table.hold, "modes": modes}, {})
-
-
-def _document(table: GaitTable | ModeTable, own: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
-    """What both kinds of tables have, around what is their own."""
-    document = {
+def table_document(table: GaitTable | ModeTable) -> dict[str, Any]:
+    """A table of gait or of modes as its file's mapping; reading it gives an equal table."""
+    rest: dict[str, Any] = {"waive": [_document(item) for item in table.waivers]}
+    if isinstance(table, ModeTable):
+        own = {"requests": list(table.requests), "hold": table.hold, "modes": _by_name(table.phases)}
+    else:
+        own = {"blending": _document(table.blending), "scaling": _document(table.scaling)}
+        own["phases"] = _by_name(table.phases)
+        sides = {str(side): _by_name(phases) for side, phases in table.side_phases.items()}
+        cycles = [list(cycle) for cycle in table.cycles]
+        rest = {"cycles": cycles, "postures": list(table.postures), **rest, "sides": sides}
+    return {
         "schema_version": SCHEMA_VERSION,
         "name": table.name,
         "description": table.description,
         "joints": list(table.joints),
         **own,
-        "transitions": [section_of(Transition).document(item) for item in table.transitions],
-        **rest,
+        "transitions": [_document(item) for item in table.transitions],
+        **{key: value for key, value in rest.items() if value},
     }
-    if table.waivers:
-        document["waive"] = [section_of(Waiver).document(item) for item in table.waivers]
+
+
+def _document(item: Parameters) -> dict[str, Any]:
+    document: dict[str, Any] = section_of(type(item)).document(item)
     return document
 
 
-def _phases(phases: Mapping[str, PhaseParameters]) -> dict[str, Any]:
-    return {name: section_of(PhaseParameters).document(phase) for name, phase in phases.items()}
+def _by_name(items: Mapping[str, Parameters]) -> dict[str, Any]:
+    return {name: _document(item) for name, item in items.items()}
 
 
 def experiment_document(experiment: Experiment) -> dict[str, Any]:
     """An experiment as its file's mapping, everything resolved; reading it gives an equal experiment."""
-    document = section_of(Experiment).document(experiment)
+    document = _document(experiment)
     if experiment.network is None:
         del document["network"]
     lists = {name: listed for name in ("faults", "requests") if (listed := document.pop(name))}
-    modes = {} if experiment.modes is None else {"modes": mode_document(experiment.modes)}
+    modes = {} if experiment.modes is None else {"modes": table_document(experiment.modes)}
     return {
         "schema_version": SCHEMA_VERSION,
         **document,

@@ -1,4 +1,3 @@
-from .chair import ChairParameters as ChairParameters
 from .crutches import ArmParameters as ArmParameters
 from .crutches import CrutchParameters as CrutchParameters
 from .drives import ACCELEROMETER_NOISE as ACCELEROMETER_NOISE
@@ -11,6 +10,7 @@ from .drives import ActuatorParameters as ActuatorParameters
 from .drives import BatteryParameters as BatteryParameters
 from .drives import ElectronicsParameters as ElectronicsParameters
 from .drives import LimitParameters as LimitParameters
+from .drives import SafetyParameters as SafetyParameters
 from .drives import SensorParameters as SensorParameters
 from .drives import TrunkSensorParameters as TrunkSensorParameters
 from .friction import HIP_FRICTION as HIP_FRICTION
@@ -30,10 +30,10 @@ from .network import Outage as Outage
 from .network import OutageKind as OutageKind
 from .network import parse_outage as parse_outage
 from .quantities import require as require
-from .safety import SafetyParameters as SafetyParameters
 from .surroundings import AnkleParameters as AnkleParameters
 from .surroundings import BeltProfile as BeltProfile
 from .surroundings import BraceParameters as BraceParameters
+from .surroundings import ChairParameters as ChairParameters
 from .surroundings import ContactParameters as ContactParameters
 from .surroundings import SlidingSpringDamper as SlidingSpringDamper
 from .surroundings import SpringDamper as SpringDamper
