@@ -55,12 +55,10 @@ class Section(Strict):
         """Fields that are given, in SI."""
         found = {name: read(self) for name, read in self.inline.items()}
         for item in declarations(self.parameters):
-            values = {key: getattr(self, key) for key in item.keys if key in self.model_fields_set}
-            given = [key for key, value in values.items() if value is not MISSING]
-            if len(given) > 1:
-                raise ParameterError(f"expected exactly one of {' or '.join(item.keys)}, got {given}")
-            if given and not item.mark(AsInFile):
-                found[item.name] = values[given[0]]
+            for key in self.model_fields_set.intersection(item.keys):
+                value = getattr(self, key)
+                if value is not MISSING and not item.mark(AsInFile):
+                    found[item.name] = value
         return found
 
     def convert(self) -> Any:
@@ -182,8 +180,6 @@ def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any
             value = getattr(section, key)
             if key not in section.model_fields_set or value is MISSING or (named and value == 0.0):
                 continue  # of what has names of its own zeros are not kept
-            if name in found:
-                raise ParameterError(f"expected {name} in one unit, got two")
             found[name] = value
         beneath = item.default if kind is item.kind and isinstance(item.default, Mapping) else {}
         return {**beneath, **found}
