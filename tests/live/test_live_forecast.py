@@ -110,10 +110,10 @@ def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(
 
 def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_for_bit(panel):
     plain = Rig(panel.problem, [], longest=4000)
-    plain.loop.run()
+    plain.loop.walk()
     script = [(1.0 + 0.3 * n, {"serial": n, "command": "moment"}) for n in range(5)]
     asked = Rig(panel.problem, script, longest=4000)
-    asked.loop.run()
+    asked.loop.walk()
     assert all("moment" in asked.answers()[n] for n in range(5))
     ahead = LiveWalk(SteppedRun(panel.problem))
     foresee(ahead, asked.answers()[3]["moment"], numbers(panel, FALLS[0]))

@@ -123,7 +123,7 @@ def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem
     journals.keep(Piece(rows=run.rows()[:0], over=True))
     journals.close()
     done = complete(journals.paths[0])
-    assert done.folder == folder and not journals.paths[0].exists()
+    assert done == folder and not journals.paths[0].exists()
     assert load_run(folder).summary["duration_s"] == pytest.approx(1.4)
     with pytest.raises(RunDirectoryError, match="cannot be used"):
         complete(journals.paths[0])
@@ -133,7 +133,7 @@ def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_pa
     _, journals = written(loaded, problem, tmp_path / "run")
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine.txt").write_text("mine")
-    assert complete(journals.paths[0]).folder == tmp_path / "run-2"
+    assert complete(journals.paths[0]) == tmp_path / "run-2"
     assert [item.name for item in (tmp_path / "run").iterdir()] == ["mine.txt"]
 
 
@@ -167,7 +167,7 @@ def test_the_loop_holds_the_last_rows_only_and_of_restarted_walks_nothing(proble
         return rows
 
     rig.run.advance = watched
-    rig.loop.run()
+    rig.loop.walk()
     assert len(rig.takes) == 21 and len(rig.takes[-1].rows) == 12_000
     assert most <= PIECE_TICKS + 20
     assert max(len(piece.rows) for pieces in rig.pieces for piece in pieces) <= PIECE_TICKS + 10
@@ -200,8 +200,8 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     with session:
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         wait_for(lambda: json.loads(session.news.frame)["tick"] > changed.tick + MOST_LOST)
-        os.kill(session.pid, signal.SIGKILL)
-        wait_for(lambda: not session.alive)
+        os.kill(session.news.pid, signal.SIGKILL)
+        wait_for(lambda: not session.news.alive)
         last = json.loads(session.news.frame)
         assert last["status"] == session.news.status == "died"
         assert "died" in session.events()[-1].text and "signal 9" in session.news.death
@@ -252,7 +252,7 @@ PARENT = """
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
     session.start()
-    print(session.pid, flush=True)
+    print(session.news.pid, flush=True)
     serial = 0
     while True:
         serial += 1

@@ -389,7 +389,7 @@ class Rig:
 
         self.run.advance = working_advance
         self.loop = LiveLoop(
-            self.run,
+            run=self.run,
             now=lambda: self.time,
             sleep=self.sleep,
             commands=self.next_command,
@@ -433,7 +433,7 @@ def bench_problem(bench_panel):
 
 def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_problem):
     rig = Rig(bench_problem, [])
-    rig.loop.run()
+    rig.loop.walk()
     assert rig.time == pytest.approx(1.0, abs=PERIOD)
     (take,) = rig.takes
     whole = simulate(replace(bench_problem.experiment, duration=1.0))
@@ -444,7 +444,7 @@ def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_pr
 
 def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_one_tick(bench_problem):
     rig = Rig(bench_problem, [])
-    rig.loop.run()
+    rig.loop.walk()
     frames = [item for item in rig.frames() if item["status"] == "walking"]
     assert [item["tick"] for item in frames] == list(range(19, 1000, 20))[: len(frames)] and len(frames) >= 49
     rows = rig.takes[0].rows
@@ -457,7 +457,7 @@ def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_on
 
 def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(bench_problem):
     rig = Rig(bench_problem, [(0.4, {"serial": 1, "command": "restart"})])
-    rig.loop.run()
+    rig.loop.walk()
     traces = [item for item in rig.sent if item["kind"] == "trace"]
     begin = [0, *(number for number, item in enumerate(traces) if number and item["first"] == 0)]
     assert len(begin) == len(rig.takes) == 2
@@ -479,7 +479,7 @@ def test_traces_have_no_gap_where_pieces_end_between_two_frames(bench_problem):
     # A pause at an odd block hands a piece over there; the next ends 500 ticks on, in the middle of a frame.
     pause = {"serial": 1, "command": "pause"}
     rig = Rig(bench_problem, [(0.207, pause), (0.3, {"serial": 2, "command": "walk"})])
-    rig.loop.run()
+    rig.loop.walk()
     sizes = [len(piece.rows) for piece in rig.pieces[0]]
     assert sizes[0] % 20 == 10 and sizes[1] == 500
     rows = rig.takes[0].rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
@@ -493,7 +493,7 @@ def test_traces_have_no_gap_where_pieces_end_between_two_frames(bench_problem):
 
 def test_all_rows_are_sent_for_a_bus_and_none_without_one(bench_problem):
     rig = Rig(bench_problem, [(0.4, {"serial": 1, "command": "restart"})], tells_rows=True)
-    rig.loop.run()
+    rig.loop.walk()
     sent = [item for item in rig.sent if item["kind"] == "rows"]
     width = len(rig.run.layout.names)
     blocks = [np.frombuffer(base64.b64decode(item["rows"])).reshape(-1, width) for item in sent]
@@ -501,7 +501,7 @@ def test_all_rows_are_sent_for_a_bus_and_none_without_one(bench_problem):
     np.testing.assert_array_equal(np.concatenate(blocks), rows)
     assert [item["first"] for item in sent] == [*range(0, 400, 10), *range(0, len(rows) - 400, 10)]
     silent = Rig(bench_problem, [], longest=50)
-    silent.loop.run()
+    silent.loop.walk()
     assert not any(item["kind"] == "rows" for item in silent.sent)
 
 
@@ -513,7 +513,7 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
         "note": {"user": "Ann"},
     }
     rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
-    rig.loop.run()
+    rig.loop.walk()
     assert rig.answers()[1]["refused"] == ""
     told = next(item["events"] for item in rig.frames() if item["status"] == "held")
     trip = rig.takes[0].trip
@@ -537,7 +537,7 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
         (1.3, {"serial": 7, "command": "end"}),
     ]
     rig = Rig(bench_problem, script, longest=5000)
-    rig.loop.run()
+    rig.loop.walk()
     stopped, again = rig.takes
     state = stopped.rows[:, rig.run.layout.positions["safety_state"]]
     assert np.flatnonzero(state)[0] == rig.answers()[2]["tick"] == 210
@@ -557,7 +557,7 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
         (0.1, {"serial": 1, "command": "settings", "numbers": numbers, "table": {"k": 1}, "note": note})
     ]
     rig = Rig(bench_problem, script, longest=4000)
-    rig.loop.run()
+    rig.loop.walk()
     (take,) = rig.takes
     assert [(item.tick, item.note["user"]) for item in take.changes] == [(100, "Ann")]
     assert take.table == {"k": 1}
@@ -578,7 +578,7 @@ def test_thresholds_reach_the_guards(bench_panel, bench_problem):
         (6.0, {"serial": 2, "command": "settings", "numbers": numbers}),
     ]
     rig = Rig(bench_problem, script, longest=9000)
-    rig.loop.run()
+    rig.loop.walk()
     switches = rig.takes[0].switches
     assert {item.cause for item in switches if item.tick < 6000} == {"time_out"}
     assert "clearance" in {item.cause for item in switches if item.tick > 6000}
@@ -593,7 +593,7 @@ def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):
         (6.0, {"serial": 3, "command": "step"}),
     ]
     rig = Rig(bench_problem, script, longest=6500)
-    rig.loop.run()
+    rig.loop.walk()
     assert [bool(rig.answers()[serial]["refused"]) for serial in (1, 2, 3)] == [False, True, False]
     assert "waiting" in {item["status"] for item in rig.frames() if item["time_s"] < 6.0}
     left = [item.tick for item in rig.takes[0].switches if item.source == "late_stance"]
@@ -612,7 +612,7 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
         (8.0, {"serial": 2, "command": "step"}),
     ]
     rig = Rig(problem, script, longest=11_000)
-    rig.loop.run()
+    rig.loop.walk()
     (take,) = rig.takes
     assert (str(take.status), take.trip) == ("completed", None)
     hips = take.rows[:, [rig.run.layout.positions[f"{side}_hip_angle_rad"] for side in problem.sides]]
@@ -627,7 +627,7 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
 
 def test_a_slow_block_shows_in_the_statistics_of_the_next_frame(bench_problem):
     rig = Rig(bench_problem, [], working=0.008)  # twice per block: 16 ms of work in 10 ms
-    rig.loop.run()
+    rig.loop.walk()
     statistics = rig.frames()[-1]["deadlines"]
     assert statistics["late"] > 50 and statistics["lost_s"] > 0.0
     assert rig.time == pytest.approx(1.6, abs=0.02)  # no block is left out
@@ -856,7 +856,7 @@ PARENT = """
 
     session = LiveSession(load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1]), pictures=False)
     session.start()
-    print(session.pid, flush=True)
+    print(session.news.pid, flush=True)
     time.sleep(60)
 """
 

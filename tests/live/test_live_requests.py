@@ -100,7 +100,7 @@ def test_the_loop_answers_a_page_when_the_tick_has_been_run(run):
         {"command": "request", "request": name, "serial": number} for number, name in enumerate(NAMES)
     ]
     loop = LiveLoop(
-        run,
+        run=run,
         now=lambda: next(clock),
         sleep=lambda seconds: None,
         commands=lambda: commands.pop(0) if commands else None,
@@ -108,7 +108,7 @@ def test_the_loop_answers_a_page_when_the_tick_has_been_run(run):
         keep=lambda piece: None,
         longest=100,
     )
-    loop.run()
+    loop.walk()
     answers = {item["serial"]: item for item in sent if item["kind"] == "answer"}
     assert [answers[number]["tick"] for number in range(2)] == [0, 1]
     assert answers[0]["text"] == "walk: standing → walk_manual" and not answers[0]["refused"]

@@ -113,7 +113,7 @@ def _complete(arguments: argparse.Namespace, records: Path) -> None:
     from twin_gait.runs.folders import journal_of
 
     done = complete(journal_of(arguments.folder.expanduser().absolute()))
-    print("nothing had been simulated" if done is None else done.folder)
+    print("nothing had been simulated" if done is None else done)
 
 
 def _clean(arguments: argparse.Namespace, records: Path) -> int:

@@ -231,7 +231,7 @@ async def _serve(session: LiveSession, experiment: Experiment, arguments: argpar
     try:
         await asyncio.to_thread(session.start)
         announce(page.url, browser=not arguments.no_browser)
-        while session.alive and not ended.is_set():
+        while session.news.alive and not ended.is_set():
             page.update()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(ended.wait(), PERIOD)

@@ -18,7 +18,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -230,16 +229,9 @@ def _pieces(stream: Any) -> Iterator[Piece]:
         yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})
 
 
-class Completed(NamedTuple):
-    """A walk whose run folder is complete."""
-
-    folder: Path  # the run folder
-    summary: dict[str, Any]  # content of its ``summary.json``
-
-
 def complete(
     journal: Path, *, pictures: bool = False, on_step: Callable[[str], None] | None = None
-) -> Completed | None:
+) -> Path | None:
     """Make the run folder of a walk out of its journal, which then goes.
 
     ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
@@ -262,7 +254,7 @@ def complete(
 
 def _write(
     content: Content, walk: Piece, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
-) -> Completed:
+) -> Path:
     setup, run = content.setup, walked_run(walk, problem)
     folder, force = Path(setup["folder"]), bool(setup["force"])
     if folder.exists() and not force:  # somebody else's; what was walked is not lost for it
@@ -277,8 +269,8 @@ def _write(
         if walk.table is not None:
             write_atomically(staging / TABLE_FILE, dump_yaml(dict(walk.table)))
         document = {**setup["document"], "duration_s": run.duration}
-        summary = write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
-    return Completed(folder, summary)
+        write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
+    return folder
 
 
 def walked_run(walk: Piece, problem: Problem) -> Run:
@@ -307,22 +299,25 @@ def complete_all(
     ``tell``: takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
     (``folder`` with ``folder``, ``summary`` and ``failed``).
     """
-
-    def note(which: str, name: str) -> None:
-        tell({"kind": "writing", "step": f"{which}{name}"})
-
     there = [path for path in journals if path.exists()]
     for number, journal in enumerate(there, start=1):
         which = f"walk {number} of {len(there)}: " if len(there) > 1 else ""
-        report = {"kind": "folder", "folder": str(journal), "summary": {}, "failed": ""}
+
+        def step(name: str, which: str = which) -> None:
+            tell({"kind": "writing", "step": f"{which}{name}"})
+
         try:
-            done = complete(journal, pictures=pictures and journal == there[-1], on_step=partial(note, which))
-            if done is None:
-                continue
-            report |= {"folder": str(done.folder), "summary": done.summary}
+            done = complete(journal, pictures=pictures and journal == there[-1], on_step=step)
+            if done is not None:
+                tell({"kind": "folder", "folder": str(done), "summary": summary_of(done), "failed": ""})
         except RunDirectoryError as error:
-            report["failed"] = " ".join(str(error).split())
-        tell(report)
+            failed = " ".join(str(error).split())
+            tell({"kind": "folder", "folder": str(journal), "summary": {}, "failed": failed})
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    """Summary of a run folder."""
+    return dict(json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8")))
 
 
 def recover(records: Path) -> Iterator[str]:
@@ -343,11 +338,9 @@ def _recover(records: Path, entry: SessionEntry) -> str:
     folders = []
     for folder in map(Path, entry.folders):
         done = complete(journal_of(folder)) if journal_of(folder).exists() else None
-        folders.append(folder if done is None else done.folder)
+        folders.append(done or folder)
     there = [str(folder) for folder in folders if (folder / SUMMARY_FILE).is_file()]
-    summary: dict[str, Any] = {}
-    if there:
-        summary = json.loads((Path(there[-1]) / SUMMARY_FILE).read_text(encoding="utf-8"))
+    summary = summary_of(Path(there[-1])) if there else {}
     tick = round(summary.get("duration_s", entry.tick * TICK) / TICK)
     kept = f"the walk is kept up to {tick * TICK:.3f} s, in {there[-1]}" if there else "no run is left of it"
     text = f"its processes were killed; {kept}"

@@ -52,59 +52,38 @@ class _Kept:
     changes: list[AppliedChange] = field(default_factory=list)  # that have not been
 
 
+@dataclass(kw_only=True)
 class LiveLoop:
-    """Runs one walk after the other until it is told to end.
+    """Runs one walk after the other until it is told to end; :meth:`walk` starts it."""
 
-    Attributes:
-        status: What the walk does.
-        clock: Deadlines of the blocks.
-    """
+    run: SteppedRun  # the walk at tick 0
+    now: Callable[[], float]  # time in [s] of a clock that never goes back
+    sleep: Callable[[float], None]  # waits for a time in [s]
+    commands: Callable[[], Mapping[str, Any] | None]  # gives the next command, or None; returns at once
+    send: Callable[[Mapping[str, Any]], None]  # takes a frame or an answer; returns at once
+    keep: Callable[[Piece], None]  # takes the next piece of the walk, its last one marked; returns at once
+    longest: int  # ticks of a walk
+    paused: bool = False  # whether to wait for the command to walk
+    tells_rows: bool = False  # whether to send all rows of the log, for a bus
+    clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
-    def __init__(
-        self,
-        run: SteppedRun,
-        *,
-        now: Callable[[], float],
-        sleep: Callable[[float], None],
-        commands: Callable[[], Mapping[str, Any] | None],
-        send: Callable[[Mapping[str, Any]], None],
-        keep: Callable[[Piece], None],
-        longest: int,
-        paused: bool = False,
-        tells_rows: bool = False,
-    ) -> None:
-        """Prepare the loop; :meth:`run` starts it.
-
-        ``run``: the walk at tick 0; ``now``: time in [s] of a clock that never goes back; ``sleep``: waits
-        for a time in [s]; ``commands``: gives the next command, or None; returns at once; ``send``: takes a
-        frame or an answer; returns at once; ``keep``: takes the next piece of the walk, the last one of a
-        walk marked so; returns at once; ``paused``: whether to wait for the command to walk; ``tells_rows``:
-        whether to send all rows of the log, for a bus.
-        """
-        self._run, self._now, self._sleep = run, now, sleep
-        self._commands, self._send, self._keep = commands, send, keep
-        self._longest = longest
-        self._paused, self._ended = paused, False
-        self._tells_rows = tells_rows
-        self._walk = LiveWalk(run)
+    def __post_init__(self) -> None:
+        """Begin with nothing handed over."""
+        self._walk, self._kept, self._began, self._ended = LiveWalk(self.run), _Kept(), self.now(), False
         self._table: Mapping[str, Any] | None = None  # as it was changed to
-        self._kept = _Kept()
-        self._began = now()
-        self._last_frame = -np.inf
-        self._traced = 0
+        self._last_frame, self._traced = -np.inf, 0
         self._asked: list[tuple[Asking, Mapping[str, Any]]] = []  # that the supervisor has yet to answer
-        layout = run.layout
+        layout = self.run.layout
         self._columns = {
             name: layout.positions[name]
             for side, joints in layout.legs.items()
             for name in leg_columns(side, joints).values()
             if name in layout.positions
         }
-        self.clock = BlockClock()
 
     # ------------------------------------------------------------------ the loop
 
-    def run(self) -> None:
+    def walk(self) -> None:
         """Walk until a command ends it, or the longest time is over."""
         while not self._ended:
             self._take_commands()
@@ -112,7 +91,7 @@ class LiveLoop:
                 self._one_block()
             else:
                 self._stand()
-            self._ended = self._ended or self._run.tick >= self._longest
+            self._ended = self._ended or self.run.tick >= self.longest
             self._keep_what_is_new()
         self._keep_piece(over=True)
         self._send_frame()
@@ -122,72 +101,72 @@ class LiveLoop:
         """What the walk does at present."""
         if self._ended:
             return LoopStatus.ENDED
-        if self._run.status is not RunStatus.COMPLETED:
-            return LoopStatus(str(self._run.status))
-        if self._run.trip is not None:
+        if self.run.status is not RunStatus.COMPLETED:
+            return LoopStatus(str(self.run.status))
+        if self.run.trip is not None:
             return LoopStatus.HELD
-        if self._paused:
+        if self.paused:
             return LoopStatus.PAUSED
-        return LoopStatus.WAITING if self._run.waiting() else LoopStatus.WALKING
+        return LoopStatus.WAITING if self.run.waiting() else LoopStatus.WALKING
 
     @property
     def _moving(self) -> bool:
         """Whether time goes on: in a hold it does, so that the legs are lowered even in a pause."""
-        over = self._run.status is not RunStatus.COMPLETED or self._ended
-        return not over and (self._run.trip is not None or not self._paused)
+        over = self.run.status is not RunStatus.COMPLETED or self._ended
+        return not over and (self.run.trip is not None or not self.paused)
 
     def _one_block(self) -> None:
         """Wait for the next block, or run it if its time has come."""
-        wait = self.clock.wait(self._now())
+        wait = self.clock.wait(self.now())
         if wait > 0.0:
-            self._sleep(wait)
+            self.sleep(wait)
             return  # for commands that came meanwhile
-        first = self._run.tick
-        left = min(BLOCK_TICKS, self._longest - first)
+        first = self.run.tick
+        left = min(BLOCK_TICKS, self.longest - first)
         self._walk.advance(left - 1)
-        q = self._run.q
-        self._run.advance(1)
-        if self._tells_rows:
+        q = self.run.q
+        self.run.advance(1)
+        if self.tells_rows:
             self._send_rows(first)
-        self.clock.finished(self._now())
+        self.clock.finished(self.now())
         self._tell_requests()
         # A look at the last row is always possible, and the page has yet to be shown what was not traced.
-        self._run.forget_rows(min(self._kept.tick, self._traced) - 1)
-        if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
+        self.run.forget_rows(min(self._kept.tick, self._traced) - 1)
+        if self.run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
             self._send_frame(q)
 
     def _stand(self) -> None:
         self.clock.pause()
-        if self._now() - self._last_frame >= STILL_FRAME:
+        if self.now() - self._last_frame >= STILL_FRAME:
             self._send_frame()
-        self._sleep(PERIOD)
+        self.sleep(PERIOD)
 
     # ------------------------------------------------------------------ what is kept
 
     def _keep_what_is_new(self) -> None:
         """Hand a piece over when there is enough for one, and what there is when the walk stands still."""
-        new = self._run.tick - self._kept.tick
+        new = self.run.tick - self._kept.tick
         if new >= PIECE_TICKS or ((new or self._kept.changes) and not self._moving):
             self._keep_piece()
 
     def _keep_piece(self, *, over: bool = False) -> None:
-        run, kept = self._run, self._kept
+        run, kept = self.run, self._kept
         piece = Piece(
             rows=run.rows(kept.tick), switches=run.switches(kept.switches), changes=tuple(kept.changes),
             table=self._table, status=run.status, reason=run.reason, trip=run.trip,
-            wall_s=self._now() - self._began, over=over,
+            wall_s=self.now() - self._began, over=over,
         )  # fmt: skip
         self._kept = _Kept(run.tick, kept.switches + len(piece.switches))
-        self._keep(piece)
+        self.keep(piece)
 
     # ------------------------------------------------------------------ frames
 
     def _send_frame(self, q: np.ndarray | None = None) -> None:
         """Send the last row of the log with the coordinates that belong to it."""
-        run = self._run
+        run = self.run
         tick = max(run.tick - 1, 0)
         rows = run.rows(tick)
-        self._last_frame = self._now()
+        self._last_frame = self.now()
         frame = Frame(
             tick=tick, time_s=tick * TICK, status=str(self.status),
             q=tuple((run.q if q is None else q).tolist()),
@@ -195,31 +174,31 @@ class LiveLoop:
             deadlines=self.clock.statistics(),
         )  # fmt: skip
         self._send_trace()
-        self._send(frame.to_dict())
+        self.send(frame.to_dict())
 
     def _send_trace(self) -> None:
         """Send what the curves of a page did since the last frame."""
-        first, self._traced = self._traced, self._run.tick
-        if first == self._run.tick:
+        first, self._traced = self._traced, self.run.tick
+        if first == self.run.tick:
             return
-        values = self._run.rows(first)[:, list(self._columns.values())]
+        values = self.run.rows(first)[:, list(self._columns.values())]
         rows, found = extremes(values)
         ticks, shown = (first + rows).T.tolist(), found.T.tolist()
         columns = {
             name: [ticks[k], [finite_or_none(value) for value in shown[k]]]
             for k, name in enumerate(self._columns)
         }
-        self._send({"kind": "trace", "first": first, "end": self._run.tick, "columns": columns})
+        self.send({"kind": "trace", "first": first, "end": self.run.tick, "columns": columns})
 
     def _send_rows(self, first: int) -> None:
         """Send the rows of a block as they are."""
-        rows, trip = np.ascontiguousarray(self._run.rows(first)), self._run.trip
+        rows, trip = np.ascontiguousarray(self.run.rows(first)), self.run.trip
         tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
         text = base64.b64encode(rows.tobytes()).decode()
-        self._send({"kind": "rows", "first": first, "rows": text, "tripped": tripped})
+        self.send({"kind": "rows", "first": first, "rows": text, "tripped": tripped})
 
     def _named(self, row: list[float]) -> dict[str, float | str]:
-        layout, names = self._run.layout, self._run.problem.table.phase_names
+        layout, names = self.run.layout, self.run.problem.table.phase_names
         log: dict[str, float | str] = dict(zip(layout.names, row, strict=True))
         for side in layout.legs:
             log[f"{side}_phase"] = names[int(row[layout.positions[f"{side}_phase"]])]
@@ -228,12 +207,12 @@ class LiveLoop:
     # ------------------------------------------------------------------ commands
 
     def _take_commands(self) -> None:
-        while (command := self._commands()) is not None:
+        while (command := self.commands()) is not None:
             answer: dict[str, Any] = {"refused": ""}
             try:
                 if command["command"] == "request":  # answered when the tick has been run
                     self._require_going("request", held=True)
-                    self._asked.append((self._run.request(command["request"]), command))
+                    self._asked.append((self.run.request(command["request"]), command))
                     continue
                 if command["command"] == "moment":
                     answer["moment"] = self._walk.moment()
@@ -243,7 +222,7 @@ class LiveLoop:
                 answer["refused"] = " ".join(str(error).split())
             # After a restart the tick is that of the new walk.
             fault = {"fault": command["fault"]} if "fault" in command else {}
-            self._answer(command, self._run.tick, answer, fault)
+            self._answer(command, self.run.tick, answer, fault)
 
     def _answer(
         self, command: Mapping[str, Any], tick: int, answer: Mapping[str, Any], more: Mapping[str, Any]
@@ -252,25 +231,25 @@ class LiveLoop:
         if not answer["refused"] and "note" in command:
             self._kept.changes.append(AppliedChange(tick, {**command["note"], **more}))
         serial, status = command.get("serial", 0), str(self.status)
-        self._send({"kind": "answer", "serial": serial, **answer, "tick": tick, "status": status})
+        self.send({"kind": "answer", "serial": serial, **answer, "tick": tick, "status": status})
 
     def _tell_requests(self) -> None:
         """Say what became of the requests of the ticks that have been run."""
-        while self._asked and self._asked[0][0].tick < self._run.tick:
+        while self._asked and self._asked[0][0].tick < self.run.tick:
             asking, command = self._asked.pop(0)
-            found = self._run.answer(asking)
+            found = self.run.answer(asking)
             told = {"text": f"{found.request}: {found.before} → {found.after}"}
             self._answer(command, asking.tick, {"refused": found.refused, **told}, told)
 
     def _obey(self, command: Mapping[str, Any]) -> None:
-        name, run = command["command"], self._run
+        name, run = command["command"], self.run
         if name in ("walk", "push", "fault", "step"):
             self._require_going(name)
         match name:
             case "end":
                 self._ended = True
             case "walk" | "pause":
-                self._paused = name == "pause"
+                self.paused = name == "pause"
             case "stop":
                 run.stop()
             case "restart":
@@ -290,16 +269,16 @@ class LiveLoop:
 
     def _require_going(self, name: str, *, held: bool = False) -> None:
         """Refuse what a walk that has ended cannot do; ``held``: whether one that is held can."""
-        if self._run.status is not RunStatus.COMPLETED or (self._run.trip is not None and not held):
+        if self.run.status is not RunStatus.COMPLETED or (self.run.trip is not None and not held):
             raise ParameterError(f"{name}: the walk is over; start again")
 
     def _restart(self) -> None:
-        if self._run.tick > 0:
+        if self.run.tick > 0:
             self._keep_piece(over=True)
             self._kept = _Kept()
         self._walk.restart()
         for _, command in self._asked:
             self._answer(command, 0, {"refused": "a new walk has begun"}, {})
         self._traced, self._asked = 0, []
-        self._paused, self._began = False, self._now()
+        self.paused, self._began = False, self.now()
         self.clock.pause()

@@ -9,6 +9,7 @@ from typing import Any
 
 from twin_gait.gait.table import TICK
 from twin_gait.live.loop import MOST_TRACES
+from twin_gait.live.process import LoopProcess
 from twin_gait.live.protocol import Event, Message, Response, dump
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.runs.folders import journal_of
@@ -63,28 +64,22 @@ _ENDINGS = {
 }
 
 
-class WalkNews:
-    """What is known of the walks of a session; told by the thread that reads, asked by any."""
+class WalkNews(LoopProcess):
+    """The process of the walk and what is known of its walks; told by the thread that reads, asked by any."""
 
     def __init__(
-        self,
-        book: EventBook,
-        *,
-        on_compile: Callable[[], None],
-        on_step: Callable[[str], None],
-        on_rows: Callable[[Mapping[str, Any]], None],
+        self, book: EventBook, *, on_compile: Callable[[], None], on_step: Callable[[str], None]
     ) -> None:
-        """Begin with no news; the arguments are those of :class:`~twin_gait.live.session.LiveSession`.
-
-        ``on_rows``: takes the rows of the log for a bus, block by block.
-        """
+        """Begin with no news; the arguments are those of :class:`~twin_gait.live.session.LiveSession`."""
+        super().__init__()
         self.ready = threading.Event()  # set when the process walks, or has said why it cannot
         self.frame, self.status = "", "starting"  # the newest one as JSON; what the walk does
         self.walks, self.folders = list[Path](), list[Path]()  # run folders to come, and written
         self.summary: dict[str, Any] = {}  # of the last walk; empty before the end
         self.failure = self.death = ""  # why the process could not walk or write; how it died
         self._book, self._on_compile, self._on_step = book, on_compile, on_step
-        self._on_rows = on_rows
+        # Takes the rows of the log for a bus, block by block.
+        self.on_rows: Callable[[Mapping[str, Any]], None] = lambda block: None
         self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
 
     def traces(self) -> list[Trace]:
@@ -126,9 +121,9 @@ class WalkNews:
             case "folder":
                 self._note_folder(message)
             case "trace":
-                self._traces.append(Trace(message["first"], message["end"], message["columns"]))
+                self._traces.append(message)
             case "rows":
-                self._on_rows(message)
+                self.on_rows(message)
 
     def _note_folder(self, message: Mapping[str, Any]) -> None:
         if message["failed"]:

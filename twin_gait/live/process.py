@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
@@ -35,28 +35,15 @@ FRAME = '{"kind":"frame"'  # how the line of a frame begins
 Answer = Mapping[str, Any]
 
 
-def _nobody(told: Any) -> None:
-    """Nobody wants to know."""
-
-
 class LoopProcess:
-    """Starts ``python -m`` a module of this package, talks with it and ends it."""
+    """Starts ``python -m`` a module of this package, talks with it and ends it.
 
-    def __init__(
-        self,
-        module: str = "process",
-        *,
-        on_frame: Callable[[str], None] = _nobody,
-        on_message: Callable[[Mapping[str, Any]], None] = _nobody,
-        on_end: Callable[[int], None] = _nobody,
-    ) -> None:
-        """Keep whom to tell; all of them are called from the thread that reads.
+    Who wants to know what it says by itself overrides the methods that hear it, in the thread that reads.
+    """
 
-        ``module``: the loop, or the one that looks ahead; ``on_end``: called when the process is gone, with
-        its exit status; negative: killed by that signal.
-        """
+    def __init__(self, module: str = "process") -> None:
+        """Prepare it. ``module``: the loop, or the one that looks ahead."""
         self._module = f"{__package__}.{module}"
-        self._on_frame, self._on_message, self._on_end = on_frame, on_message, on_end
         self._process: subprocess.Popen[str] | None = None
         self._thread: threading.Thread | None = None
         self._pending: dict[int, Future[Answer]] = {}
@@ -100,6 +87,17 @@ class LoopProcess:
             self._thread.join()
         with contextlib.suppress(OSError, ValueError), process:  # the reader of what is left has gone
             pass
+
+    # ------------------------------------------------------------------ what it says by itself
+
+    def note_frame(self, line: str) -> None:
+        """Take a frame, as JSON."""
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take a message that is neither a frame nor an answer."""
+
+    def note_end(self, status: int) -> None:
+        """Take the exit status of the process, which is gone; negative: killed by that signal."""
 
     # ------------------------------------------------------------------ commands
 
@@ -148,14 +146,14 @@ class LoopProcess:
         assert self._process is not None and self._process.stdout is not None  # start() opened them
         for line in self._process.stdout:
             if line.startswith(FRAME):
-                self._on_frame(line.rstrip("\n"))
+                self.note_frame(line.rstrip("\n"))
                 continue
             message = json.loads(line)
             if message["kind"] != "answer":
-                self._on_message(message)
+                self.hear(message)
             elif (coming := self._pending.pop(message["serial"], None)) is not None:
                 coming.set_result(message)
-        self._on_end(self._process.wait())
+        self.note_end(self._process.wait())
         for coming in list(self._pending.values()):
             coming.set_exception(ParameterError("the walk has ended"))
         self._pending.clear()
@@ -257,7 +255,7 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
     signal.signal(signal.SIGTERM, inbox.end)
     journals = Journals(run.layout.names, setup, sender.send)
     loop = LiveLoop(
-        run,
+        run=run,
         now=time.monotonic,
         sleep=time.sleep,
         commands=lambda: inbox.commands.popleft() if inbox.commands else None,
@@ -269,7 +267,7 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
     )
     sender.send({"kind": "ready"})
     with undisturbed():
-        loop.run()
+        loop.walk()
     journals.close()
     complete_all(journals.paths, sender.send, pictures=not inbox.orphaned)
 

@@ -24,7 +24,6 @@ from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import Actions
 from twin_gait.live.journal import complete, complete_all
 from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.process import LoopProcess
 from twin_gait.live.protocol import Action, DoAction, Event, Message, Response, SetControl, State
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
@@ -43,7 +42,7 @@ class LiveSession:
 
     Attributes:
         folder: Run folder of the first walk.
-        news: What is known of the walks: how they stand, where they are, how they ended.
+        news: The process of the walk, and what is known of its walks: how they stand, where they are.
     """
 
     def __init__(
@@ -76,13 +75,8 @@ class LiveSession:
         }  # fmt: skip
         self._link: CanLink | None = None
         self._book = EventBook()
-        self.news = WalkNews(
-            self._book, on_compile=on_compile, on_step=on_step,
-            on_rows=lambda block: None if self._link is None else self._link.take(block),
-        )  # fmt: skip
-        news = self.news
-        self._loop = LoopProcess(on_frame=news.note_frame, on_message=news.hear, on_end=news.note_end)
-        self._tuning = Tuning(loaded, self._loop, self._book)
+        self.news = WalkNews(self._book, on_compile=on_compile, on_step=on_step)
+        self._tuning = Tuning(loaded, self.news, self._book)
         self._actions = Actions(self._tuning.problem)
         self._action_specs = self._actions.specs()
         self._saved: list[str] = []
@@ -115,6 +109,7 @@ class LiveSession:
                 str(self._setup["can"]), self._tuning.problem, book=self._book, submit=self.submit,
                 controls=lambda: self._tuning.controls,
             )  # fmt: skip
+            self.news.on_rows = self._link.take
         try:
             self._begin()
         except BaseException:
@@ -122,11 +117,11 @@ class LiveSession:
             raise
         if self._link is not None:
             self._link.start()
-        self._loop.ask({"command": "walk"})
+        self.news.ask({"command": "walk"})
 
     def _begin(self) -> None:
         """Start the process; while it gets ready, check what the session begins with."""
-        self._loop.start(self._setup)
+        self.news.start(self._setup)
         self._tuning.check_first()
         self.news.ready.wait()
         if self.news.failure:
@@ -143,19 +138,9 @@ class LiveSession:
     def _close_processes(self) -> None:
         if self._link is not None:
             self._link.close()
-        self._loop.close()
+        self.news.close()
         self._worker.shutdown(cancel_futures=True)
         self._tuning.close()
-
-    @property
-    def alive(self) -> bool:
-        """Whether the process of the walk is there."""
-        return self._loop.alive
-
-    @property
-    def pid(self) -> int | None:
-        """Number of the process of the walk."""
-        return self._loop.pid
 
     def close(self) -> dict[str, Any]:
         """End the walk, wait until its run folder is written, and close the record.
@@ -236,7 +221,7 @@ class LiveSession:
             self._save(message)
         else:
             note = {"user": message.user, "subject": str(message.action), "text": "a new walk"}
-            answer = self._loop.ask({"command": "restart", "note": note})
+            answer = self.news.ask({"command": "restart", "note": note})
             self._tell_applied(message, "a new walk from the start", answer)
 
     def _do_directly(self, message: DoAction) -> None:
@@ -253,9 +238,9 @@ class LiveSession:
             command["fault"] = str(self._actions.fault_of(values))
             text = f"fault {command['fault'].partition('@')[0]}"
         command["note"] = {"user": message.user, "subject": str(message.action), "text": text}
-        self._loop.command(command).add_done_callback(
+        self.news.command(command).add_done_callback(
             lambda answered: self._guarded(
-                message, lambda message: self._tell_applied(message, text, self._loop.answer(answered))
+                message, lambda message: self._tell_applied(message, text, self.news.answer(answered))
             )
         )
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -57,13 +57,9 @@ class LiveWindow(Recorder):
         return [(index, pack(command)) for index, command in enumerate(self.commands())]
 
 
-class Trace(NamedTuple):
-    """What curves did over some ticks."""
-
-    first: int  # first tick
-    end: int  # tick after the last one
-    # ticks and values by the columns of the log, in the units of the log; None is not a number
-    columns: Mapping[str, tuple[Sequence[int], Sequence[float | None]]]
+# What curves did over some ticks: the ``first`` one, the ``end`` after the last one, and under ``columns``
+# ticks and values by the columns of the log, in the units of the log; None is not a number.
+Trace = Mapping[str, Any]
 
 
 class LiveFigure:
@@ -160,14 +156,14 @@ class LiveFigure:
             {key: {"times": [], "values": []} for key in columns} for columns in self._columns.values()
         ]
         for trace in traces:
-            missing = trace.first != self._traced
-            self._traced = trace.end
+            missing = trace["first"] != self._traced
+            self._traced = trace["end"]
             for leg, columns in zip(curves, self._columns.values(), strict=True):
                 for key, column in columns.items():
-                    ticks, values = trace.columns[column]
+                    ticks, values = trace["columns"][column]
                     factor = self._factor(key)
                     if missing:
-                        leg[key]["times"].append(trace.first * TICK)
+                        leg[key]["times"].append(trace["first"] * TICK)
                         leg[key]["values"].append(None)
                     leg[key]["times"] += [round(tick * TICK, 3) for tick in ticks]
                     leg[key]["values"] += [None if item is None else item * factor for item in values]
