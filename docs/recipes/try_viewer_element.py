@@ -1,7 +1,7 @@
 """The spots are drawn, and lie under the loaded foot, between heel and toe."""
 
 from twin_gait import load_experiment, simulate
-from twin_gait.viewer.commands import Recorder
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import read_motion
 from twin_gait.viewer.pressure import PressureSpots
 from twin_gait.viewer.staging import build_scene
@@ -9,7 +9,7 @@ from twin_gait.viewer.staging import build_scene
 experiment = load_experiment("treadmill", ["duration_s=1"]).experiment
 model = experiment.build_world().model
 motion = read_motion(simulate(experiment).log, model)
-scene = build_scene(Recorder(), model)
+scene = build_scene(Window(), model)
 (spots,) = (element for element in scene.elements if isinstance(element, PressureSpots))
 state = spots.state(scene.figure, motion, 0)
 heel, toe = (scene.figure.frame_point(motion.q[0], f"left_{part}") for part in ("heel", "toe"))

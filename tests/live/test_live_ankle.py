@@ -38,7 +38,7 @@ def test_every_phase_has_four_controls_of_the_ankle_in_its_ranges(panel: Panel) 
 def test_a_control_of_the_ankle_reaches_its_numbers_and_no_other(panel: Panel) -> None:
     changed = panel.set(panel.preset, "late_stance.ankle.stiffness", 2.5)
     begun = np.radians(panel.preset.table.phases["late_stance"].joints["ankle"].stiffness)
-    before, after = (np.array(loop_numbers(item).phase_rows) for item in (panel.preset, changed))
+    before, after = (np.array(loop_numbers(item)["phase_rows"]) for item in (panel.preset, changed))
     phase = panel.problem.table.phase_index("late_stance")
     assert np.argwhere(before != after).tolist() == [[0, phase, 8], [1, phase, 8]]
     # The table's law scales both by the mass that is carried.
@@ -50,7 +50,7 @@ def test_a_control_of_the_ankle_reaches_its_numbers_and_no_other(panel: Panel) -
 def test_the_monitor_drives_the_ankle(panel: Panel) -> None:
     driving = replace(panel.preset, mode=Mode.TORQUE)
     asked = panel.set(driving, "monitor.right.ankle.torque", -3.0)
-    assert loop_numbers(asked).target_torque == [0.0] * 5 + [-3.0]
+    assert loop_numbers(asked)["target_torque"] == [0.0] * 5 + [-3.0]
     loose = panel.set(replace(panel.preset, mode=Mode.IMPEDANCE), "monitor.left.ankle.damping", 0.0)
     assert loose.monitor[Side.LEFT, JointName.ANKLE].damping == 0.0
     assert refusal(check_settings(panel.preset), frozenset()) == ""

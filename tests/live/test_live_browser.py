@@ -27,7 +27,7 @@ from twin_gait.live.journal import CHANGES_FILE
 from twin_gait.live.stepping import FADE_TICKS
 from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.simulation.log import state_columns
-from twin_gait.viewer.commands import Recorder
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import EXTREMES_TICKS
 from twin_gait.vocabulary import Side
@@ -565,7 +565,7 @@ OBSERVE = """(paths) => {
 @pytest.fixture(scope="module")
 def joint_paths() -> dict[str, str]:
     model = load_experiment("treadmill").experiment.build_world().model
-    paths = Figure(Recorder(), model.model).paths
+    paths = Figure(Window(), model.model).paths
     return {name: path for name, path in paths.items() if name != "universe"}
 
 

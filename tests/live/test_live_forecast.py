@@ -41,7 +41,7 @@ def numbers(panel, *changes):
     settings = panel.preset
     for name, value in changes:
         settings = panel.set(settings, name, value)
-    return json.loads(json.dumps(loop_numbers(settings).to_dict()))
+    return json.loads(json.dumps(loop_numbers(settings)))
 
 
 def moment_of(walk):

@@ -195,7 +195,7 @@ def test_a_table_control_sets_the_number_of_its_phase_joint_and_quantity_in_si(b
         ("gain", GAIN, 0.45, 0.45),
     ):
         settings = bench_panel.set(bench_panel.preset, f"swing_flexion.knee.{quantity}", value)
-        rows = np.array(loop_numbers(settings).phase_rows)
+        rows = np.array(loop_numbers(settings)["phase_rows"])
         assert rows[0, row, 4 + column] == pytest.approx(si, rel=1e-14)
         changed = np.argwhere(rows != bench_panel.problem.phase_rows).tolist()
         # b follows k by the damping ratio of the table, and θ0 through the inertia of both joints.
@@ -551,7 +551,7 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
 
 def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_problem):
     settings = bench_panel.set(bench_panel.preset, "late_stance.knee.stiffness", 2.0)
-    numbers = json.loads(json.dumps(loop_numbers(settings).to_dict()))
+    numbers = json.loads(json.dumps(loop_numbers(settings)))
     note = {"user": "Ann", "subject": "late_stance.knee.stiffness", "text": "k"}
     script = [
         (0.1, {"serial": 1, "command": "settings", "numbers": numbers, "table": {"k": 1}, "note": note})
@@ -571,7 +571,7 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
 
 def test_thresholds_reach_the_guards(bench_panel, bench_problem):
     """With thresholds that nothing measured passes, phases end by their time-outs alone."""
-    numbers = json.loads(json.dumps(loop_numbers(bench_panel.preset).to_dict()))
+    numbers = json.loads(json.dumps(loop_numbers(bench_panel.preset)))
     shut = [{**entry, "threshold": 1e9} for entry in numbers["comparisons"]]
     script = [
         (0.0, {"serial": 1, "command": "settings", "numbers": {**numbers, "comparisons": shut}}),
@@ -586,7 +586,7 @@ def test_thresholds_reach_the_guards(bench_panel, bench_problem):
 
 def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):
     settings = bench_panel.set(bench_panel.preset, "manual", True)
-    numbers = loop_numbers(settings).to_dict()
+    numbers = loop_numbers(settings)
     script = [
         (0.0, {"serial": 1, "command": "settings", "numbers": numbers}),
         (0.05, {"serial": 2, "command": "step"}),
@@ -606,7 +606,7 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
 ):
     monkeypatch.setattr(stepping, "MOST_FAULTS", 1)  # the loop of other tests' faults
     problem = treadmill_panel.problem
-    numbers = loop_numbers(treadmill_panel.set(treadmill_panel.preset, "manual", True)).to_dict()
+    numbers = loop_numbers(treadmill_panel.set(treadmill_panel.preset, "manual", True))
     script = [
         (0.0, {"serial": 1, "command": "settings", "numbers": numbers}),
         (8.0, {"serial": 2, "command": "step"}),

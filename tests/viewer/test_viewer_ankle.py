@@ -13,7 +13,8 @@ from twin_gait.runs.run_page import shown_run
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run
 from twin_gait.viewer.animation import recorded_run
-from twin_gait.viewer.commands import Recorder
+from twin_gait.viewer.arrows import arc_state
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import leg_columns, leg_values
 from twin_gait.viewer.staging import build_scene
@@ -47,7 +48,7 @@ def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
     assert "left_ankle_angle_rad" in run.log
     assert driven_joints(run.log, Side.LEFT) == (JointName.HIP, JointName.KNEE)
     assert not [name for name in leg_values(run.log, Side.LEFT) if name.startswith("ankle")]
-    scene = build_scene(Recorder(), model)
+    scene = build_scene(Window(), model)
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"} and len(scene.covers[Side.LEFT]) == 2
     assert (
         recorded_run(run.log, model, about={"title": "t"}, frames_per_second=10.0)["arcs"][0]["label"]
@@ -62,7 +63,7 @@ def test_a_recording_without_motors_shows_all_its_joints() -> None:
 
 def test_a_drive_that_turns_the_ankle_by_a_rod_stands_on_the_shank(walk: Run) -> None:
     model = walk.experiment.build_world().model
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, model, drives=JOINTS)
     names = dict(model.legs[Side.RIGHT].items())
     hip, knee, ankle = scene.covers[Side.RIGHT]
@@ -70,13 +71,13 @@ def test_a_drive_that_turns_the_ankle_by_a_rod_stands_on_the_shank(walk: Run) ->
     assert knee == f"{scene.figure.paths[names[JointName.KNEE]]}/motor_cover"
     assert ankle == f"{scene.figure.paths[names[JointName.KNEE]]}/motor_cover_{names[JointName.ANKLE]}"
     assert set(scene.arcs[Side.RIGHT]) == set(JOINTS)
-    state = scene.arcs[Side.RIGHT]["ankle"].state(30.0)
+    state = arc_state(scene.arcs[Side.RIGHT]["ankle"], 30.0)
     assert sum(value for (_, name), value in state.items() if name == "visible") == 1
 
 
 def test_a_cover_of_a_drive_about_its_joint_stays_there() -> None:
     model = load_experiment("bench_leg").experiment.build_world().model
-    scene = build_scene(Recorder(), model)
+    scene = build_scene(Window(), model)
     assert all(path.endswith("/motor_cover") for path in scene.covers[Side.RIGHT])
 
 

@@ -23,7 +23,7 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.runs.record import write_run
 from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.animation import joint_entries, urdf_page
-from twin_gait.viewer.commands import Recorder
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.staging import build_scene
 from twin_gait.vocabulary import GaitPhase, Side
@@ -173,7 +173,7 @@ def clock_of(one: OpenPage) -> float:
 @pytest.mark.slow
 def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
     model = read_shown_run(runs["more"]).experiment.build_world().model
-    paths = {name: path for name, path in Figure(Recorder(), model.model).paths.items() if name != "universe"}
+    paths = {name: path for name, path in Figure(Window(), model.model).paths.items() if name != "universe"}
     one = walk
     seen = one(
         """(paths) => player.times.map((time) => {
@@ -260,7 +260,7 @@ def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None
     table = pd.read_csv(runs["more"] / "transitions.csv")
     switch = table[table["side"] == "right"].iloc[1]
     experiment = read_shown_run(runs["more"]).experiment
-    scene = build_scene(Recorder(), experiment.build_world().model, patient=experiment.patient)
+    scene = build_scene(Window(), experiment.build_world().model, patient=experiment.patient)
     colour = """(path) => twinGait.stage.viewer.scene_tree.find(
         path.split("/").filter((part) => part)).object.material.color.toArray()"""
     cover = f"{scene.covers[Side.RIGHT][0]}/<object>"
@@ -605,7 +605,7 @@ def urdf_named(name: str, folder: Path) -> Path:
 def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path, name: str, up: str) -> None:
     urdf = urdf_named(name, tmp_path)
     model = build_model(urdf)
-    figure = Figure(Recorder(), model, up_axis=up)
+    figure = Figure(Window(), model, up_axis=up)
     page = tmp_path / "page.html"
     page.write_text(urdf_page(urdf, up_axis=up), encoding="utf-8")
     one = opened(page.as_uri(), size=(1000, 640))

@@ -20,7 +20,7 @@ from twin_gait.viewer import surroundings
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON
 from twin_gait.viewer.body import ROOT, ROPES, bent_elbow
-from twin_gait.viewer.commands import Recorder
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import MODE, Motion, read_motion
 from twin_gait.viewer.scene import Scene, State
@@ -29,7 +29,7 @@ from twin_gait.viewer.surroundings import CHAIR, METRES, SEAT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side
 
-Drawn = tuple[Scene, Recorder, Motion]
+Drawn = tuple[Scene, Window, Motion]
 HEIGHT, MODES = 1.75, ("sitting", "walking")
 SIZES = ChairParameters(height=0.46, depth=0.4)
 
@@ -42,8 +42,8 @@ def walk() -> Run:
     return replace(run, log=run.log.assign(**{SEAT: -0.2, MODE: mode}))
 
 
-def scene_of(run: Run) -> tuple[Scene, Recorder]:
-    recorder = Recorder()
+def scene_of(run: Run) -> tuple[Scene, Window]:
+    recorder = Window()
     setting: Setting = {**setting_of(run.experiment), "chair": SIZES}
     return build_scene(recorder, run.experiment.build_world().model, **setting), recorder
 

@@ -45,7 +45,7 @@ from twin_gait.runs.record import load_run, write_run
 from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, shown_run
 from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.body import CLOTH, ROPE, VEST
-from twin_gait.viewer.commands import Recorder
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import ROOT
 from twin_gait.viewer.motion import (
     extremes,
@@ -343,7 +343,7 @@ def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(r
 
 
 def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel) -> None:
-    recorder = Recorder()
+    recorder = Window()
     build_scene(recorder, worn_twin)
     assert any(c["type"] == "set_object" and c["path"] == FLOOR for c in recorder.commands())
 

@@ -21,7 +21,7 @@ from twin_gait.viewer import arrows, shapes, surroundings
 from twin_gait.viewer import scene as drawn_scene
 from twin_gait.viewer.arrows import FULL_TORQUE
 from twin_gait.viewer.body import ROPES, DrawnRopes
-from twin_gait.viewer.commands import Recorder, rgb
+from twin_gait.viewer.commands import Window, rgb
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.shapes import Shape
@@ -218,7 +218,7 @@ def test_level_has_the_sign_and_grows_with_the_size_of_the_torque() -> None:
     assert arrows.level(4.9) == arrows.level(math.nan) == 0
 
 
-def meshes_of(recorder: Recorder) -> dict[str, np.ndarray]:
+def meshes_of(recorder: Window) -> dict[str, np.ndarray]:
     """Vertices of every object, as the page gets them."""
     found = {}
     for command in recorder.commands():
@@ -228,7 +228,7 @@ def meshes_of(recorder: Recorder) -> dict[str, np.ndarray]:
     return found
 
 
-def properties_of(recorder: Recorder, name: str) -> dict[str, object]:
+def properties_of(recorder: Window, name: str) -> dict[str, object]:
     return {c["path"]: c["value"] for c in recorder.commands() if c.get("property") == name}
 
 
@@ -238,7 +238,7 @@ def test_positive_torque_shows_the_arrow_that_turns_with_a_growing_angle(
     worn_twin: LegModel, side: Side, joint: str
 ) -> None:
     """The tip of the arrow moves as the limb does when Pinocchio increases the angle."""
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, worn_twin)
     arc = scene.arcs[side][joint]
     vertices = meshes_of(recorder)
@@ -246,7 +246,7 @@ def test_positive_torque_shows_the_arrow_that_turns_with_a_growing_angle(
     name = worn_twin.legs[side].hip if joint == "hip" else worn_twin.legs[side].knee
     index = model.getJointId(name)
     for sign in (1.0, -1.0):
-        shown = [path for (path, _), seen in arc.state(sign * 0.3 * FULL_TORQUE).items() if seen]
+        shown = [path for (path, _), seen in arrows.arc_state(arc, sign * 0.3 * FULL_TORQUE).items() if seen]
         (path,) = shown
         arrow = vertices[path]
         base, tip = arrow[-30:-1].mean(axis=0), arrow[-1]
@@ -266,26 +266,26 @@ def test_positive_torque_shows_the_arrow_that_turns_with_a_growing_angle(
 
 
 def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, bench)
     visible = properties_of(recorder, "visible")
-    paths = [path for arc in scene.arcs[Side.RIGHT].values() for path in arc.paths.values()]
+    paths = [path for arc in scene.arcs[Side.RIGHT].values() for path in arc.values()]
     assert len(paths) == 2 * 2 * arrows.LEVELS
     assert all(visible[path] is False for path in paths)
     for joint, torque in (("hip", 0.5 * FULL_TORQUE), ("knee", -FULL_TORQUE)):
-        scene.apply(scene.arcs[Side.RIGHT][joint].state(torque))
+        scene.apply(arrows.arc_state(scene.arcs[Side.RIGHT][joint], torque))
     visible = properties_of(recorder, "visible")
     seen = {path for path in paths if visible[path]}
     assert seen == {
-        scene.arcs[Side.RIGHT]["hip"].paths[arrows.LEVELS // 2],
-        scene.arcs[Side.RIGHT]["knee"].paths[-arrows.LEVELS],
+        scene.arcs[Side.RIGHT]["hip"][arrows.LEVELS // 2],
+        scene.arcs[Side.RIGHT]["knee"][-arrows.LEVELS],
     }
 
 
 # ---------------------------------------------------------------------------------- ropes
 
 
-def world(scene: Scene, recorder: Recorder, path: str) -> np.ndarray:
+def world(scene: Scene, recorder: Window, path: str) -> np.ndarray:
     """Transform of a place of the scene from the last commands alone, without the figure's own sums."""
     place, at = np.eye(4), ""
     transforms = {c["path"]: np.array(c["matrix"]).reshape(4, 4).T for c in recorder.commands()
@@ -307,7 +307,7 @@ def world(scene: Scene, recorder: Recorder, path: str) -> np.ndarray:
 
 @pytest.mark.parametrize("lift", [-0.05, 0.0, 0.08])
 def test_ropes_hang_from_the_bar_and_meet_the_harness(worn_twin: LegModel, lift: float) -> None:
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     q = np.zeros(worn_twin.nv)
     assert worn_twin.pelvis_index is not None
@@ -342,7 +342,7 @@ def test_every_mesh_moves_with_the_joint_that_carries_it(
     worn_twin: LegModel, rng: np.random.Generator
 ) -> None:
     """What the commands put on the stage is where Pinocchio's forward kinematics puts the link."""
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     q = rng.uniform(-0.4, 0.9, worn_twin.nv)
     scene.apply(scene.posture_state(q))
@@ -386,7 +386,7 @@ def walk(model: LegModel, duration: float = 4.0, rate: float = 30.0) -> Motion:
 
 def test_trail_is_the_path_of_the_sole_over_the_last_stride(worn_twin: LegModel) -> None:
     motion = walk(worn_twin)
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, worn_twin)
     scene.draw_trails(motion)
     # Five phases of 0.3 s: the first stride that the motion has whole is from 1.5 to 3.0 s.
@@ -420,7 +420,7 @@ def test_trail_has_the_colours_of_the_phases(worn_twin: LegModel) -> None:
 
 def test_no_trail_without_phases_or_movement(bench: LegModel) -> None:
     motion = walk(bench)
-    scene = build_scene(Recorder(), bench)
+    scene = build_scene(Window(), bench)
     still = replace(motion, q=np.zeros_like(motion.q))
     scene.draw_trails(still)
     bare = {Side.RIGHT: replace(motion.legs[Side.RIGHT], phases=None)}
@@ -434,7 +434,7 @@ def test_after_the_last_path_that_is_kept_no_old_one_is_shown(
     bench: LegModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(drawn_scene, "MOST_STRIDES", 1)
-    scene = build_scene(Recorder(), bench)
+    scene = build_scene(Window(), bench)
     motion = walk(bench, duration=8.0)
     scene.draw_trails(motion)
     (stride,) = scene.trails
@@ -446,14 +446,14 @@ def test_after_the_last_path_that_is_kept_no_old_one_is_shown(
 # ---------------------------------------------------------------------------------- the stage
 
 
-def surface_of(recorder: Recorder, path: str) -> dict[str, object]:
+def surface_of(recorder: Window, path: str) -> dict[str, object]:
     (command,) = [c for c in recorder.commands() if c["type"] == "set_object" and c["path"] == path]
     return dict(command["object"]["materials"][0])
 
 
 def test_the_scene_stays_light(worn_twin: LegModel) -> None:
     """What makes a page slow without a graphics card: triangles, draw calls, gloss, shadows on everything."""
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     hidden = {path for path, seen in properties_of(recorder, "visible").items() if seen is False}
     drawn = [c for c in recorder.commands() if c["type"] == "set_object" and c["path"] not in hidden]
@@ -468,7 +468,7 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
 
 
 def test_bench_leg_hangs_clear_of_its_bench(bench: LegModel) -> None:
-    recorder = Recorder()
+    recorder = Window()
     build_scene(recorder, bench)
     vertices = meshes_of(recorder)
     for name in ("table_top", "table_frame", "vice", "weight"):
@@ -485,9 +485,9 @@ def test_a_urdf_with_its_vertical_along_y_stands_upright(tmp_path: Path) -> None
     urdf = tmp_path / "post.urdf"
     box = '<visual><geometry><box size="0.1 1.6 0.2"/></geometry></visual>'
     urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
-    views = [build_urdf_scene(Recorder(), build_model(urdf), urdf, up_axis=axis).view for axis in ("z", "y")]
+    views = [build_urdf_scene(Window(), build_model(urdf), urdf, up_axis=axis).view for axis in ("z", "y")]
     assert views[0].height == views[1].height
-    recorder = Recorder()
+    recorder = Window()
     scene = build_urdf_scene(recorder, build_model(urdf), urdf, up_axis="y")
     path, points = next((p, v) for p, v in meshes_of(recorder).items() if "visual" in p)
     assert np.ptp(on_stage(world(scene, recorder, path), points)[:, 2]) == pytest.approx(1.6)
@@ -498,8 +498,8 @@ def test_torques_of_a_log_reach_the_arrows(bench: LegModel) -> None:
     knee = {"right_knee_angle_rad": 0.2, "right_knee_motor_torque_Nm": 0.0}
     log = pd.DataFrame({"time_s": [0.0, 0.1], **hip, **knee})
     motion = read_motion(log, bench)
-    scene = build_scene(Recorder(), bench)
-    paths = scene.arcs[Side.RIGHT]["hip"].paths
+    scene = build_scene(Window(), bench)
+    paths = scene.arcs[Side.RIGHT]["hip"]
     first, last = (scene.state_at(motion, frame) for frame in (0, len(motion.times) - 1))
     assert first[paths[3], "visible"] and not first[paths[-3], "visible"]
     assert last[paths[-3], "visible"] and not last[paths[3], "visible"]
@@ -517,10 +517,10 @@ def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None
     hip = joint.format("h", "p", "t", 1, rest)
     knee = joint.format("k", "t", "s", -1, '<origin xyz="0 -0.4 0"/>' + rest)
     urdf.write_text(f'<robot name="bare">{links}{hip}{knee}</robot>')
-    recorder = Recorder()
+    recorder = Window()
     scene = build_scene(recorder, LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y"))
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"}
-    path = scene.arcs[Side.LEFT]["hip"].paths[1]
+    path = scene.arcs[Side.LEFT]["hip"][1]
     arrow = on_stage(world(scene, recorder, path), meshes_of(recorder)[path])
     assert arrow[:, 1].min() > 0.0  # left of the leg, in a scene whose vertical is z
     assert f"{surroundings.ROOT}/vice" in meshes_of(recorder)
@@ -533,7 +533,7 @@ def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Pat
             link.remove(visual)
     urdf = tmp_path / "bare.urdf"
     urdf.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
-    recorder = Recorder()
+    recorder = Window()
     scene = build_urdf_scene(recorder, build_model(urdf), urdf)
     thigh = meshes_of(recorder)[f"{scene.figure.paths['left_hip']}/sticks"]
     assert thigh[:, 2].min() == pytest.approx(-0.42, abs=0.03)  # the knee is 0.42 m below the hip
@@ -543,7 +543,7 @@ def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Pat
 
 
 def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt() -> None:
-    recorder = Recorder()
+    recorder = Window()
     surroundings.draw_treadmill(recorder)
     drawn = meshes_of(recorder)
     marks, frame = (drawn[path][:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/treadmill/frame"))

@@ -74,9 +74,8 @@ class LiveServer(SceneServer):
 
         ``key``: a later message of the same key makes this one needless; None keeps every one.
         """
-        text = json.dumps(message, allow_nan=False)
         for panel in self.pages:
-            panel.post_text(text, key)
+            panel.tell(message, key=key)
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
         """Paths and who answers them."""
@@ -91,10 +90,6 @@ class LiveServer(SceneServer):
 
     def stop(self) -> None:
         """Take it that a page asks to stop without its socket."""
-
-    def refusal(self, reason: str) -> Message:
-        """The answer to what is refused before it is read."""
-        return Event(serial=0, response=Response.REFUSED, text=reason, tick=self.tick).to_dict()
 
 
 class StopHandler(Guarded):
@@ -118,12 +113,9 @@ class Panel(GuardedSocket):
             self.tell(message)
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell this panel something; ``key`` as in :meth:`LiveServer.tell`."""
-        self.post_text(json.dumps(message, allow_nan=False), key)
-
-    def post_text(self, text: str, key: Hashable | None) -> None:
-        """Send a message as soon as the page takes it."""
+        """Tell this panel something as soon as it listens; ``key`` as in :meth:`LiveServer.tell`."""
         self._count += 1
+        text = json.dumps(message, allow_nan=False)
         self.outbox.post([(self._count if key is None else ("last", key), text)])
 
     def on_message(self, message: str | bytes) -> None:
@@ -137,7 +129,8 @@ class Panel(GuardedSocket):
 
     def _refuse(self, reason: str) -> None:
         self.server.refused += 1
-        self.tell(self.server.refusal(reason), key=reason)
+        refused = Event(serial=0, response=Response.REFUSED, text=reason, tick=self.server.tick)
+        self.tell(refused.to_dict(), key=reason)
 
     async def write_batch(self, batch: list[str]) -> None:
         """Write one message for the batch: a list of what was told."""

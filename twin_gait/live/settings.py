@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
-from twin_gait.core.guards import Comparison
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.simulation.log import JOINT
@@ -109,22 +108,17 @@ def first_settings(experiment: Experiment) -> Settings:
     return Settings(experiment=experiment, monitor=monitor)
 
 
-@dataclass(frozen=True)
-class LoopNumbers:
+class LoopNumbers(TypedDict):
     """Settings as the loop takes them: nothing but numbers."""
 
     phase_rows: list[Any]  # k, b, θ0, G per joint and gravity share, by leg and phase
-    comparisons: list[Comparison]  # of the guards, with their thresholds
+    comparisons: list[dict[str, Any]]  # of the guards, with their thresholds
     target_torque: list[float]  # in [N m], by joint
     # in [m] / [s], or None without ground; the belt stands while the monitor drives the joints
     belt_speed: float | None
     support_force: float | None  # in [N], or None on the bench
     held_phase: int | None  # phase that waits for a hand, or None
     watching: bool  # whether the monitor watches how long a leg stays in a phase
-
-    def to_dict(self) -> dict[str, Any]:
-        """The numbers as JSON takes them."""
-        return asdict(self)
 
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
@@ -135,7 +129,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     belt_speed = world.belt.cruise if walking else 0.0  # without a gait it would carry the feet away
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
-        comparisons=walk.program.comparisons,
+        comparisons=[asdict(comparison) for comparison in walk.program.comparisons],
         target_torque=target_torques(settings, walk),
         belt_speed=None if world.contact is None else belt_speed,
         support_force=None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
@@ -165,14 +159,15 @@ def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict
     ``late_stance: left_hip_stiffness_Nm_per_rad``.
     """
     found: dict[str, float] = {}
-    old, new = np.array(before.phase_rows), np.array(after.phase_rows)
+    old, new = np.array(before["phase_rows"]), np.array(after["phase_rows"])
     for leg, phase, column in np.argwhere(old != new).tolist():
         place, quantity = divmod(column, COLUMNS_PER_JOINT)
         if place < problem.joints_per_leg:
             joint = problem.joints[leg * problem.joints_per_leg + place]
             name = f"{joint.side}_{joint.joint}_{ROW_COLUMNS[quantity]}"
             found[f"{problem.table.phase_names[phase]}: {name}"] = float(new[leg, phase, column])
-    for joint, was, now in zip(problem.joints, before.target_torque, after.target_torque, strict=True):
+    targets = zip(problem.joints, before["target_torque"], after["target_torque"], strict=True)
+    for joint, was, now in targets:
         if was != now:
             found[f"{joint.side}_{joint.joint}_target_torque_Nm"] = now
     return found

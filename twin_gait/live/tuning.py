@@ -1,6 +1,7 @@
 """Changes of live settings: held to the rules of ``twin-gait check``, handed to the walk, or tried ahead."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Finding, Rule, Severity, waive
@@ -129,7 +130,7 @@ class Tuning:
         before = self._value_of(message.control)
         settings = self._panel.set(self.settings, message.control, message.value)
         done = self._foresee if message.kind == "try" else self._change
-        done(settings, message, message.control, before, message.value)
+        done(settings, message, {"subject": message.control, "before": before, "value": message.value})
 
     def revert(self, message: DoAction, name: str) -> None:
         """Set a control, or everything, to what the session began with.
@@ -139,24 +140,21 @@ class Tuning:
         settings, value = self._panel.revert(self.settings, name), None
         if name != EVERYTHING:
             value = next(item.value for item in self._panel.controls(settings) if item.name == name)
-        self._change(settings, message, name, self._value_of(name), value)
+        self._change(settings, message, {"subject": name, "before": self._value_of(name), "value": value})
 
     def _value_of(self, control: str) -> Value | None:
         return next((item.value for item in self.controls if item.name == control), None)
 
-    def _change(
-        self, settings: Settings, message: Message, name: str, before: Value | None, value: Value | None
-    ) -> None:
+    def _change(self, settings: Settings, message: Message, change: Mapping[str, Any]) -> None:
         """Check new settings, hand them to the walk, and tell what they do."""
         checking = settings.driving != self.settings.driving
         known = self._check(settings) if checking else self._known
-        numbers, text = loop_numbers(settings), _told(name, before, value)
-        change = {"subject": name, "before": before, "value": value}
+        numbers, text = loop_numbers(settings), _told(**change)
         new_table = settings.table != self.settings.table
         answer = self._loop.ask(
             {
                 "command": "settings",
-                "numbers": numbers.to_dict(),
+                "numbers": numbers,
                 "table": table_document(settings.table) if new_table else None,
                 "note": {"user": message.user, **change, "text": text},
             }
@@ -188,19 +186,17 @@ class Tuning:
         """Start the process that looks ahead, or a new one."""
         self._forecaster.close()
         self._forecaster = LoopProcess("forecast")
-        self._forecaster.start({"document": self._document, "numbers": self._numbers.to_dict()})
+        self._forecaster.start({"document": self._document, "numbers": self._numbers})
 
     def close(self) -> None:
         """End the process that looks ahead."""
         self._forecaster.close()
 
-    def _foresee(
-        self, settings: Settings, message: Message, name: str, before: Value | None, value: Value | None
-    ) -> None:
+    def _foresee(self, settings: Settings, message: Message, change: Mapping[str, Any]) -> None:
         """Forecast new settings; the walk goes on as it does."""
         if not self._forecaster.alive:
             self.start_forecaster()
-        now, numbers = self._loop.ask({"command": "moment"}), loop_numbers(settings).to_dict()
+        now, numbers = self._loop.ask({"command": "moment"}), loop_numbers(settings)
         request = {"command": "forecast", "moment": now["moment"], "numbers": numbers}
         coming = self._forecaster.command(request)
         if settings.driving != self.settings.driving:  # held to the rules in the meantime
@@ -209,15 +205,14 @@ class Tuning:
             forecast = self._forecaster.answer(coming)["forecast"]
         except ParameterError as error:
             raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
-        text = f"forecast of {_told(name, before, value)}: {forecast['text']}"
-        about = {"subject": name, "value": value, "before": before, "forecast": forecast}
-        self._book.answer(message, Response.FORECAST, text, tick=now["tick"], **about)
+        text = f"forecast of {_told(**change)}: {forecast['text']}"
+        self._book.answer(message, Response.FORECAST, text, tick=now["tick"], **change, forecast=forecast)
 
 
-def _told(name: str, before: Value | None, value: Value | None) -> str:
-    if name == EVERYTHING:
+def _told(subject: str, before: Value | None, value: Value | None) -> str:
+    if subject == EVERYTHING:
         return "everything as it began"
-    return f"{name}: {_shown(before)} → {_shown(value)}"
+    return f"{subject}: {_shown(before)} → {_shown(value)}"
 
 
 def _shown(value: Value | None) -> str:

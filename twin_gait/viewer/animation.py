@@ -16,7 +16,7 @@ from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.palette import phase_colour
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Recorder, Track, rgb, set_animation
+from twin_gait.viewer.commands import Track, Window, rgb, set_animation
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
 from twin_gait.viewer.page import About, leg_entry, packed, packed_json, page_data, recorded_page
@@ -55,7 +55,7 @@ def recorded_run(
     """
     moments = [*moments, *(event.time for event in about.get("events", ()))]
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
-    recorder = Recorder()
+    recorder = Window()
     drives = shown_joints(log, model.sides[0])
     scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
@@ -185,7 +185,7 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     """
     urdf = find_urdf(path)
     model = build_model(urdf)
-    recorder = Recorder()
+    recorder = Window()
     scene = build_urdf_scene(recorder, model, urdf, up_axis=up_axis)
     page = page_data(
         About(title=urdf.name, subtitle=counted(model)), mode="model", view=scene.view,

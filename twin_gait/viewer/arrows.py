@@ -1,7 +1,7 @@
 """Arrows: the forces of the ground, and the torque of a motor around its joint, longer for more."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -51,19 +51,14 @@ def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> dict[tuple[s
     }
 
 
-@dataclass(frozen=True)
-class TorqueArc:
-    """The arrows of one joint, of which at most one is seen."""
+def arc_state(arcs: Mapping[int, str], torque: float) -> dict[tuple[str, str], bool]:
+    """Which of the arrows of a joint is seen, if any.
 
-    paths: dict[int, str]  # place of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0
-
-    def state(self, torque: float) -> dict[tuple[str, str], bool]:
-        """Which arrow is seen.
-
-        ``torque`` of the motor on the joint in [N m], positive in increasing angle.
-        """
-        seen = level(torque)
-        return {(path, "visible"): number == seen for number, path in self.paths.items()}
+    ``arcs``: place of each by its level, from ``-LEVELS`` to ``LEVELS`` without 0; ``torque`` of the motor on
+    the joint in [N m], positive in increasing angle.
+    """
+    seen = level(torque)
+    return {(path, "visible"): number == seen for number, path in arcs.items()}
 
 
 def level(torque: float) -> int:

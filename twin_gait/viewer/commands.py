@@ -1,15 +1,16 @@
 """The few commands of meshcat's viewer that are needed, as the plain values that it reads.
 
-Commands are dictionaries that any window takes: a recorder that keeps them for a page, or a window that
-sends them to a server. Building them here needs neither a server nor meshcat's Python package, keeps the
-case of property names, and names every object after its place in the scene, so that the same scene
-gives the same bytes.
+Commands are dictionaries that a window takes and keeps for a page, or sends to one. Building them here needs
+neither a server nor meshcat's Python package, keeps the case of property names, and names every object after
+its place in the scene, so that the same scene gives the same bytes.
 """
+
+from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import umsgpack
@@ -27,13 +28,6 @@ _ARRAY_TYPES: dict[type, tuple[str, int]] = {
     np.uint32: ("Uint32Array", 0x16),
     np.float32: ("Float32Array", 0x17),
 }
-
-
-class Window(Protocol):
-    """What takes commands."""
-
-    def send(self, command: Command) -> None:
-        """Take one command."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,8 +192,8 @@ def _integer(colour: Sequence[float]) -> int:
 _ORDER = ("page", "set_object", "set_transform", "set_property", "set_animation", "sample")
 
 
-class Recorder:
-    """Window that remembers the last command of each kind for each place."""
+class Window:
+    """What takes commands: it remembers the last command of each kind for each place."""
 
     def __init__(self) -> None:
         """Start empty."""

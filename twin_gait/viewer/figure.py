@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
-from twin_gait.viewer.arrows import LEVELS, TorqueArc, arc_arrow, arc_material
+from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
@@ -166,11 +166,12 @@ class Figure:
         name = "motor_cover" if own else f"motor_cover_{joint.replace('/', '_')}"
         return self.draw(motor.link, name, shapes.moved(cover, placement), material)
 
-    def draw_arc(self, joint: str, motor: Motor, outward: float) -> TorqueArc:
+    def draw_arc(self, joint: str, motor: Motor, outward: float) -> dict[int, str]:
         """Draw the arrows that show the torque of a motor, all hidden.
 
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
         ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one.
+        Returns the place of each arrow by its level.
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
@@ -189,7 +190,7 @@ class Figure:
             at_motor = shapes.moved(arrow, placement)
             paths[number] = self.draw(parent, name, at_motor, arc_material(number), casts=False)
             self._window.send(set_property(paths[number], "visible", False))
-        return TorqueArc(paths)
+        return paths
 
     def axis(self, joint: str) -> np.ndarray:
         """Axis of a joint that turns or slides, in its own frame, unit vector of shape ``(3,)``."""

@@ -10,7 +10,7 @@ from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Command, Recorder, key_of, pack
+from twin_gait.viewer.commands import Command, Window, key_of, pack
 from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, leg_columns
 from twin_gait.viewer.page import About, leg_entry, page_data
 from twin_gait.viewer.server import Change
@@ -21,7 +21,7 @@ _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 
 
-class LiveWindow(Recorder):
+class LiveWindow(Window):
     """Window that keeps the whole scene and collects the changes of a frame."""
 
     def __init__(self) -> None:

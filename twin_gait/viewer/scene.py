@@ -11,7 +11,7 @@ import numpy as np
 from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes
-from twin_gait.viewer.arrows import TorqueArc, arrow_state, draw_arrow
+from twin_gait.viewer.arrows import arc_state, arrow_state, draw_arrow
 from twin_gait.viewer.body import LEFT
 from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure
@@ -63,7 +63,7 @@ class Scene:
         self.missing_meshes = visuals.missing  # mesh files of the URDF that were not found
         self.covers: dict[Side, list[str]] = {}  # places of the coloured motor covers
         self.arrows: dict[Side, str] = {}  # place of the ground force
-        self.arcs: dict[Side, dict[str, TorqueArc]] = {}  # arrows of the motor torque, by joint
+        self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # of the motor torque, by joint and level
         self.elements: list[Element] = []  # what else moves
         self.trails: list[StrideTrail] = []  # paths of the feet per stride, once a motion is known
         self.legs: dict[Side, LegJoints] = {}
@@ -141,7 +141,7 @@ class Scene:
         for side, arcs in self.arcs.items():
             for joint, arc in arcs.items():
                 torques = motion.columns.get(f"{side}_{joint}_motor_torque_Nm")
-                state |= {} if torques is None else arc.state(float(torques[frame]))
+                state |= {} if torques is None else arc_state(arc, float(torques[frame]))
         for side, leg in motion.legs.items():
             state |= self._force_state(side, motion, frame)
             if leg.phases is not None:

@@ -40,11 +40,8 @@ class Disc(NamedTuple):
     length: float  # in [m]
 
 
-class Patch(NamedTuple):
-    """Neighbouring triangles of one colour in a mesh file."""
-
-    colour: Colour | None  # None where the file has a texture or nothing
-    triangles: int  # how many
+# Colour of neighbouring triangles in a mesh file, None where it has a texture or nothing, and their number.
+Patch = tuple[Colour | None, int]
 
 
 class LinkPart(NamedTuple):
@@ -204,11 +201,12 @@ def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
     stated: Colour = tuple(float(value) for value in item.meshColor)
     own = not item.overrideMaterial and str(item.meshPath).lower().endswith(".dae")
     patches = dae_patches(Path(item.meshPath)) if own else []
-    if sum(patch.triangles for patch in patches) != len(shape.faces):  # none, or read differently
+    counts = [triangles for _, triangles in patches]
+    if sum(counts) != len(shape.faces):  # none, or read differently
         yield stated, shape
         return
-    colours = [patch.colour or stated for patch in patches]
-    number = np.repeat([colours.index(colour) for colour in colours], [patch.triangles for patch in patches])
+    colours = [colour or stated for colour, _ in patches]
+    number = np.repeat([colours.index(colour) for colour in colours], counts)
     for one in np.unique(number):
         yield colours[one], shapes.part_of(shape, number == one)
 
@@ -270,7 +268,7 @@ class _Collada:
             for part in self._at(instance.get("url")).iter():
                 if part.tag in ("triangles", "polylist"):
                     target = targets.get(part.get("material"))
-                    yield Patch(self._colour(target) if target else None, self._count(part))
+                    yield self._colour(target) if target else None, self._count(part)
         for child in node.findall("node"):
             yield from self._node(child)
         for instance in node.findall("instance_node"):
