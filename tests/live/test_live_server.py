@@ -500,7 +500,7 @@ def test_too_many_pages_are_refused() -> None:
 
 def test_page_that_comes_late_gets_the_whole_scene() -> None:
     window = LiveWindow()
-    window.describe({"title": "first"})
+    window.send({"type": "page", "path": "", "page": {"title": "first"}})
     for step in range(50):
         window.send(set_property("/belt", "position", [float(step), 0.0, 0.0]))
         window.send(set_property("/belt", "visible", step % 2 == 0))

@@ -288,7 +288,7 @@ class Panel:
         for place in self._places:
             common = (side for side in self.problem.sides if place.phase not in differing.get(side, {}))
             side = place.side or next(common, self.problem.sides[0])
-            found[f"{place.prefix}.damping"] = resolved_damping(problem, side, place.phase, place.joint)
+            found[f"{place.prefix}.damping"] = resolved_damping(problem, side, str(place.phase), place.joint)
         return found
 
     def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:

@@ -125,10 +125,9 @@ def read_message(text: str | bytes) -> Message:
     kind = data.get("kind")
     if kind not in ("set", "try", "do"):
         raise MessageRefused(f"kind: expected set, try or do, got {short(kind)}")
+    schema: type[Message] = DoAction if kind == "do" else SetControl
     try:
-        if kind == "do":
-            return validate(DoAction, data, "message")
-        return validate(SetControl, data, "message")
+        return validate(schema, data, "message")
     except ParameterFileError as error:
         raise MessageRefused(str(error)) from None
 

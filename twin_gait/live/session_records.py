@@ -14,10 +14,12 @@ import os
 from collections import deque
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.live.protocol import Event
@@ -148,11 +150,12 @@ class SessionEntry:
     versions: int  # versions of the gait table
 
 
+_ENTRY = TypeAdapter(SessionEntry)  # picks its fields out of all that is recorded
+
+
 def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
     """All sessions of the record, the newest first. Raises SessionError if the record cannot be read."""
-    names = [item.name for item in fields(SessionEntry)]
-    found = [_read(folder, number) for number in reversed(_known(folder))]
-    entries = [SessionEntry(**{name: item[name] for name in names}) for item in found]
+    entries = [_ENTRY.validate_python(_read(folder, number)) for number in reversed(_known(folder))]
     return [item for item in entries if user is None or item.user == user]
 
 

@@ -78,6 +78,12 @@ class Settings:
             return self.experiment
         return replace(self.experiment, table=monitored_table(self.table, self.monitor, self.mode))
 
+    def target_torque(self, side: Side, joint: JointName) -> float:
+        """Target torque of a joint in [N m]: the experiment's, or in torque control the monitor's."""
+        if self.mode is Mode.TORQUE:
+            return self.monitor[side, joint].target_torque
+        return self.experiment.control.target_torque.get(joint, 0.0) if self.mode is Mode.WALK else 0.0
+
 
 def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
     """A table whose phases all have what the monitor sets."""
@@ -130,22 +136,12 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
         comparisons=[asdict(comparison) for comparison in walk.program.comparisons],
-        target_torque=target_torques(settings, walk),
+        target_torque=[settings.target_torque(item.side, item.joint) for item in walk.joints],
         belt_speed=None if world.contact is None else belt_speed,
         support_force=None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
         held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
         watching=walking,
     )
-
-
-def target_torques(settings: Settings, problem: Problem) -> list[float]:
-    """Target torque of every joint in [N m]: the experiment's, or in torque control the monitor's."""
-    if settings.mode is Mode.TORQUE:
-        return [settings.monitor[item.side, item.joint].target_torque for item in problem.joints]
-    if settings.mode is Mode.WALK:
-        targets = settings.experiment.control.target_torque
-        return [targets.get(item.joint, 0.0) for item in problem.joints]
-    return [0.0] * len(problem.joints)
 
 
 # What a row of phase parameters is called in the log, by its place among the columns of a joint.

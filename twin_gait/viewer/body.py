@@ -174,11 +174,8 @@ def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.
 
     Returns where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
     """
-    axes, rings, length = (
-        trunk_axes(figure),
-        np.array(_rings(RINGS["trunk"], patient)),
-        TRUNK_LENGTH * patient.height,
-    )
+    axes, length = trunk_axes(figure), TRUNK_LENGTH * patient.height
+    rings = np.array(_rings(RINGS["trunk"], patient))
     bottom, top = (share * length for share in _VEST)
     vest = band(rings[::-1], top, bottom, rings=6, columns=28)
     figure.draw(trunk_joint, "harness_vest", shapes.moved(vest, axes), VEST)

@@ -35,10 +35,6 @@ class LiveWindow(Window):
         super().send(command)
         self._changes[key_of(command)] = command
 
-    def describe(self, page: Command) -> None:
-        """Take the description of the page."""
-        self.send({"type": "page", "path": "", "page": page})
-
     def sample(self, sample: Command) -> None:
         """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
         command = {"type": "sample", "path": "", "sample": sample}
@@ -97,7 +93,7 @@ class LiveFigure:
             missing_meshes=self._scene.missing_meshes, phases=self._phases, arrows=bool(self._scene.arrows),
             legs=[leg_entry(side, ["phase", *columns]) for side, columns in self._columns.items()],
         )  # fmt: skip
-        self.window.describe(self.page)
+        self.window.send({"type": "page", "path": "", "page": self.page})
 
     def show(
         self,

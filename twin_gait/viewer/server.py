@@ -14,7 +14,7 @@ import secrets
 import socket
 from collections.abc import Awaitable, Callable, Hashable, Iterable, Sequence
 from resource import RLIM_INFINITY, RLIMIT_NOFILE, getrlimit
-from typing import Any, Generic, TypeVar
+from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
@@ -25,7 +25,6 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from twin_gait.exceptions import ViewerError
 
 Change = tuple[Hashable, bytes]
-Item = TypeVar("Item")
 LOOPBACK = "127.0.0.1"
 PORTS_TRIED = 100
 MOST_CONNECTIONS = 256  # a page has three
@@ -118,27 +117,27 @@ class NothingHandler(Guarded):
         raise HTTPError(404, "there is nothing here")
 
 
-class Outbox(Generic[Item]):
+class Outbox:
     """Sends to one page, one batch at a time.
 
     While a batch is on its way, what comes is kept under its key, and a newer item takes the place of an
     older one of the same key. A page that has stopped reading therefore costs a bounded memory and no time.
     """
 
-    def __init__(self, write: Callable[[list[Item]], Awaitable[None]]) -> None:
+    def __init__(self, write: Callable[[list[Any]], Awaitable[None]]) -> None:
         """Start empty.
 
         ``write``: writes one batch; what it returns ends when the network has taken the batch.
         """
         self._write = write
-        self._waiting: dict[Hashable, Item] = {}
+        self._waiting: dict[Hashable, Any] = {}
         self._sending: asyncio.Task[None] | None = None
 
     def __len__(self) -> int:
         """How many items wait."""
         return len(self._waiting)
 
-    def post(self, items: Iterable[tuple[Hashable, Item]]) -> None:
+    def post(self, items: Iterable[tuple[Hashable, Any]]) -> None:
         """Send items as soon as the page takes them; returns at once, inside of an event loop."""
         for key, item in items:
             self._waiting.pop(key, None)  # a newer one comes last
@@ -173,7 +172,7 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
     def open(self) -> None:
         """Be known to the server."""
         self.set_nodelay(True)
-        self.outbox: Outbox[Any] = Outbox(self.write_batch)
+        self.outbox = Outbox(self.write_batch)
         self.server.sockets.add(self)
 
     def on_close(self) -> None:
