@@ -352,7 +352,7 @@ def walked(tmp_path_factory):
         def until(name, response):
             end = time.monotonic() + 60.0
             while time.monotonic() < end:
-                found = [event for event in session.events() if event.subject == name]
+                found = [event for event in session.book.after(0) if event.subject == name]
                 if found and found[-1].response is response:
                     return found[-1]
                 time.sleep(0.01)

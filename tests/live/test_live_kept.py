@@ -204,7 +204,7 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
         wait_for(lambda: not session.news.alive)
         last = json.loads(session.news.frame)
         assert last["status"] == session.news.status == "died"
-        assert "died" in session.events()[-1].text and "signal 9" in session.news.death
+        assert "died" in session.book.after(0)[-1].text and "signal 9" in session.news.death
     stored = load_run(tmp_path / "run")
     assert len(stored.run.log) >= last["tick"] - MOST_LOST
     assert (
@@ -258,7 +258,7 @@ PARENT = """
         serial += 1
         session.submit(SetControl(id=str(serial), user="Ann", control="belt", value=1.0))
         head = session.news.frame.partition(',"time_s"')[0]
-        print(time.monotonic(), len(session.events()), head, flush=True)
+        print(time.monotonic(), len(session.book.after(0)), head, flush=True)
         time.sleep(0.02)
 """
 

@@ -640,7 +640,9 @@ def say(session, **message):
     """Send a message as a page does and wait for what becomes of it."""
     say.count += 1
     session.submit(read_message(json.dumps({"id": f"m{say.count}", "user": "Ann", **message})))
-    return wait_for(lambda: next((item for item in session.events() if item.id == f"m{say.count}"), None))
+    return wait_for(
+        lambda: next((item for item in session.book.after(0) if item.id == f"m{say.count}"), None)
+    )
 
 
 say.count = 0

@@ -168,7 +168,7 @@ class LivePage(LiveServer):
 
     def update(self) -> None:
         """Bring what is new in the session to all pages; call it every ``PERIOD``."""
-        for event in self._session.events(self._serial):
+        for event in self._session.book.after(self._serial):
             self._serial = event.serial
             self.tell(event.to_dict())
         self._tell_state()
@@ -229,7 +229,7 @@ class LivePage(LiveServer):
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         if self._state is not None:
             yield self._state.to_dict()
-        for event in self._session.events()[-EVENTS_SHOWN:]:
+        for event in self._session.book.after(0)[-EVENTS_SHOWN:]:
             if event.serial <= self._serial:
                 yield event.to_dict()
         if self._short:
@@ -240,7 +240,7 @@ class LivePage(LiveServer):
         try:
             message = read_message(text)
         except MessageRefused as error:
-            self._session.refuse(str(error), id=id_of(text), user=self._user)
+            self._session.book.emit(Response.REFUSED, str(error), id=id_of(text), user=self._user)
             return
         self._session.submit(message.model_copy(update={"user": message.user or self._user}))
 

@@ -24,7 +24,7 @@ from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import Actions
 from twin_gait.live.journal import complete, complete_all
 from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import Action, DoAction, Event, Message, Response, SetControl, State
+from twin_gait.live.protocol import Action, DoAction, Message, Response, SetControl, State
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
@@ -42,6 +42,7 @@ class LiveSession:
 
     Attributes:
         folder: Run folder of the first walk.
+        book: Events of the session.
         news: The process of the walk, and what is known of its walks: how they stand, where they are.
     """
 
@@ -74,9 +75,9 @@ class LiveSession:
             "can": can,
         }  # fmt: skip
         self._link: CanLink | None = None
-        self._book = EventBook()
-        self.news = WalkNews(self._book, on_compile=on_compile, on_step=on_step)
-        self._tuning = Tuning(loaded, self.news, self._book)
+        self.book = EventBook()
+        self.news = WalkNews(self.book, on_compile=on_compile, on_step=on_step)
+        self._tuning = Tuning(loaded, self.news, self.book)
         self._actions = Actions(self._tuning.problem)
         self._action_specs = self._actions.specs()
         self._saved: list[str] = []
@@ -106,7 +107,7 @@ class LiveSession:
         check_target(self.folder, RUN_DIRECTORY, force=bool(self._setup["force"]))
         if self._setup["can"]:
             self._link = CanLink(
-                str(self._setup["can"]), self._tuning.problem, book=self._book, submit=self.submit,
+                str(self._setup["can"]), self._tuning.problem, book=self.book, submit=self.submit,
                 controls=lambda: self._tuning.controls,
             )  # fmt: skip
             self.news.on_rows = self._link.take
@@ -129,7 +130,7 @@ class LiveSession:
         self._tuning.start_forecaster()
         if self._records is not None:
             name, document = self._loaded.experiment.name, self._loaded.document
-            self._book.recorder = SessionRecorder(
+            self.book.recorder = SessionRecorder(
                 self._records, user=self._user, experiment=name, document=document
             )
             self._tuning.record_table(0)
@@ -153,9 +154,9 @@ class LiveSession:
         self._close_processes()
         # Those that the process left behind.
         complete_all(map(journal_of, self.news.walks), self.news.hear, pictures=True)
-        if self._book.recorder is not None:
+        if self.book.recorder is not None:
             folders = [str(item) for item in self.news.folders]
-            self._book.recorder.close(self.news.status, self._book.tick, self.news.summary, folders)
+            self.book.recorder.close(self.news.status, self.book.tick, self.news.summary, folders)
         return self.news.summary
 
     # ------------------------------------------------------------------ what pages ask for
@@ -170,22 +171,11 @@ class LiveSession:
             # What the work does not expect is an error of the program: it is printed, not lost.
             self._worker.submit(self._work_off).add_done_callback(Future.result)
 
-    def refuse(self, reason: str, *, id: str = "", user: str = "") -> Event:
-        """Record that a message could not even be read."""
-        return self._book.emit(Response.REFUSED, reason, id=id, user=user)
-
-    def events(self, after: int = 0) -> list[Event]:
-        """Events since one of them.
-
-        ``after``: serial number of the last event that is known; 0 gives all that are kept.
-        """
-        return self._book.after(after)
-
     def state(self) -> State:
         """The panel with its present values."""
         problem = self._tuning.problem
         return State(
-            serial=self._book.serial, experiment=self._loaded.experiment.name,
+            serial=self.book.serial, experiment=self._loaded.experiment.name,
             phases=problem.table.phase_names, joints=tuple(problem.table.joints),
             sides=tuple(str(side) for side in problem.sides), controls=self._tuning.controls,
             actions=self._action_specs, saved=tuple(self._saved),
@@ -201,7 +191,7 @@ class LiveSession:
     def _work_off(self) -> None:
         message = self._queue.popleft()
         if any(_replaces(later, message) for later in tuple(self._queue)):
-            self._book.answer(message, Response.REFUSED, "overtaken by a newer value")
+            self.book.answer(message, Response.REFUSED, "overtaken by a newer value")
         else:
             self._guarded(message, self._handle)
 
@@ -210,7 +200,7 @@ class LiveSession:
             handle(message)
         except TwinGaitError as error:
             reason = " ".join(str(error).split())
-            self._book.answer(message, Response.REFUSED, reason, value=getattr(message, "value", None))
+            self.book.answer(message, Response.REFUSED, reason, value=getattr(message, "value", None))
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, SetControl):
@@ -245,7 +235,7 @@ class LiveSession:
         )
 
     def _tell_applied(self, message: DoAction, text: str, answer: Mapping[str, Any]) -> None:
-        self._book.answer(message, Response.APPLIED, answer.get("text", text), tick=answer["tick"])
+        self.book.answer(message, Response.APPLIED, answer.get("text", text), tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
@@ -260,7 +250,7 @@ class LiveSession:
         path = write_new(names, dump_yaml({**document, "name": f"{self.table.name}_live"}))
         self._saved.append(str(path))
         text = f"saved {path}; run it with: {self._run_again(path)}"
-        self._book.answer(message, Response.APPLIED, text, value=str(path))
+        self.book.answer(message, Response.APPLIED, text, value=str(path))
 
     def _run_again(self, path: Path) -> str:
         """The command that runs a saved table as it walks now."""

@@ -183,10 +183,6 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         """Write what has waited; returns when the page takes more."""
         raise NotImplementedError
 
-    def check_origin(self, origin: str) -> bool:
-        """Whether a page of this origin may open the socket."""
-        return is_own_page(origin, self.request.host)
-
     async def abandon(self) -> None:
         """Close without waiting for the page."""
         if self.ws_connection is not None:
