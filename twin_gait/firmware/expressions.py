@@ -18,7 +18,6 @@ from twin_gait.firmware.kinds import (
     RecordKind,
     Scalar,
     joined,
-    scalar_of,
 )
 from twin_gait.firmware.layout import TAKEN, identifier
 from twin_gait.firmware.source import Source
@@ -228,7 +227,7 @@ class Expressions:
 
     def _constant(self, node: ast.Name) -> Value:
         value = self.functions.sources.found(node.id, self.source.scope)
-        kind = scalar_of(value)
+        kind = SCALARS.get(type(value))
         if kind is None:
             raise self.source.refused(node, "is no constant number")
         self.function.constants[node.id] = value

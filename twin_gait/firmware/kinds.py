@@ -55,11 +55,6 @@ class TupleKind:
 Kind = Scalar | RecordKind | ListKind | TupleKind | None
 
 
-def scalar_of(value: Any) -> Scalar | None:
-    """Kind of a number; None of anything else."""
-    return SCALARS.get(type(value))
-
-
 def entry_of(kind: Kind) -> Kind:
     """Kind of the entries of a list, and of a list of lists of theirs; any other kind itself."""
     return entry_of(kind.item) if isinstance(kind, ListKind) else kind

@@ -15,7 +15,7 @@ from twin_gait.core.elementary_single import SINGLE
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import ELEMENTARY, Function, Functions
-from twin_gait.firmware.kinds import REAL, Shapes, scalar_of
+from twin_gait.firmware.kinds import REAL, SCALARS, Shapes
 from twin_gait.firmware.layout import TAKEN, comment, identifier, wrapped
 from twin_gait.firmware.records import Records, Tables
 from twin_gait.firmware.source import Sources
@@ -131,8 +131,7 @@ def _constants(functions: Sequence[Function]) -> list[str]:
 
 
 def _constant(function: Function, name: str, value: bool | int | float) -> str:
-    kind = scalar_of(value)
-    assert kind is not None
+    kind = SCALARS[type(value)]
     text = number(value, kind)
     if kind is REAL and function.source.module == ELEMENTARY and name in SINGLE:
         return f"REAL_OR({value!r}, {SINGLE[name]!r})"

@@ -167,30 +167,15 @@ def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> 
     return two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
 
 
-def _conditioned(
-    samples: Samples,
-    beta: np.ndarray,
-    eta: np.ndarray,
-    per_load: float = 0.0,
-    per_temperature: tuple[float, float] = (0.0, 0.0),
-) -> np.ndarray:
-    """Coulomb and viscous friction; Coulomb per load, and both per temperature, where that is fitted."""
-    load, warm = samples.load, samples.temperature
-    load = np.zeros(len(samples)) if load is None else load
-    warm = np.full(len(samples), REFERENCE_TEMPERATURE) if warm is None else warm
-    (coulomb, viscous), (coulomb_warm, viscous_warm) = beta[:2], per_temperature
-    return conditioned_torque(
-        samples.velocity, load, warm, coulomb, per_load, coulomb_warm, viscous, viscous_warm, eta[0]
-    )
-
-
 @_model(
     "(T_c + c_l |T_L|) tanh(ω/ω_t) + d ω",
     (_COULOMB, _VISCOUS, _PER_LOAD, _TRANSITION), "+++", _TRANSITION_SHAPE, needs="load",
 )  # fmt: skip
 def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity."""
-    return _conditioned(samples, beta, eta, beta[2])
+    coulomb, viscous, per_load = beta
+    load, warm = _column(samples.load), REFERENCE_TEMPERATURE
+    return conditioned_torque(samples.velocity, load, warm, coulomb, per_load, 0.0, viscous, 0.0, *eta)
 
 
 @_model(
@@ -199,7 +184,10 @@ def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.nd
 )  # fmt: skip
 def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity."""
-    return _conditioned(samples, beta, eta, 0.0, (beta[2], beta[3]))
+    coulomb, viscous, *per_kelvin = beta
+    load, warm = 0.0, _column(samples.temperature)
+    parts = (coulomb, 0.0, per_kelvin[0], viscous, per_kelvin[1])
+    return conditioned_torque(samples.velocity, load, warm, *parts, *eta)
 
 
 @_model(
@@ -209,7 +197,10 @@ def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -
 )  # fmt: skip
 def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity."""
-    return _conditioned(samples, beta, eta, beta[2], (beta[3], beta[4]))
+    coulomb, viscous, *conditions = beta
+    load, warm = _column(samples.load), _column(samples.temperature)
+    parts = (coulomb, *conditions[:2], viscous, conditions[2])
+    return conditioned_torque(samples.velocity, load, warm, *parts, *eta)
 
 
 @_model(
