@@ -52,7 +52,10 @@ class LogTable:
     def numbers(self, name: str, *, gaps: bool = False) -> np.ndarray:
         """A column of finite numbers; with ``gaps`` NaN where a cell says that there is none."""
         cells = self._column(name)
-        values = np.array([number_of(item, self.decimal) for item in cells])
+        try:
+            values = cells.to_numpy(dtype=float)
+        except (ValueError, TypeError, OverflowError):  # not every cell is a number: which of them
+            values = np.array([number_of(item, self.decimal) for item in cells])
         wrong = np.flatnonzero(~np.isfinite(values))
         if gaps:
             wrong = wrong[[not is_missing(item) for item in cells.iloc[wrong]]]
