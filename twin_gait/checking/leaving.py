@@ -68,8 +68,8 @@ class _Leaving(NamedTuple):
         return Finding(severity, reason, suggestion, phase=self.phase, side=side, counterexample=middle)
 
 
-def ways_out(space: SignalSpace, leg: HangingLeg, phase: str) -> list[tuple[Rest, Way]]:
-    """How a phase can be left, for each phase that leads into it: rest and best way.
+def _ways_out(space: SignalSpace, leg: HangingLeg, phase: str) -> Iterator[_Leaving]:
+    """How a phase can be left at best, for each phase that leads into it.
 
     Only exits with a guard count. At rest one of them has to be open with all joints still, wherever between
     its extremes the left-over friction stops the leg. In motion one has to be open somewhere between entry
@@ -78,7 +78,6 @@ def ways_out(space: SignalSpace, leg: HangingLeg, phase: str) -> list[tuple[Rest
     contact there.
     """
     index = leg.problem.table.phase_index(phase)
-    found = []
     for start in entries(leg, index):
         rest = find_rest(leg, index, start)
         still = np.zeros((len(start), 2))
@@ -90,8 +89,7 @@ def ways_out(space: SignalSpace, leg: HangingLeg, phase: str) -> list[tuple[Rest
             way = Way.IN_MOTION
         else:
             way = Way.NONE
-        found.append((rest, way))
-    return found
+        yield _Leaving(leg, phase, rest, way)
 
 
 def _guarded_exits(space: SignalSpace, phase: str) -> list[int]:
@@ -124,8 +122,7 @@ def _leavings(case: CheckCase) -> list[_Leaving]:
             declared = any(_is_driven_by_contact(space, leg, index) for index in exits)
             if not exits or (declared and in_contact(leg, phase)):
                 continue
-            rest, way = min(ways_out(space, leg, phase), key=lambda found: found[1])
-            found.append(_Leaving(leg, phase, rest, way))
+            found.append(min(_ways_out(space, leg, phase), key=lambda leaving: leaving.way))
     return found
 
 
