@@ -34,8 +34,7 @@ def experiment_from_mapping(
     ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
     converted again, which takes most of the time.
     """
-    if like is None:
-        refuse_two_units(data, source)  # before one of them is laid over a default in the other
+    refuse_two_units(data, source)
     known = {} if like is None else _known(data, like)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = {**entry.values(), "scenario": entry.scenario}

@@ -16,6 +16,7 @@ from twin_gait.configuration.validation import (
     merge,
     packaged,
     read_yaml,
+    refuse_two_units,
     short,
     validate,
 )
@@ -102,6 +103,7 @@ def gait_table_from_mapping(
 
     ``source``: file name for messages. ``name``: of the table if the file gives none.
     """
+    refuse_two_units(data, source)
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
     phases = {

@@ -249,7 +249,6 @@ def descriptions(found: Mapping[str, Path]) -> dict[str, str]:
 
 def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: str = "") -> _Model:
     """Check a mapping against a schema; ``place``: where it stands in its file."""
-    refuse_two_units(data, source)
     try:
         return model.model_validate(data)
     except ValidationError as error:
