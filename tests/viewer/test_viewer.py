@@ -167,8 +167,9 @@ def test_nested_groups_compose_to_forward_kinematics(worn_twin: LegModel, rng: n
     for joint in ("left_ankle", "right_knee"):
         world = np.eye(4)
         path = figure.paths[joint]
-        for place, (position, (x, y, z, w)) in groups.items():
+        for place in dict.fromkeys(place for place, _ in groups):
             if path == place or path.startswith(f"{place}/"):
+                position, (x, y, z, w) = groups[place, "position"], groups[place, "quaternion"]
                 local = np.eye(4)
                 local[:3, :3] = pin.Quaternion(w, x, y, z).matrix()
                 local[:3, 3] = position
@@ -182,10 +183,10 @@ def test_only_what_changed_is_sent(worn_twin: LegModel) -> None:
     sent: list[tuple[str, str]] = []
     scene._window = type("Log", (), {"send": lambda _, c: sent.append((c["path"], c["property"]))})()
     q = np.zeros(worn_twin.nv)
-    scene.apply(scene.posture_state(q))
+    scene.apply(scene.figure.posture(q))
     sent.clear()
     q[worn_twin.index(Side.LEFT, JointName.KNEE)] = 0.3
-    scene.apply(scene.posture_state(q))
+    scene.apply(scene.figure.posture(q))
     assert sent == [(scene.figure.paths["left_knee"], "quaternion")]
 
 

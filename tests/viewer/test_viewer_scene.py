@@ -345,7 +345,7 @@ def test_every_mesh_moves_with_the_joint_that_carries_it(
     recorder = Window()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     q = rng.uniform(-0.4, 0.9, worn_twin.nv)
-    scene.apply(scene.posture_state(q))
+    scene.apply(scene.figure.posture(q))
     data = worn_twin.model.createData()
     pin.forwardKinematics(worn_twin.model, data, q)
     for joint, group in scene.figure.paths.items():

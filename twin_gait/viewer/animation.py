@@ -221,9 +221,10 @@ def joint_entries(figure: Figure) -> list[dict[str, Any]]:
         if free:
             upper = _FREE_WAY if slides else _FREE_TURN
             lower = -upper
-        position, quaternion = rest[figure.paths[name]]
+        path = figure.paths[name]
         entries.append(
-            {"name": name, "path": figure.paths[name], "slides": slides, "axis": figure.axis(name).tolist(),
-             "position": position, "quaternion": quaternion, "lower": lower, "upper": upper, "free": free}
+            {"name": name, "path": path, "slides": slides, "axis": figure.axis(name).tolist(),
+             "position": rest[path, "position"], "quaternion": rest[path, "quaternion"],
+             "lower": lower, "upper": upper, "free": free}
         )  # fmt: skip
     return entries

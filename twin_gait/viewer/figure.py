@@ -60,9 +60,8 @@ class Figure:
             name = str(model.names[index])
             self.paths[name] = f"{parent}/{name.replace('/', '_')}"
         window.send(set_transform(ROOT, self.base))
-        for path, (position, quaternion) in self.posture(pin.neutral(model)).items():
-            window.send(set_property(path, "position", position))
-            window.send(set_property(path, "quaternion", quaternion))
+        for (path, name), value in self.posture(pin.neutral(model)).items():
+            window.send(set_property(path, name, value))
 
     def draw(self, joint: str, name: str, shape: Shape, material: Material, *, casts: bool = True) -> str:
         """Draw a mesh on a joint.
@@ -200,17 +199,19 @@ class Figure:
         motion = np.asarray(data.S).reshape(6, -1)[:, 0]  # linear and angular velocity per joint velocity
         return motion[3:] if np.any(motion[3:]) else motion[:3]
 
-    def posture(self, q: np.ndarray) -> dict[str, tuple[list[float], list[float]]]:
+    def posture(self, q: np.ndarray) -> dict[tuple[str, str], list[float]]:
         """Where every joint group is in the group of the joint before it.
 
-        Returns position in [m] and quaternion (x, y, z, w) by the place of the group.
+        ``q``: coordinates, shape ``(nq,)``. Returns by the place of the group its ``position`` in [m] and its
+        ``quaternion`` (x, y, z, w).
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
-        groups = {}
+        found: dict[tuple[str, str], list[float]] = {}
         for name, transform in zip(list(self.model.names)[1:], list(self._data.liMi)[1:], strict=True):
-            quaternion = pin.Quaternion(transform.rotation).coeffs()
-            groups[self.paths[str(name)]] = (transform.translation.tolist(), quaternion.tolist())
-        return groups
+            path = self.paths[str(name)]
+            found[path, "position"] = transform.translation.tolist()
+            found[path, "quaternion"] = pin.Quaternion(transform.rotation).coeffs().tolist()
+        return found
 
     def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:
         """Position of a point on a joint in the scene, whose vertical is z.

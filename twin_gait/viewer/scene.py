@@ -114,13 +114,6 @@ class Scene:
         last = leg.items()[-1][1]
         return self.figure.world_point(q, last, self.figure.segment(last, leg))
 
-    def posture_state(self, q: np.ndarray) -> State:
-        """Where all joint groups are. ``q``: coordinates, shape ``(nq,)``."""
-        state: State = {}
-        for path, (position, quaternion) in self.figure.posture(q).items():
-            state |= {(path, "position"): position, (path, "quaternion"): quaternion}
-        return state
-
     def _force_state(self, side: Side, motion: Motion, frame: int) -> State:
         """Arrow of the force of the ground on a foot, in the axes of the ground."""
         names = [f"{side}_foot_{name}_force_N" for name in ("friction", "normal")]
@@ -137,7 +130,7 @@ class Scene:
     def state_at(self, motion: Motion, frame: int) -> State:
         """Everything that a frame of a motion shows, but for the belt."""
         time = float(motion.times[frame])
-        state = self.posture_state(motion.q[frame])
+        state: State = {**self.figure.posture(motion.q[frame])}
         for side, arcs in self.arcs.items():
             for joint, arc in arcs.items():
                 torques = motion.columns.get(f"{side}_{joint}_motor_torque_Nm")
