@@ -7,7 +7,7 @@ at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from typing import Any, NamedTuple
 
@@ -55,21 +55,20 @@ _PLAIN = {
 _ASK = "Ask the device for another mode, as the therapist does; it answers in the next tick."
 
 
+@dataclass(frozen=True)
 class Actions:
     """What can be done in one experiment, beside setting controls."""
 
-    def __init__(self, problem: Problem) -> None:
-        """Keep what the fields depend on."""
-        self._problem = problem
+    problem: Problem  # what their fields depend on
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Actuated joints in the order of the arrays, such as ``left_knee``."""
-        return tuple(f"{item.side}_{item.joint}" for item in self._problem.joints)
+        return tuple(f"{item.side}_{item.joint}" for item in self.problem.joints)
 
     def specs(self) -> tuple[ActionSpec, ...]:
         """All actions with their fields."""
-        experiment, plain = self._problem.experiment, dict(_PLAIN)
+        experiment, plain = self.problem.experiment, dict(_PLAIN)
         modes, limit = experiment.modes, experiment.control.limits.torque
         if modes is not None:  # steps and walking are theirs
             plain[Action.WALK] = ("go on", "Let the time go on.")
@@ -84,7 +83,7 @@ class Actions:
         text = "Push a joint from outside, as a hand does; positive towards flexion."
         joints = self.joint_names
         found.append(_spec(Action.PUSH, "push", "push", text, joint=joints, torque=torque, duration=duration))
-        feet = tuple(f"{side}_{FOOT}" for side in self._problem.sides if experiment.scenario.grounded)
+        feet = tuple(f"{side}_{FOOT}" for side in self.problem.sides if experiment.scenario.grounded)
         kinds, places = tuple(str(item) for item in FaultKind), ("", *joints, *feet)
         text = "Something breaks now and stays broken until a restart."
         found.append(_spec(Action.FAULT, "break it", "push", text, kind=kinds, place=places, size=""))
@@ -114,7 +113,7 @@ class Actions:
         written = f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
         fault = parse_fault(written)
         # The experiment knows which faults it can have.
-        replace(self._problem.experiment, faults=(fault,))
+        replace(self.problem.experiment, faults=(fault,))
         return fault
 
 
