@@ -87,12 +87,10 @@ def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -
     angle = np.linspace(0.0, at, max(4, round(size / _STEP)))[:, None]
     arc = radius * (np.cos(angle) * start + np.sin(angle) * aside)
     # The head goes along the arc's direction there and a little inward, as the arc goes on.
-    ahead = math.copysign(1.0, sweep) * np.cross(axis, arc[-1] / radius) - 0.5 * _HEAD_LENGTH / radius * (
-        arc[-1] / radius
-    )
+    out = arc[-1] / radius
+    ahead = math.copysign(1.0, sweep) * np.cross(axis, out) - 0.5 * _HEAD_LENGTH / radius * out
     ahead /= np.linalg.norm(ahead)
-    placement = shapes.frame(ahead, np.cross(axis, ahead))
-    placement[:3, 3] = arc[-1] + 0.5 * _HEAD_LENGTH * ahead
+    placement = shapes.frame(ahead, np.cross(axis, ahead), at=arc[-1] + 0.5 * _HEAD_LENGTH * ahead)
     head = shapes.moved(shapes.cone(_HEAD_RADIUS, _HEAD_LENGTH, columns=12), placement)
     return shapes.merged([shapes.tube(arc, _RADIUS, columns=6), head])
 

@@ -160,8 +160,7 @@ class Figure:
         """Draw the cover of a motor, whose colour shows the phase."""
         cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
         own = motor.link == joint
-        placement = along(self.axis(motor.link))
-        placement[:3, 3] = motor.centre
+        placement = shapes.frame(self.axis(motor.link), at=motor.centre)
         name = "motor_cover" if own else f"motor_cover_{joint.replace('/', '_')}"
         return self.draw(motor.link, name, shapes.moved(cover, placement), material)
 
@@ -243,6 +242,4 @@ def along(direction: np.ndarray) -> np.ndarray:
 
     ``direction`` from start to end in [m], shape ``(3,)``. Returns homogeneous transform, shape ``(4, 4)``.
     """
-    placement = shapes.frame(direction)
-    placement[:3, 3] = 0.5 * direction
-    return placement
+    return shapes.frame(direction, at=0.5 * direction)

@@ -231,16 +231,18 @@ def translation(centre: Sequence[float] | np.ndarray) -> np.ndarray:
     return placement
 
 
-def frame(up: np.ndarray, forward: np.ndarray | None = None) -> np.ndarray:
+def frame(
+    up: np.ndarray, forward: np.ndarray | None = None, *, at: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+) -> np.ndarray:
     """Placement that turns z into one direction and x as near to another as it goes, shape ``(4, 4)``.
 
-    ``forward``: None for one of the axes.
+    ``forward``: None for one of the axes; ``at``: where it puts the origin in [m].
     """
     third = up / np.linalg.norm(up)
     ahead = np.eye(3)[int(np.argmin(np.abs(third)))] if forward is None else forward
     first = ahead - (ahead @ third) * third
     first /= np.linalg.norm(first)
-    placement = np.eye(4)
+    placement = translation(at)
     placement[:3, :3] = np.column_stack((first, np.cross(third, first), third))
     return placement
 
