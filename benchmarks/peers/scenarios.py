@@ -24,7 +24,7 @@ class HangingScenario(Treadmill):
     def build(self, model: LegModel, **parameters: Any) -> World:
         """A treadmill without its ground, and without a height that counts as a fall."""
         world = super().build(model, **parameters)
-        return replace(world, contact=None, contact_frames={}, fall_height=None, belt=Belt())
+        return replace(world, contact=None, contact_frames={}, fall_height=-math.inf, belt=Belt())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -216,7 +216,7 @@ def verification(project: Project, *passed: bool | None) -> Verification:
 
 @pytest.mark.parametrize(("passed", "status"), [((True, None), 0), ((True, False), 1)])
 def test_the_command_ends_with_1_only_if_something_is_wrong(project, monkeypatch, capsys, passed, status):
-    monkeypatch.setattr(verifying, "verify", lambda *_: verification(project, *passed))
+    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(project, *passed))
     assert main(["firmware", "treadmill", "--verify"]) == status
     lines = capsys.readouterr().out.splitlines()
     words = {True: "passed", False: "FAILED", None: "skipped"}
@@ -224,7 +224,7 @@ def test_the_command_ends_with_1_only_if_something_is_wrong(project, monkeypatch
 
 
 def test_the_folder_keeps_what_was_found(project, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(verifying, "verify", lambda *_: verification(project, True))
+    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(project, True))
     assert main(["firmware", "treadmill", "--verify", "--json", "--out", str(tmp_path / "c")]) == 0
     kept: dict[str, Any] = json.loads((tmp_path / "c" / "verification.json").read_text())
     assert kept["passed"] is True and kept["checks"][0]["name"] == "check 0"

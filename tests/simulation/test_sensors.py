@@ -87,7 +87,7 @@ def test_offsets_are_swept_and_drawn_and_kept():
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("sensors.offset.right.hip_deg=10.1", "offset of the right hip: expected"),
+        ("sensors.offset.right.hip_deg=10.1", "sensors.offset.right.hip_deg: expected"),
         ("sensors.offset.left.hip_deg=1", "sensors offset: expected a leg of the experiment"),
         ("sensors.offset.right.ankle_deg=1", "sensors offset: expected one of hip, knee"),
     ],

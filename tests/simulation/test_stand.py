@@ -116,7 +116,7 @@ def test_marks_in_the_page_go_the_way_of_the_belt():
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("scenario.belt.stop_s=2.5", "belt.stop"),
+        ("scenario.belt.stop_s=2.5", "scenario.belt: stop: expected start"),
         ("scenario.belt.ramp_s=0", "belt.ramp"),
         ("scenario.belt.delay_s=-1", "belt.delay"),
         ("scenario.belt.end_s=9", "end_s"),
