@@ -21,7 +21,7 @@ from twin_gait.core.arm_policy import (
     RISES,
     SITS,
     SWUNG,
-    Habit,
+    ArmPolicy,
     Sense,
     move_arm,
     new_sense,
@@ -33,7 +33,7 @@ from twin_gait.core.plant import Stop
 from twin_gait.core.trunk import Harness, harness_pull, pitching_moment
 
 SHOULDER = 0.5  # [m] above the hips
-HABIT = Habit(
+HABIT = ArmPolicy(
     lean=0.1,
     push=80.0,
     push_per_lean=600.0,
@@ -308,12 +308,12 @@ def test_of_two_crutches_in_front_one_is_brought_behind_to_sit_down() -> None:
 def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
     """Whatever is felt; each is lifted many times."""
     arms, lifted = [planted(ticks=20), planted(ticks=30)], [0, 0]
-    habit = replace(HABIT, swing_ticks=5, planted_ticks=3)
+    policy = replace(HABIT, swing_ticks=5, planted_ticks=3)
     for _ in range(3000):
         sense = sense_of(*rng.uniform(-0.2, 0.4, 2), stepping=float(rng.random() < 0.2))
         for number, arm in enumerate(arms):
             before = arm.doing
-            move_arm(habit, sense, arm, arms[1 - number], rng.uniform(0.0, 0.4), rng.uniform(0.0, 30.0))
+            move_arm(policy, sense, arm, arms[1 - number], rng.uniform(0.0, 0.4), rng.uniform(0.0, 30.0))
             lifted[number] += before == PLANTED != arm.doing
         assert PLANTED in (arms[0].doing, arms[1].doing)
     assert min(lifted) > 50
@@ -397,13 +397,13 @@ def test_crutches_in_front_are_swung_behind_for_a_chair(what: float, ahead: floa
 
 def test_never_are_both_crutches_in_the_air_whatever_the_chair_asks_for(rng: np.random.Generator) -> None:
     arms, lifted = [planted(ticks=20), planted(ticks=30)], [0, 0]
-    habit = replace(HABIT, swing_ticks=5, planted_ticks=3)
+    policy = replace(HABIT, swing_ticks=5, planted_ticks=3)
     for tick in range(6000):
         if tick % 40 == 0:
             sense = on_chair(float(rng.integers(0, 6)))
         for number, arm in enumerate(arms):
             standing = arm.doing in (PLANTED, BEHIND)
-            move_arm(habit, sense, arm, arms[1 - number], rng.uniform(-0.4, 0.4), rng.uniform(0.0, 30.0))
+            move_arm(policy, sense, arm, arms[1 - number], rng.uniform(-0.4, 0.4), rng.uniform(0.0, 30.0))
             lifted[number] += standing and arm.doing == SWUNG
         assert not all(arm.doing in (SWUNG, LOWERED) for arm in arms)
     assert min(lifted) > 50

@@ -21,7 +21,7 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import run_frames
 from twin_gait.files import shipped_file
 from twin_gait.live import can_link
-from twin_gait.live.can_link import CanLink, change_of, leaves_machine, open_bus, wishes_of
+from twin_gait.live.can_link import CanLink, change_of, commands_of, leaves_machine, open_bus
 from twin_gait.live.controls import Panel
 from twin_gait.live.news import EventBook
 from twin_gait.live.protocol import MessageRefused, Response
@@ -58,9 +58,9 @@ def controls_of(panel):
 
 def test_a_command_sets_the_controls_of_its_joint_in_their_units():
     frame = frame_of(control="torque_control")
-    wishes = wishes_of(MESSAGES["right_knee_command"], bytes(frame.data))
-    values = {name.rpartition(".")[2]: wish.value for name, wish in wishes.items()}
-    assert all(name == "mode" or name.startswith("monitor.right.knee.") for name in wishes)
+    commands = commands_of(MESSAGES["right_knee_command"], bytes(frame.data))
+    values = {name.rpartition(".")[2]: command.value for name, command in commands.items()}
+    assert all(name == "mode" or name.startswith("monitor.right.knee.") for name in commands)
     assert values == pytest.approx(
         {"stiffness": 100.0 * DEGREE, "damping": 12.5, "equilibrium": 0.5 / DEGREE, "gain": 0.3,
          "torque": -1.05, "mode": "torque_control"}
@@ -71,18 +71,18 @@ def test_every_wish_names_a_control_of_the_panel(panel):
     known = controls_of(panel)
     for joint in ("hip", "knee"):
         name = f"right_{joint}_command"
-        assert set(wishes_of(MESSAGES[name], bytes(8))) <= set(known)
+        assert set(commands_of(MESSAGES[name], bytes(8))) <= set(known)
 
 
 def test_a_signal_without_a_number_asks_for_nothing():
     data = bytearray(frame_of().data)
     data[7] |= 0x7F  # all ones of the gain
-    assert "monitor.right.knee.gain" not in wishes_of(MESSAGES["right_knee_command"], bytes(data))
+    assert "monitor.right.knee.gain" not in commands_of(MESSAGES["right_knee_command"], bytes(data))
 
 
 def test_a_frame_of_another_length_is_refused():
     with pytest.raises(MessageRefused, match="right_knee_command: expected 8 bytes, got 3"):
-        wishes_of(MESSAGES["right_knee_command"], b"\0\0\0")
+        commands_of(MESSAGES["right_knee_command"], b"\0\0\0")
 
 
 def test_what_a_control_has_to_half_a_step_is_no_change_and_an_end_of_its_range_can_be_reached(panel):
@@ -90,17 +90,17 @@ def test_what_a_control_has_to_half_a_step_is_no_change_and_an_end_of_its_range_
     for name, value in (("equilibrium", known["monitor.right.knee.equilibrium"].largest), ("torque", 60.0)):
         control = known[f"monitor.right.knee.{name}"]
         scale = DEGREE if name == "equilibrium" else 1.0
-        wish = wishes_of(MESSAGES["right_knee_command"], bytes(frame_of(**{name: value * scale}).data))
-        assert change_of(wish[control.name], control) == control.largest
+        command = commands_of(MESSAGES["right_knee_command"], bytes(frame_of(**{name: value * scale}).data))
+        assert change_of(command[control.name], control) == control.largest
     stiffness = known["monitor.right.knee.stiffness"]
     here = stiffness.value / DEGREE
     for offset, changes in ((0.06, False), (-0.06, False), (0.3, True)):
         data = bytes(frame_of(stiffness=round((here + offset) / 0.125) * 0.125).data)
-        wish = wishes_of(MESSAGES["right_knee_command"], data)[stiffness.name]
-        assert (change_of(wish, stiffness) is not None) == (
-            changes or abs(wish.value - stiffness.value) > wish.tolerance
+        command = commands_of(MESSAGES["right_knee_command"], data)[stiffness.name]
+        assert (change_of(command, stiffness) is not None) == (
+            changes or abs(command.value - stiffness.value) > command.tolerance
         )
-    assert change_of(wishes_of(MESSAGES["right_knee_command"], bytes(8))["mode"], known["mode"]) is None
+    assert change_of(commands_of(MESSAGES["right_knee_command"], bytes(8))["mode"], known["mode"]) is None
 
 
 # ------------------------------------------------------------------------------- the bus

@@ -42,7 +42,7 @@ SITS, LEANS, RISES, REACHES, LOWERS = 1.0, 2.0, 3.0, 4.0, 5.0  # what is felt of
 
 
 @dataclass(slots=True)
-class Habit:
+class ArmPolicy:
     """Parameters of the law; see :class:`twin_gait.parameters.ArmParameters`.
 
     Attributes:
@@ -151,7 +151,7 @@ def new_sense(delay: int, lean: float, chair: float = 0.0) -> Sense:
     return Sense(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair))
 
 
-def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
+def move_arm(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
     """What a person does with one arm in a tick.
 
     Args:
@@ -162,138 +162,138 @@ def move_arm(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, loa
     """
     arm.since += 1
     if arm.doing == SWUNG:
-        share = blend_share(arm.since / habit.swing_ticks, BLEND_MINIMUM_JERK)
+        share = blend_share(arm.since / policy.swing_ticks, BLEND_MINIMUM_JERK)
         turn_grip(arm.grip, blend(arm.first_angle, arm.reach, share) + sense.lean)
-        if arm.since >= habit.swing_ticks:
+        if arm.since >= policy.swing_ticks:
             arm.doing, arm.since = LOWERED, 0
     elif arm.doing == LOWERED:
-        _lower(habit, arm)
-        if load > habit.touch:
-            plant_crutch(habit, arm)
+        _lower(policy, arm)
+        if load > policy.touch:
+            plant_crutch(policy, arm)
     elif sense.chair > 0.0 or arm.doing == BEHIND:
-        _use_behind(habit, sense, arm, other, ahead, load)
+        _use_behind(policy, sense, arm, other, ahead, load)
     else:
-        _lean_on(habit, sense, arm, other)
-        if not _may_lift(habit, sense, arm, other):
+        _lean_on(policy, sense, arm, other)
+        if not _may_lift(policy, sense, arm, other):
             return
-        if ahead < habit.lift_ahead:
-            _lift(habit, sense, arm, habit.reach)
-        elif _stands(habit, sense, arm, other) and abs(ahead - habit.stand_ahead) > habit.stand_slack:
-            _lift(habit, sense, arm, habit.stand_reach)
+        if ahead < policy.lift_ahead:
+            _lift(policy, sense, arm, policy.reach)
+        elif _stands(policy, sense, arm, other) and abs(ahead - policy.stand_ahead) > policy.stand_slack:
+            _lift(policy, sense, arm, policy.stand_reach)
 
 
-def _lower(habit: Habit, arm: Arm) -> None:
+def _lower(policy: ArmPolicy, arm: Arm) -> None:
     """Lengthen the strut towards the ground; one that is too short for it is drawn nearer."""
     grip = arm.grip
-    if grip.length < habit.longest:
-        grip.length = min(grip.length + habit.lowering, habit.longest)
+    if grip.length < policy.longest:
+        grip.length = min(grip.length + policy.lowering, policy.longest)
     else:
-        nearer = habit.lowering / habit.longest
+        nearer = policy.lowering / policy.longest
         turn_grip(grip, grip.angle - (nearer if arm.reach > 0.0 else -nearer))
 
 
-def _may_lift(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> bool:
+def _may_lift(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> bool:
     """Whether both crutches have stood for long enough that one may be lifted, and no leg swings."""
-    return _rested(habit, arm) and _rested(habit, other) and sense.stepping == 0.0
+    return _rested(policy, arm) and _rested(policy, other) and sense.stepping == 0.0
 
 
-def _rested(habit: Habit, arm: Arm) -> bool:
-    return (arm.doing == PLANTED or arm.doing == BEHIND) and arm.since > habit.planted_ticks
+def _rested(policy: ArmPolicy, arm: Arm) -> bool:
+    return (arm.doing == PLANTED or arm.doing == BEHIND) and arm.since > policy.planted_ticks
 
 
-def _stands(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> bool:
+def _stands(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> bool:
     """Whether the person has stood still on both crutches, in front, for a while."""
     shortest = min(sense.still, arm.since, other.since)
-    return other.doing == PLANTED and shortest > habit.still_ticks
+    return other.doing == PLANTED and shortest > policy.still_ticks
 
 
-def _use_behind(habit: Habit, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
+def _use_behind(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
     """Bring a crutch behind for a chair, rest the hand, push, hold on, or bring the crutch forwards again."""
     # To sit down one is enough behind; the other one is leant on.
     readies = sense.chair == LEANS or (sense.chair == REACHES and other.doing == PLANTED)
-    if readies and ahead > 0.0 and _may_lift(habit, sense, arm, other):
-        _lift(habit, sense, arm, -habit.chair_tilt)
+    if readies and ahead > 0.0 and _may_lift(policy, sense, arm, other):
+        _lift(policy, sense, arm, -policy.chair_tilt)
         return
     if sense.chair == REACHES and arm.doing == PLANTED and ahead > 0.0:
-        _lean_on(habit, sense, arm, other)  # until its turn comes
+        _lean_on(policy, sense, arm, other)  # until its turn comes
         return
     if sense.chair != arm.felt or arm.doing == PLANTED:
         arm.felt = sense.chair
         arm.doing, arm.since, arm.first_length = BEHIND, 0, arm.length
     if sense.chair > 0.0:
-        _push_up(habit, sense, arm)
+        _push_up(policy, sense, arm)
         return
-    _push_forwards(habit, sense, arm, load)
-    if load < habit.touch and _may_lift(habit, sense, arm, other):
-        _lift(habit, sense, arm, habit.stand_reach)
+    _push_forwards(policy, sense, arm, load)
+    if load < policy.touch and _may_lift(policy, sense, arm, other):
+        _lift(policy, sense, arm, policy.stand_reach)
 
 
-def _lean_on(habit: Habit, sense: Sense, arm: Arm, other: Arm) -> None:
+def _lean_on(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> None:
     """Push back on a crutch in front, with muscles that yield to what is slow."""
-    push = 0.0 if other.doing == BEHIND else habit.push
-    wanted = push + habit.push_per_lean * (sense.lean - habit.lean) + habit.push_per_rate * sense.lean_rate
+    push = 0.0 if other.doing == BEHIND else policy.push
+    wanted = push + policy.push_per_lean * (sense.lean - policy.lean) + policy.push_per_rate * sense.lean_rate
     arm.grip.push = held(wanted, 0.0, arm.push_limit)
-    arm.grip.turn = -habit.turn
-    _yield(habit, arm)
+    arm.grip.turn = -policy.turn
+    _yield(policy, arm)
 
 
-def _push_forwards(habit: Habit, sense: Sense, arm: Arm, load: float) -> None:
+def _push_forwards(policy: ArmPolicy, sense: Sense, arm: Arm, load: float) -> None:
     """Straighten the arm on a crutch behind until the hand feels no load, as the weight is over the feet."""
     grip = arm.grip
-    grip.push = held(-habit.push_per_rate * sense.lean_rate, 0.0, arm.push_limit)
-    grip.turn = -habit.turn
-    grip.stiffness, grip.damping = habit.stiffness, habit.damping
-    if load >= habit.touch:
-        grip.length += habit.straightening
-    _give_way(habit, arm)
+    grip.push = held(-policy.push_per_rate * sense.lean_rate, 0.0, arm.push_limit)
+    grip.turn = -policy.turn
+    grip.stiffness, grip.damping = policy.stiffness, policy.damping
+    if load >= policy.touch:
+        grip.length += policy.straightening
+    _give_way(policy, arm)
 
 
-def _give_way(habit: Habit, arm: Arm) -> None:
+def _give_way(policy: ArmPolicy, arm: Arm) -> None:
     """What would lift the tip gives way at once; what turns the arm, slowly."""
     arm.grip.length = max(arm.grip.length, arm.length)
-    turn_grip(arm.grip, arm.grip.angle - habit.yielding * arm.aside / arm.length)
+    turn_grip(arm.grip, arm.grip.angle - policy.yielding * arm.aside / arm.length)
 
 
-def _push_up(habit: Habit, sense: Sense, arm: Arm) -> None:
+def _push_up(policy: ArmPolicy, sense: Sense, arm: Arm) -> None:
     """Rest the hand while sitting, push towards a length while rising or sitting down, else hold on."""
     grip = arm.grip
     if sense.chair == SITS:
         grip.push = grip.turn = grip.stiffness = 0.0
         return
-    grip.push, grip.turn = habit.chair_push, -habit.chair_turn
-    grip.stiffness, grip.damping = habit.stiffness, habit.damping
+    grip.push, grip.turn = policy.chair_push, -policy.chair_turn
+    grip.stiffness, grip.damping = policy.stiffness, policy.damping
     if sense.chair == RISES or sense.chair == LOWERS:
-        share = blend_share(arm.since / habit.chair_ticks, BLEND_MINIMUM_JERK)
-        wanted = habit.risen if sense.chair == RISES else habit.seated
+        share = blend_share(arm.since / policy.chair_ticks, BLEND_MINIMUM_JERK)
+        wanted = policy.risen if sense.chair == RISES else policy.seated
         grip.length = blend(arm.first_length, wanted, share)
     else:
         grip.push = grip.turn = 0.0  # holds on
-    _give_way(habit, arm)
+    _give_way(policy, arm)
 
 
-def _yield(habit: Habit, arm: Arm) -> None:
+def _yield(policy: ArmPolicy, arm: Arm) -> None:
     """Let the muscles give way to what is slow."""
     grip = arm.grip
-    grip.length += habit.yielding * (arm.length - grip.length)
-    turn_grip(grip, grip.angle - habit.yielding * arm.aside / arm.length)
+    grip.length += policy.yielding * (arm.length - grip.length)
+    turn_grip(grip, grip.angle - policy.yielding * arm.aside / arm.length)
 
 
-def _lift(habit: Habit, sense: Sense, arm: Arm, reach: float) -> None:
+def _lift(policy: ArmPolicy, sense: Sense, arm: Arm, reach: float) -> None:
     """Begin to swing a crutch to an angle from the vertical in [rad]."""
     grip = arm.grip
     arm.doing, arm.since, arm.reach = SWUNG, 0, reach
     arm.first_angle = grip.angle - sense.lean
     grip.push = grip.turn = 0.0
-    grip.length = arm.length - habit.clearance
-    grip.stiffness = grip.turning_stiffness = habit.swing_stiffness
-    grip.damping = grip.turning_damping = habit.swing_damping
+    grip.length = arm.length - policy.clearance
+    grip.stiffness = grip.turning_stiffness = policy.swing_stiffness
+    grip.damping = grip.turning_damping = policy.swing_damping
 
 
-def plant_crutch(habit: Habit, arm: Arm) -> None:
+def plant_crutch(policy: ArmPolicy, arm: Arm) -> None:
     """Lean on a crutch from now on; the arm is held as it is."""
     grip = arm.grip
     arm.doing, arm.since = PLANTED, 0
     grip.length = arm.length
     turn_grip(grip, grip.angle - arm.aside / arm.length)
-    grip.stiffness, grip.damping = habit.stiffness, habit.damping
-    grip.turning_stiffness, grip.turning_damping = habit.turning_stiffness, habit.turning_damping
+    grip.stiffness, grip.damping = policy.stiffness, policy.damping
+    grip.turning_stiffness, grip.turning_damping = policy.turning_stiffness, policy.turning_damping

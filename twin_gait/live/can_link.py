@@ -46,7 +46,7 @@ LISTENING = NetworkParameters.cycle  # [s] for a frame of the monitor, while not
 MOST_NOTES = 20  # that a session tells of its bus
 
 
-class Wish(NamedTuple):
+class Command(NamedTuple):
     """What a frame asks of a control."""
 
     value: Value  # in the unit of the control
@@ -54,10 +54,10 @@ class Wish(NamedTuple):
     tolerance: float = 0.0
 
 
-Wishes = dict[str, Wish]
+Commands = dict[str, Command]
 
 
-def wishes_of(message: BusMessage, data: bytes) -> Wishes:
+def commands_of(message: BusMessage, data: bytes) -> Commands:
     """Read a command.
 
     Returns what it asks for by the name of the control; a signal that says that there is no number asks
@@ -69,27 +69,27 @@ def wishes_of(message: BusMessage, data: bytes) -> Wishes:
     unpack_frame(message.layout, struct.unpack("<2I", data.ljust(8, b"\0")), values)
     said = dict(zip(message.signals, values, strict=True))
     side, _, joint = message.name.removesuffix(ON_DEMAND).partition("_")
-    wishes = {}
+    commands = {}
     for quantity, shown in QUANTITIES.items():
         if not math.isnan(said[quantity]):
             tolerance = 0.5 * message.signals[quantity].scale / shown.scale
-            wishes[f"monitor.{side}.{joint}.{quantity}"] = Wish(said[quantity] / shown.scale, tolerance)
+            commands[f"monitor.{side}.{joint}.{quantity}"] = Command(said[quantity] / shown.scale, tolerance)
     names = {code: name for name, code in message.codes["control"].items()}
-    return {**wishes, MODE: Wish(names[int(said["control"])])}
+    return {**commands, MODE: Command(names[int(said["control"])])}
 
 
-def change_of(wish: Wish, control: Control) -> Value | None:
+def change_of(command: Command, control: Control) -> Value | None:
     """Value that a control is to be set to, or None if it has it.
 
     An end of its range that the bus can only come near to is meant as that end.
     """
-    if not isinstance(wish.value, float):
-        return None if wish.value == control.value else wish.value
-    near = 1.000001 * wish.tolerance
-    if abs(wish.value - float(control.value)) <= near:
+    if not isinstance(command.value, float):
+        return None if command.value == control.value else command.value
+    near = 1.000001 * command.tolerance
+    if abs(command.value - float(control.value)) <= near:
         return None
     ends = [end for end in (control.least, control.largest) if end is not None]
-    return next((end for end in ends if abs(wish.value - end) <= near), wish.value)
+    return next((end for end in ends if abs(command.value - end) <= near), command.value)
 
 
 def open_bus(name: str) -> can.BusABC:
@@ -147,8 +147,8 @@ class CanLink:
         self._blocks: deque[Mapping[str, Any]] = deque()
         self._due: deque[tuple[float, BusFrame]] = deque()
         self._start = 0.0  # of the walk, in the time of this machine
-        self._heard: dict[int, tuple[Wishes, float]] = {}
-        self._wishes: Wishes = {}
+        self._heard: dict[int, tuple[Commands, float]] = {}
+        self._wanted: Commands = {}
         self._pending: set[str] = set()
         self._asked = self._serial = 0
         self._notes: set[str] = set()
@@ -239,15 +239,15 @@ class CanLink:
         if known is None or message.is_extended_id or message.is_error_frame:
             return
         try:
-            wishes = wishes_of(known, bytes(message.data))
+            commands = commands_of(known, bytes(message.data))
         except MessageRefused as error:
             self._note(f"frame ignored: {error}")
             return
         now = time.monotonic()
         before, when = self._heard.get(known.identifier, ({}, now))
-        self._heard[known.identifier] = wishes, now
-        if wishes != before or now - when > REPETITION:
-            self._wishes.update(wishes)
+        self._heard[known.identifier] = commands, now
+        if commands != before or now - when > REPETITION:
+            self._wanted.update(commands)
 
     def _ask(self) -> None:
         """Ask for what differs from the panel, as soon as what was asked before is answered."""
@@ -255,16 +255,16 @@ class CanLink:
             for event in self._book.after(self._serial):
                 self._serial = event.serial
                 self._pending.discard(event.id)
-        if self._pending or not self._wishes:
+        if self._pending or not self._wanted:
             return
-        wishes, self._wishes = self._wishes, {}
+        commands, self._wanted = self._wanted, {}
         panel = {item.name: item for item in self._controls()}
         self._serial = self._book.serial
-        for name in sorted(wishes, key=MODE.__eq__):  # the mode last, after what it is to begin with
+        for name in sorted(commands, key=MODE.__eq__):  # the mode last, after what it is to begin with
             if name not in panel:
                 self._note(f"frame ignored: this experiment has no {name}")
                 continue
-            value = change_of(wishes[name], panel[name])
+            value = change_of(commands[name], panel[name])
             if value is not None:
                 self._asked += 1
                 self._pending.add(f"can-{self._asked}")

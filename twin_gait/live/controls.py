@@ -168,7 +168,7 @@ _WAITS = "A leg at the end of stance waits for the step button, and the belt wai
 Fields = Mapping[str, Any]  # numbers in SI, or words
 
 
-class Knob(NamedTuple):
+class Binding(NamedTuple):
     """A control and what it sets: the fields of a part of the settings."""
 
     control: Control  # as the session begins
@@ -211,10 +211,10 @@ class Panel:
             for item in self.problem.joints
         }
         monitored = [Place("", joint, side) for side, joint in self.preset.monitor]
-        knobs = list(self._own_knobs())
+        bindings = list(self._own_bindings())
         for group, there in (("table", self._places), ("monitor", monitored)):
-            knobs += [knob for place in there for knob in self._joint_knobs(place, group)]
-        self._knobs = {knob.control.name: knob for knob in knobs}
+            bindings += [binding for place in there for binding in self._joint_bindings(place, group)]
+        self._bindings = {binding.control.name: binding for binding in bindings}
         # The last ones asked for.
         self._shown: tuple[Settings, tuple[Control, ...]] | None = None
 
@@ -228,18 +228,18 @@ class Panel:
             as_preset = reduce(self.revert, now, settings)
             begun = self._dampings(build_problem(as_preset.experiment))
             found = [
-                replace(knob.control, value=now[name], default=begun[name])
+                replace(binding.control, value=now[name], default=begun[name])
                 if name in now
-                else replace(knob.control, value=knob.shown(settings))
-                for name, knob in self._knobs.items()
+                else replace(binding.control, value=binding.shown(settings))
+                for name, binding in self._bindings.items()
             ]
             self._shown = (settings, tuple(found))
         return self._shown[1]
 
-    def _own_knobs(self) -> Iterator[Knob]:
+    def _own_bindings(self) -> Iterator[Binding]:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
         experiment, begun = self.preset.experiment, str(self.preset.mode)
-        yield Knob(
+        yield Binding(
             Control(
                 name="mode", label="what drives the joints", group="monitor", kind=ControlKind.CHOICE,
                 value=begun, default=begun, choices=tuple(map(str, Mode)), help=_DRIVES,
@@ -248,7 +248,7 @@ class Panel:
             lambda settings, fields: replace(settings, mode=Mode(fields["mode"])),
         )  # fmt: skip
         if HELD_PHASE in experiment.table.phases and experiment.modes is None:
-            yield Knob(
+            yield Binding(
                 Control(
                     name="manual", label="steps by hand", group="walk", kind=ControlKind.SWITCH,
                     value=self.preset.manual, default=self.preset.manual, help=_WAITS,
@@ -262,9 +262,9 @@ class Panel:
                 default=item.shown, unit=item.unit, least=item.least, largest=item.largest, step=item.step,
                 help=item.help,
             )  # fmt: skip
-            yield Knob(control, partial(_adjustment, item.name), _adjusted, item.scale)
+            yield Binding(control, partial(_adjustment, item.name), _adjusted, item.scale)
 
-    def _joint_knobs(self, place: Place, group: str) -> Iterator[Knob]:
+    def _joint_bindings(self, place: Place, group: str) -> Iterator[Binding]:
         """All quantities that can be set in a place."""
         record = place.read(self.preset)
         for name, quantity in QUANTITIES.items():
@@ -279,7 +279,7 @@ class Panel:
                 step=quantity.step, phase=place.phase or None, joint=place.joint, side=place.side,
                 help=quantity.help,
             )  # fmt: skip
-            yield Knob(control, partial(_fields_of, place, fields), place.write, quantity.scale)
+            yield Binding(control, partial(_fields_of, place, fields), place.write, quantity.scale)
 
     def _dampings(self, problem: Problem) -> dict[str, float]:
         """Values of the table's controls of damping, of a leg that each reaches, ratios resolved."""
@@ -325,10 +325,10 @@ class Panel:
 
         Raises MessageRefused if there is no such control, or the value is out of its range.
         """
-        knob = self._knobs.get(name)
-        if knob is None:
+        binding = self._bindings.get(name)
+        if binding is None:
             raise MessageRefused(f"control: no {name!r}; the state lists them all")
-        return knob.turned(settings, checked(knob.control, value))
+        return binding.turned(settings, checked(binding.control, value))
 
     def revert(self, settings: Settings, name: str) -> Settings:
         """Settings with one control, or ``all`` of them, as the session began.
@@ -337,10 +337,10 @@ class Panel:
         """
         if name == EVERYTHING:
             return self.preset
-        if name not in self._knobs:
+        if name not in self._bindings:
             raise MessageRefused(f"revert: no control {name!r}; give one of the state's, or {EVERYTHING}")
-        knob = self._knobs[name]
-        return knob.write(settings, knob.read(self.preset))
+        binding = self._bindings[name]
+        return binding.write(settings, binding.read(self.preset))
 
 
 def _adjustment(name: str, settings: Settings) -> Fields:

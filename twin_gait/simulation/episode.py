@@ -14,7 +14,7 @@ import numpy as np
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
 from twin_gait.core.actuator import Motor
-from twin_gait.core.arm_policy import Habit, Sense
+from twin_gait.core.arm_policy import ArmPolicy, Sense
 from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.can_bus import Bus
@@ -91,7 +91,7 @@ class Supply:
 
 
 @dataclass(slots=True)
-class Asked:
+class TimedCommand:
     """A request of the schedule."""
 
     tick: int = -1  # In which it is made, -1 for none.
@@ -109,7 +109,7 @@ class Stages:
 
 
 @dataclass(slots=True)
-class Lately:
+class ReceivedFrame:
     """A frame as its receiver has it, which may be later than it arrived."""
 
     halves: list[int] = field(default_factory=lambda: [0, 0])  # Of the frame.
@@ -123,7 +123,7 @@ class Wire:
 
     frame: int  # Its place among those of the bus.
     layout: list[SignalLayout]  # Of its signals.
-    lately: list[Lately]  # What has arrived, taken in turn.
+    received: list[ReceivedFrame]  # What has arrived, taken in turn.
     written: int = 0  # Tick in which its sender wrote what the receiver goes by.
     ages: int = 0  # Sum over all ticks of how many ticks old that was.
     oldest: int = 0  # Most of them.
@@ -219,12 +219,12 @@ class Episode:
     braces: list[Brace]
     braced: list[int]  # Coordinates of the device in the order of the log's braces.
     faults: list[Fault]
-    requests: list[Asked]  # That are made of the supervisor, with room for more; none without one.
+    requests: list[TimedCommand]  # That are made of the supervisor, with room for more; none without one.
     recording: Recording
     trunk: Trunk  # If it is free.
     trunk_unit: TrunkUnit  # On it, unless its pitch is known exactly.
     arms: list[Arm]  # That hold a crutch.
-    habit: Habit  # How they are used.
+    policy: ArmPolicy  # How they are used.
     sense: Sense  # What the person feels.
     swing_phases: list[float]  # 1 for phases in which a leg swings.
     # What a person feels of a chair in a phase, :class:`twin_gait.core.arm_policy.Sense`.

@@ -213,7 +213,7 @@ def _delay_ticks(network: NetworkParameters | None) -> int:
 
 def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
     room = (delay // _LATELY + 1) * _LATELY
-    return episode.Wire(frames.index(message), message.layout, [episode.Lately() for _ in range(room)])
+    return episode.Wire(frames.index(message), message.layout, [episode.ReceivedFrame() for _ in range(room)])
 
 
 def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
@@ -259,13 +259,13 @@ def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
     )
 
 
-def _requests(problem: Problem) -> list[episode.Asked]:
+def _requests(problem: Problem) -> list[episode.TimedCommand]:
     """Requests of the schedule, with room, so that schedules of like length share one loop."""
     modes, requests = problem.experiment.modes, problem.experiment.requests
     if modes is None:
         return []
-    asked = [episode.Asked(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
-    return _with_room(asked, episode.Asked())
+    asked = [episode.TimedCommand(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
+    return _with_room(asked, episode.TimedCommand())
 
 
 def _controlled_joint(problem: Problem, number: int, phase: int) -> ccu.ControlledJoint:

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
-from twin_gait.core.arm_policy import SITS, Habit, new_sense, plant_crutch
+from twin_gait.core.arm_policy import SITS, ArmPolicy, new_sense, plant_crutch
 from twin_gait.core.arms import Arm, Grip, turn_grip
 from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import first_order_gain, new_delay_line
@@ -169,7 +169,7 @@ class Overground(SplitStance):
         quantities.require(patient is not None, "crutches", "a patient who holds them", "none")
         assert patient is not None and world.trunk is not None and pelvis is not None
         longest, delay = crutches.length * patient.height, round(self.arms.delay / TICK)
-        habit = self._habit(longest, world.body_weight)
+        policy = self._policy(longest, world.body_weight)
         up = world.start_q[pelvis] + world.trunk.shoulder * math.cos(self.lean)
         forward = world.trunk.shoulder * math.sin(self.lean)
         arms: list[Arm] = []
@@ -181,13 +181,13 @@ class Overground(SplitStance):
                 place=world.model.nv + len(tips),
                 longest=longest,
                 anchor=forward + ahead,
-                grip=Grip(habit.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+                grip=Grip(policy.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
                 felt_ahead=new_delay_line(delay, ahead),
                 felt_load=new_delay_line(delay),
                 length=math.hypot(ahead, up),
             )
             turn_grip(arm.grip, math.atan2(ahead, up) + self.lean)
-            plant_crutch(habit, arm)
+            plant_crutch(policy, arm)
             arms.append(arm)
             tips += [forward + ahead, 0.0]
         q = np.array([*world.start_q, *tips])
@@ -197,15 +197,15 @@ class Overground(SplitStance):
             start_q=q,
             start_v=np.zeros(len(q)),
             arms=tuple(arms),
-            habit=habit,
+            policy=policy,
             sense=new_sense(delay, self.lean, SITS if self.start == "sitting" else 0.0),
             longest_reach=longest + crutches.slack,
         )
 
-    def _habit(self, longest: float, weight: float) -> Habit:
+    def _policy(self, longest: float, weight: float) -> ArmPolicy:
         arms = self.arms
         return quantities.taken_from(
-            Habit,
+            ArmPolicy,
             arms,
             push=arms.push * weight,
             push_per_lean=arms.push_per_lean * weight,

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from twin_gait.core.arm_policy import Habit, Sense
+from twin_gait.core.arm_policy import ArmPolicy, Sense
 from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
@@ -84,7 +84,7 @@ class World:
         braces: What binds the wearer to the device, or None if they are one.
         trunk: Of a wearer whose pelvis is free, or None.
         arms: That hold a crutch, by side; the coordinates of their tips follow all others.
-        habit: How the wearer uses them, or None.
+        policy: How the wearer uses them, or None.
         sense: What the wearer feels, or None.
         fall_pitch: Of the trunk, beyond which the wearer has fallen, in [rad].
         longest_reach: Of arm and crutch in [m].
@@ -109,7 +109,7 @@ class World:
     braces: Braces | None = None
     trunk: Trunk | None = None
     arms: tuple[Arm, ...] = ()
-    habit: Habit | None = None
+    policy: ArmPolicy | None = None
     sense: Sense | None = None
     fall_pitch: float = math.inf
     longest_reach: float = math.inf

@@ -55,11 +55,11 @@ def _receive(e: Episode, wire: Wire, tick: int) -> bool:
     How old that is by which the receiver goes is counted.
     """
     came = tick - e.network.delay
-    lately = wire.lately[came % len(wire.lately)]
-    heard = came > 0 and lately.tick == came
+    received = wire.received[came % len(wire.received)]
+    heard = came > 0 and received.tick == came
     if heard:
-        unpack_frame(wire.layout, lately.halves, e.network.numbers)
-        wire.written = lately.written
+        unpack_frame(wire.layout, received.halves, e.network.numbers)
+        wire.written = received.written
     wire.ages += tick - wire.written
     wire.oldest = max(wire.oldest, tick - wire.written)
     return heard
@@ -109,11 +109,11 @@ def exchange(e: Episode, tick: int) -> None:
 
 def _arrive(e: Episode, wire: Wire, tick: int) -> None:
     """Keep what came, for when it is used."""
-    frame, lately = e.network.bus.frames[wire.frame], wire.lately[tick % len(wire.lately)]
-    lately.tick = 0
+    frame, received = e.network.bus.frames[wire.frame], wire.received[tick % len(wire.received)]
+    received.tick = 0
     if frame.arrived == tick:
-        lately.tick, lately.written = tick, frame.received.tick
-        lately.halves[0], lately.halves[1] = frame.received.halves[0], frame.received.halves[1]
+        received.tick, received.written = tick, frame.received.tick
+        received.halves[0], received.halves[1] = frame.received.halves[0], frame.received.halves[1]
 
 
 def _count(frame: Frame) -> float:

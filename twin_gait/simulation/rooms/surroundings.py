@@ -211,7 +211,7 @@ def use_crutches(e: Episode, tick: int) -> None:
         arm = e.arms[number]
         ahead = delayed_sample(arm.felt_ahead, tick, e.q[arm.place] - shoulder)
         load = delayed_sample(arm.felt_load, tick, arm.tip.upward)
-        move_arm(e.habit, sense, arm, e.arms[CRUTCHES - 1 - number], ahead, load)
+        move_arm(e.policy, sense, arm, e.arms[CRUTCHES - 1 - number], ahead, load)
 
 
 def energy_of_tips(e: Episode) -> tuple[float, float]:
