@@ -34,7 +34,8 @@ def experiment_from_mapping(
     ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
     converted again, which takes most of the time.
     """
-    refuse_two_units(data, source)
+    if like is None:  # which would have told, and a change of it replaces what has another unit
+        refuse_two_units(data, source)
     known = {} if like is None else _known(data, like)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = {**entry.values(), "scenario": entry.scenario}
