@@ -95,11 +95,11 @@ def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial:
     before = np.flatnonzero(speed[:peak] > 0.0)
     if end - peak < 2 or len(before) < _FEWEST:
         return None
-    usual = [_usual_torque(torque[before], speed[before], now) for now in speed[peak:end]]
-    excess = torque[peak:end] - np.array(usual)
-    quiet = np.flatnonzero(excess <= np.maximum(_LEAST, _OF_INERTIA * inertial[peak:end]))
-    first = int(quiet[-1]) + 1 if len(quiet) else 0
-    return peak + first if first < len(excess) else None
+    for sample in reversed(range(peak, end)):  # the last one that nothing brakes is soon found
+        excess = torque[sample] - _usual_torque(torque[before], speed[before], speed[sample])
+        if excess <= max(_LEAST, _OF_INERTIA * inertial[sample]):
+            return sample + 1 if sample + 1 < end else None
+    return peak
 
 
 def _usual_torque(torque: np.ndarray, speed: np.ndarray, present: float) -> float:

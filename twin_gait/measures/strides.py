@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 SKIPPED_STRIDES = 2  # at the start of a walk, in which it settles
 
@@ -159,7 +160,8 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
     unshifted = float(np.mean(difference * difference))
     # The squares of both curves do not change with the shift, so that it shows in their product alone.
     mean, count = strides.mean(axis=0), len(healthy)
-    products = np.array([np.mean(np.roll(mean, -shift) * healthy) for shift in range(count)])
+    shifted = sliding_window_view(np.concatenate([mean, mean[:-1]]), count)
+    products = np.mean(shifted * healthy, axis=1)
     best = int(np.argmax(products))
     # A shift of nothing is among them, but for rounding.
     timing = max(0.0, 2.0 * float(products[best] - products[0]))

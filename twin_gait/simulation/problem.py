@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
@@ -114,16 +115,25 @@ def _moments(
     walking, speed, carried = experiment.scenario.walking, SLOWEST, 0.0
     if walking is not None:
         speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
-    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
     rows = np.zeros((len(table.phases), POSTURES))
     for row, name in zip(rows, table.phase_names, strict=True):
         if name in spans:
-            percent = np.linspace(*spans[name], _SAMPLES)
-            hip = reference_curve(JointName.HIP, percent, speed=speed, height=patient.height)
-            nearest = np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)
+            instants = _instants(spans[name], speed, patient.height)
             share = 1.0 if table.is_swing(name) else carried
-            row[:] = share * patient.mass * normative_moment(joint, percent[nearest])
+            row[:] = share * patient.mass * normative_moment(joint, instants)
     return rows
+
+
+@lru_cache(maxsize=64)
+def _instants(span: tuple[float, float], speed: float, height: float) -> np.ndarray:
+    """Instants of a span of the cycle in [%] at which the healthy hip is nearest to each posture.
+
+    The same for all limbs of a wearer, and for all tables that are tried on one.
+    """
+    percent = np.linspace(*span, _SAMPLES)
+    hip = reference_curve(JointName.HIP, percent, speed=speed, height=height)
+    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
+    return np.asarray(percent[np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)])
 
 
 class ActuatedJoint(NamedTuple):
