@@ -293,7 +293,8 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
         told = killed_together(folder, database, float(delay))
         last, _, head = told[-1]
         tick = int(head.rpartition(":")[2])
-        events = max(events for at, events, _ in told if last - at > 1.0 or events == 0)
+        # A process that was slow to begin may have told nothing a second before it was killed.
+        events = max((events for at, events, _ in told if last - at > 1.0 or events == 0), default=0)
         assert main(["sessions", "--records", str(database), "list"]) == 0
         assert "its processes were killed" in capsys.readouterr().err
         assert len(load_run(folder).run.log) >= tick - MOST_LOST
