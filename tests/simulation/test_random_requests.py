@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from twin_gait import Experiment, load_experiment, simulate
+from twin_gait.control import TripCause
 from twin_gait.control.gait_controller import trip_on_causes
 from twin_gait.control.supervisor import choose_mode, hear_request
 from twin_gait.core.inertial import follow_pitch, trunk_specific_force
@@ -247,5 +248,8 @@ def test_every_fault_on_the_floor_leads_to_a_hold_or_to_a_fall_that_is_reported(
         assert unheard or run.trip is not None or run.status is RunStatus.FELL
         if run.trip is not None:
             hold = run.experiment.modes.phase_index("hold")
-            assert (run.log["mode"].to_numpy()[run.trip.tick :] == hold).all()
+            assert (run.log["safety_state"][run.trip.tick :] == 1).all()
+            # A command is seen to be wild behind the supervisor: the mode is the hold a tick later.
+            told = run.trip.tick + (run.trip.cause is TripCause.COMMAND)
+            assert (run.log["mode"].to_numpy()[told:] == hold).all()
         assert run.verdict.outcome is Outcome.FELL if run.status is RunStatus.FELL else run.duration == 12.0

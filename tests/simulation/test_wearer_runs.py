@@ -23,7 +23,8 @@ from twin_gait.measures.reference import normative_moment
 from twin_gait.simulation import Run
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import POSTURES, build_problem, phase_spans
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.wearer import POSTURES, phase_spans
 from twin_gait.vocabulary import JointName, Side
 
 # A leg in the air, from its swing on, stepped in Python so that nothing is compiled.

@@ -1,139 +1,32 @@
 """An experiment laid out as the arrays that every engine steps through."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from twin_gait.control.controller import Controller, Plan, checked_setpoints, require_controller
-from twin_gait.core.estimation import first_order_gain, new_delay_line
+from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.safety import Bounds
-from twin_gait.core.wearer import Condition
-from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
-from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
-from twin_gait.parameters import ActuatorParameters, JointCondition, Patient
+from twin_gait.measures.reference import FASTEST, SLOWEST
+from twin_gait.parameters import ActuatorParameters, Patient
 from twin_gait.parameters.quantities import taken_from
-from twin_gait.parameters.wearer import WEARER_JOINTS
-from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, UNIT_READINGS, Limb
+from twin_gait.simulation.episode import UNIT_READINGS, Limb
+from twin_gait.simulation.wearer import limbs_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.faults import Fault as InjectedFault
 from twin_gait.worlds.faults import FaultKind
 from twin_gait.worlds.world import World
 
 NEVER = int(np.iinfo(np.int64).max)  # a tick
-
-# Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance
-# and swing begin and end, then what divides them, the coarsest division first: the heel rises, the other foot
-# has left the ground, it lands (between terminal stance and pre-swing); initial and mid swing end.
-_STANCE_EVENTS = (0.0, 62.0, 31.0, 12.0, 50.0)
-_SWING_EVENTS = (62.0, 100.0, 75.0, 87.0)
-POSTURES = 41  # hip angles of the normative moments
-_SAMPLES = 51  # of the cycle in a phase
-
-
-def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[Limb]:
-    """Hips and knees of the wearer of an experiment, leg by leg; without moments if the wearer does nothing.
-
-    Raises ParameterError if the wearer makes an effort, and the table's cycle is no stride.
-    """
-    patient, places = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
-    if patient is None or patient.is_mass_alone:
-        nothing = Condition(0.0, 0.0, 0.0, 0.0, 0.0)
-        return [Limb(model.index(*place), nothing, [], new_delay_line(0)) for place in places]
-    own = [patient.conditions.get(place, JointCondition()) for place in places]
-    spans = phase_spans(table) if any(item.effort * item.strength for item in own) else {}
-    return [
-        Limb(
-            model.index(*place),
-            taken_from(Condition, item, passive_share=item.passive, effort=item.effort * item.strength),
-            _moments(experiment, patient, table, spans, place[1]).tolist(),
-            new_delay_line(round(patient.effort_delay / TICK)),
-        )
-        for place, item in zip(places, own, strict=True)
-    ]
-
-
-def phase_spans(table: GaitTable) -> dict[str, tuple[float, float]]:
-    """Where the phases of a table lie in healthy walking, by their order in its cycle.
-
-    The phases of a stance divide it among them at the events of Perry's cycle, and those of a swing likewise:
-    two phases of stance meet where the heel rises, three are those of the five, a fourth begins where the
-    other foot lands. Where there are more phases than events, the longest is halved. The cycle is the first
-    that the table names, or its phases in their order. A phase of swing outside it begins a walk and is the
-    first swing of any stride.
-
-    Returns the first and last instant in [%] of the cycle by phase; nothing for a phase of stance outside the
-    cycle, in which the wearer stands still. Raises ParameterError if the cycle has no stance, or no swing.
-    """
-    cycle = table.cycles[0] if table.cycles else table.phase_names
-    begins = [i for i in range(len(cycle)) if table.is_swing(cycle[i - 1]) and not table.is_swing(cycle[i])]
-    if not begins:
-        raise ParameterError(
-            f"patient.effort: gait table {table.name!r}: its cycle {', '.join(cycle)} is no stride of stance "
-            "and swing; a phase is of swing if its name has 'swing' in it and scaling.stance_phases does not "
-            "name it: rename a phase, or set the effort to 0"
-        )
-    spans: dict[str, tuple[float, float]] = {}
-    for swings, run in groupby((*cycle[begins[0] :], *cycle[: begins[0]]), table.is_swing):
-        phases = list(run)
-        cuts = _cuts(_SWING_EVENTS if swings else _STANCE_EVENTS, len(phases))
-        spans |= dict(zip(phases, pairwise(cuts), strict=True))
-    first = next(span for phase, span in spans.items() if table.is_swing(phase))
-    return {name: first for name in table.phase_names if table.is_swing(name)} | spans
-
-
-def _cuts(events: Sequence[float], phases: int) -> list[float]:
-    cuts = sorted(events[: phases + 1])
-    while len(cuts) <= phases:
-        longest = int(np.diff(cuts).argmax())
-        cuts.insert(longest + 1, 0.5 * (cuts[longest] + cuts[longest + 1]))
-    return cuts
-
-
-def _moments(
-    experiment: Experiment,
-    patient: Patient,
-    table: GaitTable,
-    spans: Mapping[str, tuple[float, float]],
-    joint: JointName,
-) -> np.ndarray:
-    """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
-
-    On the ground the legs carry what the support leaves, and stance moments shrink with it; a leg in the
-    air carries nothing. A wearer who stands still leaves that to the device.
-    """
-    walking, speed, carried = experiment.scenario.walking, SLOWEST, 0.0
-    if walking is not None:
-        speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
-    rows = np.zeros((len(table.phases), POSTURES))
-    for row, name in zip(rows, table.phase_names, strict=True):
-        if name in spans:
-            instants = _instants(spans[name], speed, patient.height)
-            share = 1.0 if table.is_swing(name) else carried
-            row[:] = share * patient.mass * normative_moment(joint, instants)
-    return rows
-
-
-@lru_cache(maxsize=64)
-def _instants(span: tuple[float, float], speed: float, height: float) -> np.ndarray:
-    """Instants of a span of the cycle in [%] at which the healthy hip is nearest to each posture.
-
-    The same for all limbs of a wearer, and for all tables that are tried on one.
-    """
-    percent = np.linspace(*span, _SAMPLES)
-    hip = reference_curve(JointName.HIP, percent, speed=speed, height=height)
-    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
-    return np.asarray(percent[np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)])
 
 
 class ActuatedJoint(NamedTuple):
