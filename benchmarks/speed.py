@@ -1,7 +1,7 @@
 """How fast an episode and a batch are simulated, beside MuJoCo and plain Python, and how accurately.
 
 All implementations run in one process and in turn, with the same integrator and step, so that their ratios
-carry over to other machines. Takes about a quarter of an hour in full, on a machine with nothing else to do.
+carry over to other machines. Takes about twenty minutes in full, on a machine with nothing else to do.
 """
 
 # %%
