@@ -1,6 +1,6 @@
-"""Tables tuned one by one: what a short search gains on the scaled table, for twenty virtual people.
+"""Tables tuned one by one: what a short search gains on the scaled table, for thirty virtual people.
 
-Each person of a cohort gets a table found by a short search (12 generations) and walks a minute with it,
+Each person of a cohort gets a table found by a short search (8 generations) and walks a minute with it,
 beside the shipped table as its scaling law adapts it. Page: docs/background/cohort.md.
 """
 
@@ -17,7 +17,7 @@ import twin_gait
 from twin_gait import simulate_batch
 from twin_gait.studies import Workers, run_jobs
 
-SEED, PEOPLE, GENERATIONS = 11, 20, 12
+SEED, PEOPLE, GENERATIONS = 11, 30, 8
 QUICK = {"generations": 1, "search_duration": 1.0, "robust_duration": 1.0}
 
 # %%
