@@ -25,7 +25,7 @@ GOALS = {
 # With AVX2 a tick of the batch took 1.65 times as long as with AVX-512 (bench leg, Euler, 2026-11-23).
 GOALS_AVX2 = {**GOALS, ROLLOUT: tuple(round(0.6 * goal) for goal in GOALS[ROLLOUT])}
 SCALED_TICKS = 1000  # of an episode where their number grows
-HOPES = (60.0, 60.0, 40.0, 60.0, 100.0, 120.0)  # for the batch
+FURTHER_GOALS = (60.0, 60.0, 40.0, 60.0, 100.0, 120.0)  # for the batch
 TIME, MEDIAN = "least time per tick [ns]", "median"
 RATIO, ERROR = "times as long", "largest error [rad]"
 GAIN = "compiled / batch"
@@ -148,14 +148,14 @@ def goal_rows(measured: Sequence[Mapping[str, Any]], vectors: str) -> list[dict[
 def batch_rows(measured: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """What a batch brings per core and per machine; cases as :func:`measure` returns them."""
     rows = []
-    for case, hope in zip(measured, HOPES, strict=False):
+    for case, further in zip(measured, FURTHER_GOALS, strict=False):
         found = {name: f"{ratio:.3g}" for name, ratio in case["ratios"].items()}
         rows.append(
             {
                 "scenario": case["scenario"],
                 "step": case["step"],
                 "rollout / batch, per core": found.get("MuJoCo rollout"),
-                "hoped for": f"{hope:g}",
+                "further goal": f"{further:g}",
                 "mujoco.batch / batch, per core": found.get("MuJoCo batch"),
                 "rollout / batch, per machine": found.get("MuJoCo rollout, all cores"),
                 GAIN: found[GAIN],

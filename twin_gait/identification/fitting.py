@@ -211,9 +211,14 @@ def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
 
 
 def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
-    """Fewer samples: evenly for a static law; the beginnings of the tests, unthinned, for a state."""
-    if not model.dynamic or len(samples) <= limit:
-        return thinned(samples, limit)
+    """Fewer samples: some by chance for a static law; the beginnings of the tests, unthinned, for a state.
+
+    Every so many would show the same few moments of a motion that repeats in a multiple of them.
+    """
+    if len(samples) <= limit:
+        return samples
+    if not model.dynamic:
+        return samples.rows(np.sort(np.random.default_rng(0).choice(len(samples), limit, replace=False)))
     tests = np.unique(samples.test)
     first = np.searchsorted(samples.test, tests)
     place = np.arange(len(samples)) - first[np.searchsorted(tests, samples.test)]
