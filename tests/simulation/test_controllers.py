@@ -251,13 +251,28 @@ def test_a_controller_that_is_wrong_is_named_in_one_line(wrong, engine):
     assert "\n" not in str(told.value) and re.match("controller '(Mine|Weaker|halve)': ", str(told.value))
 
 
-def test_a_controller_that_raises_in_compiled_code_is_named():
-    def divides(memory, device, tick, period):
-        joint = device.joints[0]
-        joint.demand.target = 1.0 / (joint.demand.gain - joint.demand.gain)
+def divides(memory, device, tick, period):
+    joint = device.joints[0]
+    joint.demand.target = 1.0 / (joint.demand.gain - joint.demand.gain)
 
+
+def counts_too_far(memory, device, tick, period):
+    device.joints[9].demand.target = 1.0
+
+
+@pytest.mark.parametrize("raises", [divides, counts_too_far])
+def test_a_controller_that_raises_in_compiled_code_is_named(raises):
     with pytest.raises(ParameterError, match=r"^controller 'Mine': raised an error"):
-        simulate(bench("duration_s=0.1"), controller=controller_with(divides))
+        simulate(bench("duration_s=0.1"), controller=controller_with(raises))
+
+
+@pytest.mark.filterwarnings("ignore::twin_gait.simulation.simulator.SlowControllerWarning")
+def test_a_field_that_is_not_there_is_pythons_own_error():
+    def misspells(memory, device, tick, period):
+        device.joints[0].demand.stifness = 1.0
+
+    with pytest.raises(AttributeError, match="'Demand' object has no attribute 'stifness'"):
+        simulate(bench("duration_s=0.1"), controller=controller_with(misspells))
 
 
 @pytest.mark.parametrize("engine", ["compiled", "pinocchio"])

@@ -235,9 +235,10 @@ def _compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: 
     memory = device["memory"]["other"] if assisted else device["memory"]
     kinds = (numba.from_dtype(memory), numba.from_dtype(device), numba.int64, numba.float64)
     try:
-        compiled = tick if isinstance(tick, Dispatcher) else bind(tick, ON_BITS, numba.njit(nogil=True))
+        checked = numba.njit(nogil=True, boundscheck=True)  # else a wrong index writes into the record
+        compiled = tick if isinstance(tick, Dispatcher) else bind(tick, ON_BITS, checked)
         compiled.compile(kinds)
-    except (NumbaError, TypeError, AttributeError, AssertionError) as error:
+    except (NumbaError, TypeError, AttributeError, KeyError, AssertionError) as error:
         raise UncompiledControllerError(f"numba cannot compile the controller {controller!r}") from error
     answer = compiled.overloads[kinds].signature.return_type
     require_no_answer(controller, None if answer == types.none else answer)

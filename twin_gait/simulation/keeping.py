@@ -229,7 +229,8 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Nati
         # The loop itself raises nothing: what it calls divides as the processor does and asserts nothing.
         if status != 0 and controller is not None:
             raise ParameterError(
-                f"{controller}: raised an error, such as a division by zero; engine=pinocchio shows which"
+                f"{controller}: raised an error, such as a division by zero or an index out of range; "
+                "engine=pinocchio shows which"
             )
         assert status == 0, f"compiled code ended with status {status}"
         return result.value
