@@ -11,6 +11,7 @@ from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.safety import Bounds
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
@@ -97,6 +98,10 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     placed = replace(experiment, scenario=experiment.scenario.starting_in(begin)) if begin else experiment
     world = placed.build_world()
     table = scaled_table(experiment, world)
+    for side, phase in world.initial_phases.items():
+        if phase not in (None, *table.phases):
+            known = f"gait table {table.name!r} has {', '.join(table.phases)}"
+            raise ParameterError(f"scenario: no phase {phase!r} for the {side} leg to start in; {known}")
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
         for side in world.model.sides

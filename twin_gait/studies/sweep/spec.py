@@ -301,11 +301,4 @@ def check_episode(spec: str, number: int) -> None:
     # A text may name a joint or phase that is not there; numbers are checked by their ranges.
     plain = all(isinstance(value, int | float) for value in sweep.design[number].values())
     if number == 0 or not plain:
-        converting(f"episode {number}", "", partial(_prepare, experiment))
-
-
-def _prepare(experiment: Experiment) -> None:
-    """Do what goes before the first tick, to find what does not fit together."""
-    problem = build_problem(experiment)
-    for phase in filter(None, problem.world.initial_phases.values()):
-        problem.table.phase_index(phase)
+        converting(f"episode {number}", "", partial(build_problem, experiment))
