@@ -106,6 +106,16 @@ def test_a_minus_on_a_joint_that_flexes_already_is_followed_and_told() -> None:
     assert ankle_moves(model, JointName.KNEE)[0] > 0.0
 
 
+def test_an_axis_that_is_not_sideways_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "roll.urdf"
+    whole = packaged_urdf("twin.urdf").read_text(encoding="utf-8")
+    before, _, knee = whole.partition('<joint name="left_knee"')
+    path.write_text(f'{before}<joint name="left_knee"{knee.replace("0 1 0", "1 0 0", 1)}', encoding="utf-8")
+    with pytest.warns(ReversedJointWarning, match=r"left knee: left_knee has no axis from left to right"):
+        LegModel(path, legs())
+    LegModel(path, legs(knee="+"))  # warnings are errors
+
+
 def test_a_name_that_begins_with_a_minus_in_the_urdf_is_a_name(tmp_path: Path) -> None:
     text = packaged_urdf("twin.urdf").read_text(encoding="utf-8")
     path = tmp_path / "minus.urdf"

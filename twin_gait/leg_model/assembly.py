@@ -108,7 +108,7 @@ class Assembly:
         return build_model(self._path, [(joints[name], name) for name in GUIDES[self._pelvis]], turned)
 
     def _check_names(self, model: pin.Model) -> None:
-        joints = [name for name in model.names if name != "universe"]
+        joints = [name for name in model.names if name not in ("universe", *GUIDES[self._pelvis])]
         frames = sorted(frame.name for frame in model.frames)
         for side, leg in self.legs.items():
             wanted = [("joint", name, str(joint), joints) for joint, name in leg.items()]

@@ -49,7 +49,7 @@ def reversed_joints(
     """Joints whose angle has to change its sign, so that flexion and dorsiflexion are positive.
 
     A minus in front of a name says that it has to, a plus that it has not. Without a sign the joint's axis at
-    zero posture decides, and a warning says so.
+    zero posture decides, and a warning says so, or that it cannot.
 
     ``path``: of the URDF, for messages. ``model``: as the URDF has it, x forward. ``up``: unit vector that
     points up, shape ``(3,)``.
@@ -70,6 +70,8 @@ def reversed_joints(
                     f"positive {name} {_WRONG_WAY[joint]}, so it is taken as -{name} "
                     f"({_range(model, index)}); write {joint}: -{name} to say so, or +{name} to keep it"
                 )
+            elif not sign and flexes <= _SIDEWAYS:
+                problem = f"{name} has no axis from left to right; see leg.up_axis, or write +{name}"
             elif sign == "-" and flexes > _SIDEWAYS:
                 problem = f"positive {given} {_WRONG_WAY[joint]}; write {name} unless that is meant"
             if sign == "-":
