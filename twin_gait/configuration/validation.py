@@ -255,11 +255,14 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
         mistakes = error.errors(include_url=False)
         # A misspelt key is also a missing one: its own message helps more.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
-        location, problem = first["loc"], first["msg"]
+        location = tuple(part for part in first["loc"] if part != "[key]")  # of a wrong key of a mapping
+        problem = first["msg"]
         if first["type"] == "unknown_key":
             location, problem = (*location, first["ctx"]["key"]), first["ctx"]["problem"]
         elif first["type"] == "missing":
             problem = "is missing"
+        elif first["type"] in ("model_type", "model_attributes_type"):
+            problem = f"expected keys and values, got {short(first.get('input'))}"
         elif first["type"] == "value_error":
             problem = problem.removeprefix("Value error, ")
         else:
