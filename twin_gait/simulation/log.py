@@ -64,7 +64,10 @@ JOINT = Columns(
         "joint.board.encoder.velocity_slow",
         "decimated and averaged estimate, for the friction compensation",
     ),
-    impedance_torque_Nm=("asked.impedance", "of virtual spring and damper; in the hold, of the brake"),
+    impedance_torque_Nm=(
+        "asked.impedance",
+        "of virtual spring and damper, and what a runaway adds; in the hold, of the brake",
+    ),
     friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
     gravity_compensation_torque_Nm=("asked.gravity", "share of the gravity torque that the controller gives"),
     inertia_compensation_torque_Nm=("asked.inertia", "share of the inertia torque that it gives"),
