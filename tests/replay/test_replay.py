@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from table_builder import FIVE_PHASES, phase, transition, two_phase_table
 
-from twin_gait import load_experiment, simulate
+from twin_gait import load_experiment, save_run, simulate
 from twin_gait.cli.replay import summary_lines
 from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
@@ -29,6 +29,7 @@ from twin_gait.replay import (
 )
 from twin_gait.replay.machine import assumed_signals, needed_signals
 from twin_gait.replay.reading import shifted
+from twin_gait.replay.request import ReplayRequest, replay_log
 from twin_gait.replay.writing import meant_cycles, stride_phases, summarise_replay
 from twin_gait.vocabulary import JointName, Side
 
@@ -145,6 +146,14 @@ def test_a_run_gives_the_same_switches_again(walk):
         for joint in walk.table.joints:
             logged = walk.log[f"{side}_{joint}_velocity_fast_rad_per_s"].to_numpy()
             assert (result.velocities[side][joint] == logged).all()
+
+
+def test_the_directory_of_a_run_has_its_table_scaled_to_the_wearer(tmp_path):
+    settings = ["duration_s=5", "patient.height_m=1.6", "scenario.belt_speed_km_per_h=1.3"]
+    run = simulate(load_experiment("treadmill", settings).experiment)
+    save_run(run, tmp_path / "run", pictures=False)
+    for table in (None, "treadmill"):
+        assert replay_log(ReplayRequest(log=str(tmp_path / "run"), table=table)).switches == run.switches
 
 
 def test_another_threshold_moves_the_switches_and_the_agreement_says_so(walk):

@@ -196,6 +196,11 @@ class Experiment(Parameters):
         return tuple(JointName(name) for name in self.table.joints)
 
     @property
+    def known_patient(self) -> Patient | None:
+        """The wearer as the controller knows them."""
+        return self.control.patient or self.patient
+
+    @property
     def stepping(self) -> Integration:
         """Integrator and step that are used."""
         braced = self.interface is not None
@@ -261,4 +266,4 @@ class Experiment(Parameters):
 
     def build_control_model(self) -> LegModel:
         """Model of the controller: pelvis fixed, the wearer as it assumes them."""
-        return self.leg_model(self.control.patient or self.patient, PelvisGuide.FIXED)
+        return self.leg_model(self.known_patient, PelvisGuide.FIXED)

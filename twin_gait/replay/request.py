@@ -166,11 +166,12 @@ def _open(request: ReplayRequest) -> tuple[Recording, Experiment | None]:
 
 
 def _table(request: ReplayRequest, experiment: Experiment | None) -> GaitTable:
-    """The table asked for, else that of the run, scaled as guards need it: to the speed."""
+    """The table asked for, else that of the run, scaled as guards need it: to the speed and the wearer."""
     walking = None if experiment is None else experiment.scenario.walking
     speed = walking.speed if request.speed is None and walking is not None else request.speed
     if request.table is None and experiment is not None:
         table = experiment.table
     else:
         table = load_gait_table(request.table or DEFAULT_TABLE)
-    return scale_table(table, carried_mass=None, speed=speed)
+    known = None if experiment is None or walking is None else experiment.known_patient
+    return scale_table(table, carried_mass=None, speed=speed, height=None if known is None else known.height)

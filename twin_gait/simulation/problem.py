@@ -151,7 +151,7 @@ def scaled_table(experiment: Experiment, world: World) -> GaitTable:
     if walking is None:
         return experiment.table
     carried = world.model.total_mass * walking.carried_share
-    known = experiment.control.patient or experiment.patient
+    known = experiment.known_patient
     return scale_table(
         experiment.table,
         carried_mass=carried,
