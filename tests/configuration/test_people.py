@@ -100,6 +100,7 @@ def test_wearer_of_every_shipped_experiment_is_mass_alone(name):
 
 
 MISTAKES = {
+    "patient.left.kne.effort=1": r"patient.left.kne: unknown key; did you mean 'knee'\?",
     "patient.left.hip.efort=1": r"patient.left.hip.efort: unknown key; did you mean 'effort'\?",
     "patient.middle.hip.effort=1": "patient.middle: unknown key",
     "patient.left.ankle.effort=1": "patient.left.ankle: unknown key; .*hip, knee",

@@ -287,7 +287,7 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
 
 def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
     """Say that there is no such key, and which may have been meant."""
-    hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+    hint = f"did you mean {' or '.join(repr(str(key)) for key in near)}? " if near else ""
     return f"unknown key; {hint}allowed: {', '.join(known)}"
 
 
