@@ -114,10 +114,11 @@ def _content(comparison: Comparison) -> dict[str, Any]:
     joints, controllers = comparison.experiment.joints, comparison.controllers
     names = {name: shown for rows in shown_measures(joints).values() for name, shown in rows.items()}
     walked = {item.name: comparison.walked(item.name) for item in controllers}
-    walking = [item for item in controllers if walked[item.name]]
 
     def mean(controller: Controller, number: str) -> float:
         return comparison.interval(controller.name, number).mean
+
+    walking = [item for item in controllers if not math.isnan(mean(item, "stride_time_s"))]
 
     def extremes(number: str) -> tuple[Controller, Controller]:
         ordered = sorted(walking, key=lambda item: mean(item, number))
@@ -128,6 +129,7 @@ def _content(comparison: Comparison) -> dict[str, Any]:
         "controllers": controllers,
         "seeds": comparison.seeds,
         "duration": comparison.experiment.duration,
+        "walking": walking,  # of whom there are strides to tell of
         "walked": {name: count for name, count in walked.items() if count},
         "walked_always": [name for name, count in walked.items() if count == comparison.seeds],
         "uneven": UNEVEN,
