@@ -129,6 +129,11 @@ def test_a_worker_that_dies_ends_the_work_with_one_line():
         assert run_jobs(square, [2, 3], workers=workers) == [4, 9]  # with new processes
 
 
+def test_a_slip_in_the_name_of_an_argument_is_an_error():
+    with pytest.raises(TypeError, match="worker"):
+        run_jobs(str, [1], worker=2)
+
+
 def test_no_workers_are_refused():
     with pytest.raises(ParameterError, match="workers: expected 1 or more, got 0"):
         run_jobs(square, [1], workers=0)

@@ -92,7 +92,9 @@ def run_blocks(
     block: int,
     workers: int | Workers = 1,
     keep: Callable[[dict[int, Result], str], None] | None = None,
-    **watch: Unpack[Watch],
+    progress: Progress | None = None,
+    should_stop: Stop | None = None,
+    on_compile: Callable[[], None] | None = None,
 ) -> list[Result]:
     """:func:`run_jobs` with a function of up to ``block`` items at once.
 
@@ -100,11 +102,12 @@ def run_blocks(
     position of an item that failed. ``keep`` takes the results of a block as they come, by index of the item,
     also those before a failure, and the type of the processor that made them; then none are returned.
     """
+    del on_compile  # a matter of the function; named here, so that a slip in the name of another is an error
     total, done = len(items), 0
-    tell = watch.get("progress") or (lambda done, total: None)
+    tell = progress or (lambda done, total: None)
     results: dict[int, Result] = {}
     with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
-        chunks = _chunks(items, even_size(total, block, own.slots()), watch.get("should_stop"))
+        chunks = _chunks(items, even_size(total, block, own.slots()), should_stop)
         with closing(own.as_they_come(partial(_do, function, sources_hash()), chunks)) as coming:
             for portion in coming:
                 if keep is None:
