@@ -63,6 +63,8 @@ def plot(arguments: argparse.Namespace) -> int:
     drawn = {name: draw_for_paper(shown, name, width) for name in names}
     suffix = "" if out is None else out.suffix[1:]
     kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
+    if suffix in PRINT_FORMATS and suffix != kind:
+        raise ParameterError(f"--out {out}: ends in .{suffix}, but --format is {kind}; leave one of them out")
     folder = arguments.directory / FIGURES_FOLDER
     paths = {name: out or folder / f"{name}-{width:g}mm.{kind}" for name in names}
     if out is None:
