@@ -82,8 +82,7 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
         for item in result.models
     ]  # fmt: skip
     title = "Friction" if joint is None else f"Friction of the {joint}"
-    subtitle = f"{len(result.tests)} tests, {int(result.samples.used.sum())} samples; models best first"
-    write_figures_page(folder / REPORT_FILE, figures, title, subtitle, [heads, *rows])
+    write_figures_page(folder / REPORT_FILE, figures, title, "models best first", [heads, *rows])
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
