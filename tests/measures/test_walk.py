@@ -158,7 +158,9 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     assert power.motors == pytest.approx(6.0)
     assert power.wearer == pytest.approx(4.0)
     assert power.guide_force == pytest.approx(20.0)
-    assert not power.carried_by_belt
+    assert power.guide == 0.0 and not power.carried_by_belt
+    braced = log.assign(pelvis_forward_velocity_m_per_s=0.1, wearer_pelvis_forward_velocity_m_per_s=0.2)
+    assert walk_power(braced, measured(log).values(), bounds, WALKWAY).guide == pytest.approx(4.0)
     assert belt_carries(10.0, 3.9, WALKWAY)  # 4 W
     assert not belt_carries(10.0, 4.1, WALKWAY)
     assert not belt_carries(7.5, -5.0, WALKWAY)  # less than 2 % of the carried 400 N

@@ -322,8 +322,9 @@ def walk_power(
     motors = sum(sum(leg.motor_power.values()) for leg in legs)
     force, power = log["guide_force_N"].to_numpy(), 0.0
     holding = mean_over(force, bounds)
-    if (forward := "pelvis_forward_velocity_m_per_s") in log:
-        power = mean_over(force * log[forward].to_numpy(), bounds)
+    for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
+        if forward in log:  # with braces the harness is the wearer's
+            power = mean_over(force * log[forward].to_numpy(), bounds)
     carried_by_belt = belt_carries(holding, motors + wearer, walkway)
     return WalkPower(belt, motors, wearer, power, holding, carried_by_belt)
 
