@@ -76,7 +76,7 @@ def unstable(case: CheckCase) -> Iterator[Finding]:
         worst = int(np.argmax(phase.radii))
         radius = phase.radii[worst]
         reason = (
-            f"a small motion about {_about(VELOCITIES[worst])} is amplified by {radius - 1.0:.1%} in every "
+            f"a small motion about {_about(VELOCITIES[worst])} is amplified by {radius - 1.0:.2%} in every "
             f"{1e3 * phase.loops[0].frame:g} ms (spectral radius {radius:.4f})"
         )
         yield phase.finding(Severity.ERROR, reason, f"stay below the largest {_margins(phase)}")
