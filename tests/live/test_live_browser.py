@@ -367,6 +367,26 @@ def test_numbers_stay_in_their_card_on_a_tablet(browser: Any, treadmill: Walk, w
     page.close()
 
 
+def test_who_sits_is_not_called_walking_and_the_curves_end_above_the_legend(
+    browser: Any, tmp_path: Path
+) -> None:
+    walk = Walk(tmp_path, "stand_to_sit")
+    page = Page(browser, walk)
+    try:
+        page.page.set_viewport_size({"width": 1100, "height": 700})
+        page.page.wait_for_selector(".read tbody tr")
+        until(lambda: page.page.locator("#panel-state").inner_text() == "Running", "the state")
+        ends = """() => {
+            const end = (name) => document.getElementById(name).getBoundingClientRect();
+            document.getElementById("plots").scrollTop = 1e6;
+            return [end("curves").bottom, end("plots").bottom, end("bar").top]; }"""
+        until(lambda: page.page.locator("#legend .chip").count() == 17, "the legend")
+        until(lambda: (np.diff(page.page.evaluate(ends)) >= 0.0).all(), "curves above the legend", 10.0)
+    finally:
+        page.close()
+        walk.close()
+
+
 # ---------------------------------------------------------------------- wrong values
 
 

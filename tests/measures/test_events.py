@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from twin_gait import load_experiment, simulate
+from twin_gait.control.safety import Trip, TripCause
 from twin_gait.live.journal import AppliedChange, Piece, walked_run
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from
@@ -35,6 +36,9 @@ def test_fault_and_trip_are_events_at_their_times(tripped):
     assert trip.time == tripped.trip.time > fault.time
     assert trip.text == "trip: encoder frozen, right knee"
     assert dip.text == "fault: supply dip"  # it has no place
+    stop = Trip(1, TripCause.OPERATOR, None, None)
+    (event,) = run_events((), stop, RunStatus.COMPLETED, 1.0)
+    assert event.text == "trip: operator"  # who is the place as well
     assert held_from(tripped.events) == trip.time
 
 

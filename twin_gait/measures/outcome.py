@@ -110,7 +110,7 @@ class RunEvent(NamedTuple):
     @property
     def text(self) -> str:
         """In words: ``trip: encoder frozen, left knee``."""
-        details = ", ".join(part for part in (self.cause, self.place) if part)
+        details = ", ".join(part for part in dict.fromkeys((self.cause, self.place)) if part)
         return f"{self.kind}: {details}" if details else str(self.kind)
 
 

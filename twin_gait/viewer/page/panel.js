@@ -167,7 +167,7 @@
       }
       get("panel-state").dataset.state = status;
       get("panel-state").querySelector("span").textContent =
-        status === "offline" ? "Not connected" : (STATES[status] ?? title(status)) + because;
+        status === "offline" ? "Not connected" : status === "walking" && board.mode ? "Running" : (STATES[status] ?? title(status)) + because;
       for (const button of get("panel-quick").querySelectorAll("button")) {
         button.setAttribute("aria-pressed", String(
           (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))

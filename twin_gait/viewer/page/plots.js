@@ -213,7 +213,7 @@ const plots = {
   room() {
     const card = element("plots"), position = getComputedStyle(card).position;
     if (document.body.classList.contains("printing")) return 560;
-    const inside = card.clientHeight - element("curves").clientHeight;
+    const inside = card.scrollHeight - element("curves").clientHeight;
     if (getComputedStyle(document.body).display === "grid") return 0.36 * window.innerHeight - inside;
     if (position !== "fixed") return Infinity;
     return element("bar").getBoundingClientRect().top - card.getBoundingClientRect().top - inside - 12;
