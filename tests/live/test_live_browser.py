@@ -387,6 +387,12 @@ def test_who_sits_is_not_called_walking_and_the_curves_end_above_the_legend(
         walk.close()
 
 
+def test_the_scene_of_a_phone_stays_before_the_panel_that_scrolls(page: Page) -> None:
+    top = """() => { scrollTo(0, 250);
+        return [scrollY, document.elementFromPoint(innerWidth / 2, 100).closest(".pane") !== null]; }"""
+    assert page.page.evaluate(top) == [250, True]
+
+
 # ---------------------------------------------------------------------- wrong values
 
 

@@ -266,7 +266,7 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
         ask(Action.PUSH, force=1.0)
     with pytest.raises(MessageRefused, match="stop: no value 'x'; it has no values"):
         ask(Action.STOP, x=1.0)
-    fault = actions.fault_of(ask(Action.FAULT, kind="encoder_drift", place="left_hip", size="9deg/s"))
+    fault = actions.fault_of(ask(Action.FAULT, kind="encoder_drift", place="left_hip", size=" 9 deg/s"))
     assert str(fault).startswith("encoder_drift:left_hip@")
     for wrong in (
         {"kind": "supply_dip", "place": "left_hip"},

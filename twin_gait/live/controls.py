@@ -109,7 +109,7 @@ class Actions:
 
         Raises ParameterError if kind, place and size do not fit together.
         """
-        place, size = (str(values[name]).strip() for name in ("place", "size"))
+        place, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
         written = f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
         fault = parse_fault(written)
         # The experiment knows which faults it can have.

@@ -12,7 +12,7 @@
   const APART = [...QUICK, "request", "stop", "revert"]; // actions that have a place of their own
   const STATES = {
     walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
-    fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
+    fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Broken off: its process is gone",
   };
   // The three controls of the monitor, each with its quantities.
   const MONITOR = [
