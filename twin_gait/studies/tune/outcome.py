@@ -23,7 +23,7 @@ from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
-from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, part_costs
+from twin_gait.studies.tune.parts import AIM, EXCESS, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, part_costs
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
 from twin_gait.studies.tune.walks import SEARCH_CASES, check_walker, standing, table_of, walker
 from twin_gait.studies.workers import Workers
@@ -124,7 +124,7 @@ def outcome(tuning: Tuning, chosen: Chosen, wearer: str) -> dict[str, Any]:
         "walk_s": settings.robust_duration,
         "needed_clearance_mm": NEEDED_CLEARANCE,
         "worst_cost": WORST,
-        "excess": {"aim": AIM, "weight": HELD_TO},
+        "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": HELD_TO},
         "cost": {
             "search": {"before": generations[0].cost, "after": after.search_cost},
             "robust": {"before": before.cost, "after": after.cost},
