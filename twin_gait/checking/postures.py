@@ -222,7 +222,7 @@ def postures(
     """Postures of a guard that lie on the way of the leg through the phase that it leaves.
 
     Each joint is anywhere between the entry of the phase and its rest, or beside a threshold of the guard, at
-    rest or at the speed of :class:`~twin_gait.checking.balance.Rest`. A time-out finds the leg at rest.
+    rest or at the speed of :class:`Rest`. A time-out finds the leg at rest.
 
     None if the guard cannot open.
     """

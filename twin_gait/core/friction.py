@@ -132,11 +132,11 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
 
     .. math::
 
-        T_0 + \left\{\begin{array}{l} h_l\,\tanh(\omega/\omega_t) \\
+        T_0 + \left\{\begin{array}{l} h(\omega)\,\tanh(\omega/\omega_t) \\
         \sigma_0 z + \sigma_1 \dot z \end{array}\right\} + d_\pm|\omega|^\alpha\,\mathrm{sgn}\,\omega
 
-    with the Stribeck curve :math:`h_l = h(\omega)`. All lose :func:`gear_loss_torque` beside it, with
-    :math:`\omega_t = \omega_c/10` of (3.1); of bristles it raises the level, :math:`h_l = h(\omega) + |T_l|`.
+    with the Stribeck curve h. All lose :func:`gear_loss_torque` beside it, whose :math:`\omega_t` is that of
+    ``ASYMMETRIC``, of the others a tenth of ``stribeck_velocity``.
     """
     rotational = rotational_torque(friction, velocity, load)
     return whole_friction_torque(friction, rotational, velocity, deflection, load)
@@ -204,7 +204,7 @@ def advanced_deflection(
 ) -> float:
     """Deflection in [rad] of the bristles after a small displacement of the joint in [rad].
 
-    Bristles follow the way, not the time; only their level g depends on the speed, that at the end. For a
+    Bristles follow the way, not the time; only their level h depends on the speed, that at the end. For a
     level that stays this is exact (:func:`twin_gait.core.friction_models.bristle_step`), however long the
     way: a step may be longer than bristles take to slide. Laws without bristles leave the deflection as it
     is.
@@ -216,7 +216,7 @@ def advanced_deflection(
 
 
 def steady_deflection(friction: PlantFriction, velocity: float) -> float:
-    """Deflection in [rad] of bristles that slide at a constant velocity: g sgn ω / σ0, or 0."""
+    """Deflection in [rad] of bristles that slide at a constant velocity: h sgn ω / σ0, or 0."""
     if friction.law != BRISTLE:
         return 0.0
     return sign_of(velocity) * _level(friction, velocity) / friction.bristle_stiffness

@@ -176,8 +176,8 @@ def bristle_step(velocity: float, deflection: float, level: float, stiffness: fl
     r"""Deflection after a period in [s] of constant velocity, the exact solution of :func:`bristle_rate`.
 
     The law is linear in z and very stiff; solved exactly it is stable for any period:
-    :math:`z(T) = z_{ss} + (z - z_{ss})\,e^{-\sigma_0|\omega|T/g}` with
-    :math:`z_{ss} = g\,\mathrm{sgn}\,\omega/\sigma_0`.
+    :math:`z(T) = z_{ss} + (z - z_{ss})\,e^{-\sigma_0|\omega|T/h}` with
+    :math:`z_{ss} = h\,\mathrm{sgn}\,\omega/\sigma_0`.
     """
     travelled = stiffness * abs(velocity) * period / level
     grown = settled_share(travelled)

@@ -27,9 +27,9 @@ def equations_of_motion(
 ) -> Callable[[Sequence[Any], Sequence[Any], Sequence[Any], Sequence[Any]], Motion]:
     """What the engine integrates, with some functions of ``core`` replaced.
 
-    ``problem``: from :func:`twin_gait.experiment.build_problem`; without bristles, whose deflection is a
-    state of its own, and without a motion imposed by time. ``laws``: functions by the names of those in
-    ``core`` that they take the place of. Numbers need none; scalars that cannot be compared need
+    ``problem``: from :func:`~twin_gait.simulation.problem.build_problem`; without bristles, whose
+    deflection is a state of its own, and without a motion imposed by time. ``laws``: functions by the names
+    of those in ``core`` that they take the place of. Numbers need none; scalars that cannot be compared need
     ``sine_cosine``, ``exponential``, ``hyperbolic_tangent`` and, for their branches, ``ground_contact_force``
     and ``mechanical_stop_torque``. Returns from coordinates, velocities, motor torques and accelerations (n
     each) to the motion under friction, stops, springs, support, belt and gravity, at the belt's cruising

@@ -49,8 +49,7 @@ class BenchRun:
     def column(self, name: str) -> np.ndarray:
         """A column by its name, shape ``(n_ticks,)``.
 
-        ``name``: one of :class:`twin_gait.simulation.bench_joint.episode.BenchRow`, with its unit. Raises
-        ParameterError if there is no such column.
+        ``name``: with its unit. Raises ParameterError if there is no such column.
         """
         if name not in COLUMNS:
             raise ParameterError(f"{name}: no such column; there are {', '.join(COLUMNS)}")
