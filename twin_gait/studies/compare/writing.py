@@ -118,7 +118,7 @@ def _content(comparison: Comparison) -> dict[str, Any]:
     def mean(controller: Controller, number: str) -> float:
         return comparison.interval(controller.name, number).mean
 
-    walking = [item for item in controllers if not math.isnan(mean(item, "stride_time_s"))]
+    walking = [i for i in controllers if walked[i.name] and not math.isnan(mean(i, "stride_time_s"))]
 
     def extremes(number: str) -> tuple[Controller, Controller]:
         ordered = sorted(walking, key=lambda item: mean(item, number))
