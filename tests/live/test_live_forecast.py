@@ -1,6 +1,7 @@
 """What would come of a change, told before it is made; the walk itself does not notice."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration import load_experiment
 from twin_gait.live.controls import Panel
-from twin_gait.live.forecast import HORIZON, LEAST, foresee
+from twin_gait.live.forecast import APART, HORIZON, LEAST, foresee
 from twin_gait.live.protocol import Response
 from twin_gait.live.session import LiveSession
 from twin_gait.live.settings import loop_numbers
@@ -65,6 +66,26 @@ def test_a_change_that_ends_the_walk_is_foreseen_to_the_tick(panel, walks, chang
         assert f"falls after {(real.run.tick - 8000) * 1e-3:.1f} s" in forecast.text
     assert real.run.trip is not None or real.run.status is RunStatus.FELL
     assert "without the change" not in forecast.text
+
+
+def test_a_change_is_tried_at_later_moments_of_the_stride_too(panel, walks):
+    _, ahead = walks
+    change, walking = numbers(panel, ("support_share", 0.0)), LiveWalk(SteppedRun(panel.problem))
+    found = None
+    for ticks in (8000, *[225] * 7):
+        walking.advance(ticks)
+        moment = moment_of(walking)
+        forecast = foresee(ahead, moment, change)
+        if found := re.search(r"; made (0\.\d|1\.\d) s later it (does not|trips|falls)", forecast.text):
+            break
+    assert found is not None and forecast.bad
+    real = LiveWalk(SteppedRun(panel.problem))
+    real.go_on_from(moment)
+    real.advance(round(float(found[1]) / (APART * 1e-3)) * APART)
+    real.set(change)
+    real.advance(LEAST)
+    ended = real.run.trip is not None or real.run.status is not RunStatus.COMPLETED
+    assert ended == (found[2] != "does not")
 
 
 def test_a_harmless_change_walks_on_with_its_deviation_and_saturation(panel, walks):

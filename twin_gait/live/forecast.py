@@ -1,8 +1,10 @@
 """What becomes of a live walk if a change is applied: its present moment run ahead in a process of its own.
 
-``python -m twin_gait.live.forecast`` speaks as :mod:`twin_gait.live.process` does. It is
-handed a moment of the walk and the numbers of the change, lets them fade in as the walk would, and runs on
-for ``LEAST`` ticks and as much longer as ``BUDGET`` allows; the walk itself knows nothing of it.
+``python -m twin_gait.live.forecast`` speaks as :mod:`twin_gait.live.process` does. It is handed a moment of
+the walk and the numbers of the change, lets them fade in as the walk would, and runs on for ``LEAST`` ticks
+and as much longer as ``BUDGET`` allows; the walk itself knows nothing of it. What a change does may depend on
+the moment of the stride in which it is made, which nobody chooses to the tenth of a second: it is tried at
+``LATER`` further moments.
 """
 
 import json
@@ -10,7 +12,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,6 +40,7 @@ HORIZON = 20_000  # ticks that are looked ahead at most
 LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
 BUDGET = 0.25  # [s] of computing after which the look ahead ends where it is
 HELD_TICKS = 2_000  # ticks of a hold that are looked at: a wearer who falls in it has fallen by then
+LATER, APART = 3, 450  # moments at which the change is tried as well, ticks apart: quarters of a stride
 PIECE_TICKS, BLOCK_TICKS = 250, 10  # that are run at a time: usually, and while steps wait for a hand
 NICENESS = 5  # the walk goes first
 
@@ -79,12 +82,7 @@ def foresee(
     sides = [summarise_side(shown, record, 1) for record in records]
     verdict, bad = gait_verdict(records), bool(ends)
     if ends:
-        told = " and ".join(ends)
-        # The look without the change comes last: the walk forgets the change over it.
-        if begun == "":
-            looked = range(run.tick - first, run.tick - first + 1)
-            if _endings(walk, _run_ahead(walk, moment, None, looked, lambda: True)):
-                told += ", as it does without the change"
+        told = ends
     elif not numbers["watching"]:
         told = f"stays up {ahead}"
     elif run.waiting():
@@ -93,6 +91,15 @@ def foresee(
         told = f"walks on {ahead}"
     else:
         told, bad = f"{verdict.outcome} {ahead}: {verdict.reason}", True
+    # The other looks come last: the walk forgets the change over them.
+    if begun == "" and ends and _ends_anyway(walk, moment, run.tick - first):
+        told += ", as it does without the change"
+    elif begun == "" and numbers["watching"] and bad == bool(ends):
+        tried = enumerate(_later(walk, moment, numbers, least), 1)
+        number, later = next(((n, ended) for n, ended in tried if bool(ended) != bad), (0, ""))
+        if number:
+            told += f"; made {number * APART * TICK:.1f} s later it {later or 'does not'}"
+            bad = True
     return Forecast(
         text=begun + told,
         bad=bad,
@@ -127,7 +134,26 @@ def _run_ahead(
     return first
 
 
-def _endings(walk: LiveWalk, first: int) -> list[str]:
+def _ends_anyway(walk: LiveWalk, moment: Mapping[str, Any], ticks: int) -> bool:
+    """Whether a walk ends within some ticks without a change."""
+    looked = range(ticks, ticks + 1)
+    return bool(_endings(walk, _run_ahead(walk, moment, None, looked, lambda: True)))
+
+
+def _later(
+    walk: LiveWalk, moment: Mapping[str, Any], numbers: Mapping[str, Any], ticks: int
+) -> Iterator[str]:
+    """How the walk ends within some ticks of the change if that is made at each of the later moments."""
+    for _ in range(LATER):
+        if _ends_anyway(walk, moment, APART):
+            return
+        moment = walk.moment()
+        looked = range(ticks, ticks + 1)
+        yield _endings(walk, _run_ahead(walk, moment, numbers, looked, lambda: True))
+
+
+def _endings(walk: LiveWalk, first: int) -> str:
+    """How a walk ended after a first tick, in words; of one that goes on nothing."""
     run, found = walk.run, []
     if run.trip is not None:
         found.append(
@@ -137,7 +163,7 @@ def _endings(walk: LiveWalk, first: int) -> list[str]:
     if run.status is not RunStatus.COMPLETED:
         what = {RunStatus.FELL: "falls", RunStatus.DIVERGED: "diverges"}[run.status]
         found.append(f"{what} after {(run.tick - first) * TICK:.1f} s")
-    return found
+    return " and ".join(found)
 
 
 def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
