@@ -81,8 +81,8 @@ def test_irregular_strides_are_no_walk(factor, outcome):
     strikes = list(0.2 + np.cumsum([0.0, *times]))
     standing = leg(Side.RIGHT, list(np.arange(0.3, 20.0, 2.0)), stance=1.6)
     end = strikes[-1] + 1.0
-    irregular = leg(Side.LEFT, strikes, steady=(0.0, end))
-    verdict = gait_verdict([irregular, replace(standing, steady=(0.0, end))])
+    irregular = leg(Side.LEFT, strikes, steady=((0.0, end),))
+    verdict = gait_verdict([irregular, replace(standing, steady=((0.0, end),))])
     assert verdict.outcome is outcome
 
 
@@ -93,8 +93,8 @@ def test_feet_off_the_ground_are_hung(margin, outcome):
     strikes = np.arange(0.3, 19.0, 2.0)
     stance = 1.0 * (1.0 - share)
     legs = [
-        leg(Side.LEFT, list(strikes), stance=stance, duration=18.3, steady=(0.3, 18.3)),
-        leg(Side.RIGHT, list(strikes + 1.0), stance=stance, duration=18.3, steady=(0.3, 18.3)),
+        leg(Side.LEFT, list(strikes), stance=stance, duration=18.3, steady=((0.3, 18.3),)),
+        leg(Side.RIGHT, list(strikes + 1.0), stance=stance, duration=18.3, steady=((0.3, 18.3),)),
     ]
     assert flight_share(legs) == pytest.approx(share, abs=2e-3)
     assert gait_verdict(legs).outcome is outcome
@@ -106,7 +106,19 @@ def test_only_the_steady_time_counts():
         replace(item, normal_force=np.where(np.arange(20000) < 9000, 0.0, item.normal_force)) for item in legs
     ]
     assert gait_verdict(late).outcome is Outcome.HUNG
-    assert gait_verdict([replace(item, steady=(9.0, 20.0)) for item in late]).outcome is Outcome.WALKED
+    assert gait_verdict([replace(item, steady=((9.0, 20.0),)) for item in late]).outcome is Outcome.WALKED
+
+
+def test_standing_between_two_walks_is_no_gap_and_no_stride():
+    strikes = [*np.arange(0.2, 6.0, 1.2), *np.arange(14.2, 20.0, 1.2)]
+    legs = [leg(Side.LEFT, strikes, stance=0.6), leg(Side.RIGHT, list(np.arange(0.3, 20.0, 2.0)), stance=1.6)]
+    assert gait_verdict(legs).outcome is Outcome.STALLED
+    twice = [replace(item, steady=((0.0, 6.5), (14.0, 20.0))) for item in legs]
+    assert gait_verdict(twice).outcome is Outcome.WALKED
+    for item, stride, fewest in zip(twice, (1.2, 2.0), (7, 5), strict=True):
+        strides = np.diff(item.strides(skip=0), axis=1) * item.tick
+        assert len(strides) >= fewest
+        np.testing.assert_allclose(strides, stride, atol=2e-3)
 
 
 # ---------------------------------------------------------------- runs

@@ -277,7 +277,7 @@ def test_the_window_goes_back_to_the_event(tripped: Run) -> None:
 
 
 def test_a_stride_with_a_trip_in_it_is_no_stride(tripped: Run, walk: Run) -> None:
-    assert walk.steady == (0.0, math.inf) and tripped.steady == (0.0, TRIPPED)
+    assert walk.steady == ((0.0, math.inf),) and tripped.steady == ((0.0, TRIPPED),)
     for record, whole in zip(tripped.leg_records(), walk.leg_records(), strict=True):
         strides = record.strides(skip=0)
         assert 0 < len(strides) < len(whole.strides(skip=0))

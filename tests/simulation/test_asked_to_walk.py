@@ -28,7 +28,7 @@ def test_who_is_not_asked_to_walk_does_not_stall():
 def test_strides_count_from_the_request_on_and_standing_before_it_does_not_stall():
     asked = 7.0  # longer than the longest stride of a walk
     run = run_of(f"walk_automatic@{asked:g}s")
-    first, last = run.steady
+    ((first, last),) = run.steady
     assert first == pytest.approx(asked, abs=2e-3) and last == pytest.approx(run.duration, abs=2e-3)
     assert run.verdict.outcome is Outcome.WALKED
     assert all(len(leg.strides(skip=0)) > 2 for leg in run.leg_records())

@@ -217,7 +217,7 @@ def test_no_phase_ends_by_its_time_out():
 
 def test_strides_are_counted_while_the_belt_runs_evenly():
     run = walk(*commands(1.0, 8.5, 12.0))
-    first, last = run.steady
+    ((first, last),) = run.steady
     for side in run.sides:
         record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
         strides = record.strides(skip=0)

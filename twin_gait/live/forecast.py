@@ -83,7 +83,7 @@ def foresee(
     verdict, bad = gait_verdict(records), bool(ends)
     if ends:
         told = ends
-    elif not numbers["watching"]:
+    elif not (numbers["watching"] and records[0].steady):
         told = f"stays up {ahead}"
     elif run.waiting():
         told = f"waits for a step {ahead}"
@@ -181,8 +181,9 @@ def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
 def _records(shown: Run, first: int) -> list[LegRecord]:
     """Both legs, with the time of even walking counted from the first tick."""
     begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.steady)
+    steady = ((begin, end),) if shown.experiment.modes is None else shown.steady
     names = shown.table.phase_names
-    return [leg_record(shown.log, side, names, TICK, steady=(begin, end)) for side in shown.sides]
+    return [leg_record(shown.log, side, names, TICK, steady=steady) for side in shown.sides]
 
 
 def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:

@@ -30,6 +30,10 @@ def driven_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
     return tuple(joint for joint in JointName if f"{side}_{joint}_motor_torque_Nm" in columns)
 
 
+Spans = tuple[tuple[float, float], ...]  # first and last time in [s] of each
+ALWAYS: Spans = ((0.0, math.inf),)
+
+
 @dataclass(frozen=True, eq=False)
 class LegRecord:
     """One leg over a run."""
@@ -41,8 +45,15 @@ class LegRecord:
     angles: Mapping[JointName, np.ndarray]
     normal_force: np.ndarray | None  # of the foot in [N], shape ``(n,)``, or None without ground
     clearance: np.ndarray | None  # of the foot in [m], shape ``(n,)``, or None without ground
-    # from when to when in [s] the leg walks evenly; strides outside of it do not count
-    steady: tuple[float, float] = (0.0, math.inf)
+    # from when to when in [s] the leg walks evenly, once or more; strides outside do not count
+    steady: Spans = ALWAYS
+
+    @property
+    def steady_ticks(self) -> list[slice]:
+        """Ticks in which the leg walks evenly."""
+        count = len(self.phases)
+        ends = [[round(min(time / self.tick, count)) for time in span] for span in self.steady]
+        return [slice(first, last) for first, last in ends]
 
     @cached_property
     def loaded(self) -> np.ndarray | None:
@@ -84,8 +95,10 @@ class LegRecord:
 
     def _steady_strides(self, events: np.ndarray) -> np.ndarray:
         bounds = stride_bounds(events)
-        first, last = (time / self.tick for time in self.steady)
-        return bounds[(bounds[:, 0] >= first) & (bounds[:, 1] <= last)]
+        even = np.zeros(len(bounds), dtype=bool)
+        for first, last in self.steady:
+            even |= (bounds[:, 0] >= first / self.tick) & (bounds[:, 1] <= last / self.tick)
+        return bounds[even]
 
 
 def leg_record(
@@ -94,7 +107,7 @@ def leg_record(
     phase_names: Sequence[str],
     tick: float,
     *,
-    steady: tuple[float, float] = (0.0, math.inf),
+    steady: Spans = ALWAYS,
     device: bool = False,
 ) -> LegRecord:
     """Take one leg out of a log.

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -44,14 +45,16 @@ class Verdict(NamedTuple):
 def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
     """Whether legs that neither fell nor were held walked.
 
-    Only the time in which they are to walk evenly counts. Returns ``WALKED``, ``STALLED`` or ``HUNG``.
+    Only the times in which they are to walk evenly count, each for itself. Returns ``WALKED``, ``STALLED`` or
+    ``HUNG``.
     """
     flight = flight_share(legs)
     if flight > HIGHEST_FLIGHT_SHARE:
         text = f"both feet were off the ground {100.0 * flight:.0f} % of the time"
         return Verdict(Outcome.HUNG, f"the harness carried the wearer: {text}")
     for leg in legs:
-        start, longest = _longest_without_stride(leg)
+        gaps = (_longest_without_stride(leg, span) for span in leg.steady_ticks)
+        start, longest = max(gaps, key=itemgetter(1), default=(0.0, 0.0))
         if longest > LONGEST_STRIDE:
             text = f"the {leg.side} leg began no stride for {longest:.1f} s from {start:.1f} s on"
             return Verdict(Outcome.STALLED, text)
@@ -68,20 +71,18 @@ def flight_share(legs: Sequence[LegRecord]) -> float:
 
     Returns share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
     """
-    loaded = [leg.loaded[_steady(leg)] for leg in legs if leg.loaded is not None]
+    loaded = [
+        np.concatenate([leg.loaded[span] for span in leg.steady_ticks])
+        for leg in legs
+        if leg.loaded is not None
+    ]
     if not loaded or len(loaded[0]) == 0:
         return 0.0
     return float(np.mean(~np.any(loaded, axis=0)))
 
 
-def _steady(leg: LegRecord) -> slice:
-    first, last = (min(time / leg.tick, len(leg.phases)) for time in leg.steady)
-    return slice(round(first), round(last))
-
-
-def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:
-    """Beginning and length in [s] of the longest time in which no stride begins."""
-    span = _steady(leg)
+def _longest_without_stride(leg: LegRecord, span: slice) -> tuple[float, float]:
+    """Beginning and length in [s] of the longest time within some ticks in which no stride begins."""
     events = leg.stride_events
     inside = events[(events >= span.start) & (events < span.stop)]
     edges = np.concatenate(([span.start], inside, [span.stop])) * leg.tick

@@ -173,9 +173,9 @@ class MeasuredLeg:
         record, names = self.record, self.run.table.phase_names
         cycle = (*self.run.table.cycles, names)[0]
         places = np.array([cycle.index(name) if name in cycle else -1 for name in names])
-        times = np.arange(len(record.phases)) * TICK
-        steady = (times >= record.steady[0]) & (times < record.steady[1])
-        return phases.phases_in_order(places[record.phases[steady]], len(cycle))
+        return all(
+            phases.phases_in_order(places[record.phases[span]], len(cycle)) for span in record.steady_ticks
+        )
 
     def time_outs(self) -> list[int]:
         """Ticks of the switches that only the clock made."""

@@ -19,7 +19,7 @@ from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.leg_record import ALWAYS, LegRecord, Spans, leg_record
 from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, gait_verdict
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
@@ -201,7 +201,7 @@ class Run:
             return Verdict(None, "no walk was asked for: the gait table has no transitions")
         if not any(self.table.is_swing(phase) for phase in self.table.phases):
             return Verdict(None, "no walk was asked for: no phase of the gait table is a swing")
-        if self.steady[0] >= self.steady[1]:
+        if not self.steady:
             return Verdict(None, "no walk was asked for: no mode that walks was entered")
         return gait_verdict(self.leg_records())
 
@@ -211,17 +211,19 @@ class Run:
         return f"held from {self.trip.time:.3f} s on: {self.trip.cause} ({self.trip.place})"
 
     @property
-    def steady(self) -> tuple[float, float]:
+    def steady(self) -> Spans:
         """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold."""
         first, last = self.experiment.steady
-        modes = self.experiment.modes
+        if self.trip is not None:
+            last = min(last, self.trip.time)
+        spans, modes = ALWAYS, self.experiment.modes
         if modes is not None:
             walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
-            ticks = np.flatnonzero(self.log["mode"].isin(walking))
-            if len(ticks) == 0:
-                return 0.0, 0.0
-            first, last = max(first, ticks[0] * TICK), min(last, ticks[-1] * TICK)
-        return first, last if self.trip is None else min(last, self.trip.time)
+            asked = np.concatenate(([0], self.log["mode"].isin(walking), [0]))
+            begins, ends = np.flatnonzero(np.diff(asked) > 0), np.flatnonzero(np.diff(asked) < 0) - 1
+            spans = tuple(zip((begins * TICK).tolist(), (ends * TICK).tolist(), strict=True))
+        clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
+        return tuple((begin, end) for begin, end in clipped if begin < end)
 
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
