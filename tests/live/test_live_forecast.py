@@ -129,6 +129,14 @@ def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(
     assert not by_hand.bad and by_hand.text.startswith("waits for a step")
 
 
+def test_who_sits_and_is_not_asked_to_walk_does_not_fall():
+    panel = Panel(load_experiment("stand_to_sit").experiment)
+    walking, ahead = LiveWalk(SteppedRun(panel.problem)), LiveWalk(SteppedRun(panel.problem))
+    walking.advance(100)
+    forecast = foresee(ahead, moment_of(walking), numbers(panel), now=iter(range(1000)).__next__)
+    assert not forecast.bad and forecast.text == "does not fall for the 8 s looked ahead"
+
+
 def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_for_bit(panel):
     plain = Rig(panel.problem, [], longest=4000)
     plain.loop.walk()

@@ -109,6 +109,10 @@ def test_only_the_steady_time_counts():
     assert gait_verdict([replace(item, steady=((9.0, 20.0),)) for item in late]).outcome is Outcome.WALKED
 
 
+def test_who_is_not_to_walk_is_nothing_against_it():
+    assert gait_verdict([replace(item, steady=()) for item in walker()]) == (Outcome.WALKED, "")
+
+
 def test_standing_between_two_walks_is_no_gap_and_no_stride():
     strikes = [*np.arange(0.2, 6.0, 1.2), *np.arange(14.2, 20.0, 1.2)]
     legs = [leg(Side.LEFT, strikes, stance=0.6), leg(Side.RIGHT, list(np.arange(0.3, 20.0, 2.0)), stance=1.6)]
@@ -147,12 +151,12 @@ def test_a_run_that_ends_early_says_how(walk):
     trip = simulate(
         load_experiment("bench_leg", ["duration_s=2", "faults=['encoder_jump:right_hip@1s']"]).experiment
     )
-    assert trip.verdict == ("held", "held from 1.000 s on: encoder_jump (right hip)")
+    assert trip.verdict == ("held", "held from 1.000 s on: encoder jump, right hip")
     assert fault_row(trip)["outcome"] == "held"
     fell = replace(walk, status=RunStatus.FELL, reason="the pelvis fell below 0.60 m at 9.000 s")
     assert fell.verdict == ("fell", fell.reason)
     both = replace(fell, trip=trip.trip)
-    assert both.verdict.outcome == "fell" and both.verdict.reason.endswith("s on: encoder_jump (right hip)")
+    assert both.verdict.outcome == "fell" and both.verdict.reason.endswith("s on: encoder jump, right hip")
     assert replace(walk, status=RunStatus.DIVERGED, reason="x").verdict == ("diverged", "x")
 
 

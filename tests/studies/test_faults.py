@@ -255,7 +255,7 @@ def test_the_command_prints_and_writes_the_table(tmp_path, capsys):
 def test_simulate_takes_faults_and_says_what_tripped(tmp_path, capsys):
     given = ("simulate", "bench_leg", "--duration", "1", "--no-pictures", "--out", str(tmp_path / "run"))
     assert run_command(simulate_command, *given, "--fault", "encoder_missing:right_knee@0.4s") == 0
-    assert "held from 0.400 s on: encoder_missing (right knee)" in capsys.readouterr().out
+    assert "held from 0.400 s on: encoder missing, right knee" in capsys.readouterr().out
     text = (tmp_path / "run" / "experiment.yaml").read_text()
     assert "encoder_missing:right_knee@0.4s" in text
     assert parse_assignment("faults=[a]")[1] == ["a"]

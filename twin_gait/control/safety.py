@@ -67,3 +67,8 @@ class Trip(NamedTuple):
         if self.side is None:
             return _ELSEWHERE.get(self.cause, "supply")
         return f"{self.side} {self.joint or 'leg'}"
+
+    @property
+    def text(self) -> str:
+        """In words: ``encoder frozen, left knee``, or ``operator``, who is cause and place in one."""
+        return ", ".join(dict.fromkeys((str(self.cause).replace("_", " "), self.place)))

@@ -84,7 +84,7 @@ def foresee(
     if ends:
         told = ends
     elif not (numbers["watching"] and records[0].steady):
-        told = f"stays up {ahead}"
+        told = f"does not fall {ahead}"
     elif run.waiting():
         told = f"waits for a step {ahead}"
     elif verdict.outcome is Outcome.WALKED:
@@ -156,10 +156,7 @@ def _endings(walk: LiveWalk, first: int) -> str:
     """How a walk ended after a first tick, in words; of one that goes on nothing."""
     run, found = walk.run, []
     if run.trip is not None:
-        found.append(
-            f"trips after {(run.trip.tick - first) * TICK:.1f} s "
-            f"({str(run.trip.cause).replace('_', ' ')}, {run.trip.place})"
-        )
+        found.append(f"trips after {(run.trip.tick - first) * TICK:.1f} s ({run.trip.text})")
     if run.status is not RunStatus.COMPLETED:
         what = {RunStatus.FELL: "falls", RunStatus.DIVERGED: "diverges"}[run.status]
         found.append(f"{what} after {(run.tick - first) * TICK:.1f} s")

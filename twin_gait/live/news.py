@@ -58,7 +58,7 @@ class EventBook:
 
 
 _ENDINGS = {
-    "held": "the legs are held, the belt stops and the harness is locked; start again to walk",
+    "held": "the legs are held; start again to walk",
     "fell": "the wearer fell; start again to walk",
     "diverged": "the simulation diverged; start again to walk",
 }

@@ -72,7 +72,7 @@ def flight_share(legs: Sequence[LegRecord]) -> float:
     Returns share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
     """
     loaded = [
-        np.concatenate([leg.loaded[span] for span in leg.steady_ticks])
+        np.concatenate([leg.loaded[:0], *(leg.loaded[span] for span in leg.steady_ticks)])
         for leg in legs
         if leg.loaded is not None
     ]

@@ -208,7 +208,7 @@ class Run:
     @property
     def _held_text(self) -> str:
         assert self.trip is not None
-        return f"held from {self.trip.time:.3f} s on: {self.trip.cause} ({self.trip.place})"
+        return f"held from {self.trip.time:.3f} s on: {self.trip.text}"
 
     @property
     def steady(self) -> Spans:

@@ -175,7 +175,10 @@ def _arc_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     up, down = ("lexion or dorsiflexion", "xtension or plantarflexion") if ankle else ("lexion", "xtension")
     return [
         {"label": f"F{up} torque", "colour": palette.FLEXION_COLOUR},
-        {"label": f"E{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": palette.EXTENSION_COLOUR},
+        {
+            "label": f"E{down} torque (longest from {FULL_TORQUE:.0f} N·m on)",
+            "colour": palette.EXTENSION_COLOUR,
+        },
     ]
 
 

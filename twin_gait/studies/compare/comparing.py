@@ -150,7 +150,7 @@ def _changed(experiment: Experiment, asked: tuple[Controller, int]) -> Experimen
 
 def _measured(nominal_seed: int, run: Run) -> tuple[dict[str, object], Run | None]:
     """A row of the table, and the run itself if it is of the nominal day."""
-    trip = "" if run.trip is None else f"{run.trip.cause} of the {run.trip.place} at {run.trip.time:.2f} s"
+    trip = "" if run.trip is None else f"{run.trip.text} at {run.trip.time:.2f} s"
     row = {"status": str(run.status), "trip": trip, **run_measures(run)}
     return row, run if run.experiment.seed == nominal_seed else None
 
