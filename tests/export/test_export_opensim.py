@@ -105,7 +105,7 @@ def bench(tmp_path_factory):
     ],
 )
 def test_export_writes_a_motion_of_the_chosen_model(bench, tmp_path, capsys, options, sign, in_degrees):
-    path = tmp_path / "walk.mot"
+    path = tmp_path / f"walk.{options[1]}"
     assert main(["export", str(bench), *options, "--out", str(path)]) == 0
     assert capsys.readouterr().out == f"500 rows, 3 columns: {path}\n"
     header, motion = read_motion(path)
@@ -119,6 +119,8 @@ def test_export_goes_into_the_run_by_default_and_replaces_with_force_only(bench,
     assert main(["export", str(bench), "--format", "mot"]) == 0
     assert main(["export", str(bench), "--format", "mot"]) == 2
     assert "log.mot: exists; choose another --out" in capsys.readouterr().err
+    assert main(["export", str(bench), "--format", "mot", "--out", "walk.csv"]) == 2
+    assert "--out walk.csv: ends in .csv, but mot is written" in capsys.readouterr().err
     assert main(["export", str(bench), "--format", "mot", "--force"]) == 0
 
 

@@ -49,6 +49,7 @@ time\tknee_angle_r\tground_force_vy\tground_force_vy
 0.516\t-13.65755478\t1.0\t2.0
 """
 CSV_TEXT = "t,hip_l,kn_l,state\n0,10,5,stance\n0.001,11,6,stance\n0.002,12,7,swing\n"
+CSV_GAP = CSV_TEXT.partition("0,")[0] + "".join(f"0.0{n},10,5,a\n" for n in range(6)) + "0.45,10,5,a\n"
 CSV_COLUMNS = {"time": "t", "left_hip_angle": "hip_l", "left_knee_angle": "kn_l", "left_phase": "state"}
 
 
@@ -186,6 +187,7 @@ CSV_MISTAKES = {
     "no such column": (CSV_TEXT.replace("kn_l", "knee"), "kn_l: no such column; there are t, hip_l, knee"),
     "column twice": (CSV_TEXT.replace("kn_l", "hip_l"), "2 columns have this name"),
     "a word": (CSV_TEXT.replace("11", "eleven"), "hip_l: expected a finite number in row 2, got 'eleven'"),
+    "rows that are missing": (CSV_GAP, r"time: has no rows for 0.4 s from 0.05 s on \(row 6\); cut it there"),
     "a gap": (CSV_TEXT.replace("11,", ","), "hip_l: expected a finite number in row 2, got ''"),
     "NaN": (CSV_TEXT.replace("11", "nan"), "row 2, got 'nan'"),
     "infinity": (CSV_TEXT.replace("11", "1e999"), "row 2, got '1e999'"),

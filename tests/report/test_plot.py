@@ -143,7 +143,7 @@ def test_plot_draws_all_that_the_run_has(folder):
         (["--out", "all.pdf"], "--out: takes one figure"),
         (["--figure", "energy", "--width", "3"], "width: expected 60 to 270 mm, got 3"),
         (["--figure", "energy", "--format", "doc"], "invalid choice"),
-        (["--figure", "energy", "--format", "png", "--out", "x.pdf"], "ends in .pdf, but --format is png"),
+        (["--figure", "energy", "--format", "png", "--out", "x.pdf"], "ends in .pdf, but png is written"),
     ],
 )
 def test_a_mistake_is_one_line(folder, capsys, options, said):

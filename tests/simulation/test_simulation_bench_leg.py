@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from twin_gait import RunStatus, load_experiment, simulate
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Integration, IntegrationMethod
 from twin_gait.simulation.log import WORK_SOURCES
 
@@ -261,3 +262,8 @@ def test_a_request_to_stop_ends_the_run_with_what_there_is():
     run = simulate(experiment, should_stop=stop_at_third)
     assert run.status is RunStatus.INTERRUPTED
     assert len(run.log) == 200
+
+
+def test_the_name_of_a_preset_is_no_experiment():
+    with pytest.raises(ParameterError, match="expected an Experiment, got 'bench_leg'; see load_experiment"):
+        simulate("bench_leg")

@@ -63,14 +63,12 @@ def plot(arguments: argparse.Namespace) -> int:
     drawn = {name: draw_for_paper(shown, name, width) for name in names}
     suffix = "" if out is None else out.suffix[1:]
     kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
-    if suffix in PRINT_FORMATS and suffix != kind:
-        raise ParameterError(f"--out {out}: ends in .{suffix}, but --format is {kind}; leave one of them out")
     folder = arguments.directory / FIGURES_FOLDER
     paths = {name: out or folder / f"{name}-{width:g}mm.{kind}" for name in names}
     if out is None:
         folder.mkdir(exist_ok=True)
     for path in paths.values():
-        options.check_file("--out", path, force=arguments.force)
+        options.check_file("--out", path, force=arguments.force, form=kind)
     for name, (figure, caption) in drawn.items():
         save(figure, paths[name], form=kind, resolution=RESOLUTION)
         print(f"{paths[name]}\n  {caption}")
@@ -98,7 +96,8 @@ def export(arguments: argparse.Namespace) -> int:
     path = out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
     if kind == FOLDER:
         return _write_folder(run, path, convention, device=device, force=arguments.force)
-    options.check_file("--out", path, force=arguments.force)
+    form = Path(CAN_FILES.get(kind, f"log.{kind}")).suffix[1:]
+    options.check_file("--out", path, force=arguments.force, form=form)
     if kind in CAN_FILES:
         return _write_frames(run, path, kind)
     columns = list(run.log.columns)

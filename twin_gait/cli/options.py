@@ -177,8 +177,17 @@ def workers_of(arguments: argparse.Namespace) -> int:
     return int(arguments.workers)
 
 
-def check_file(flag: str, path: Path, *, force: bool) -> None:
-    """Refuse a file that cannot be written, before any work is done for it."""
+_ENDINGS = {"csv", "parquet", "mot", "sto", "log", "asc", "html", "png", "jpg", "jpeg", "svg", "pdf"}
+
+
+def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
+    """Refuse a file that cannot be written, before any work is done for it.
+
+    ``form``: ending of what is written; a name with that of another format is refused.
+    """
+    ending = path.suffix[1:].lower()
+    if form and ending in _ENDINGS and ending != form:
+        raise ParameterError(f"{flag} {path}: ends in .{ending}, but {form} is written")
     if path.is_dir():
         raise RunDirectoryError(f"{flag} {path}: is a directory; name a file")
     if path.exists() and not force:

@@ -73,9 +73,9 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ParameterError(f"--at: expected a time in s, got {arguments.at:g}")
     if arguments.size is not None and arguments.png is None:
         raise ParameterError("--size: is the size of a picture; give --png FILE too")
-    for option, path in (("--out", arguments.out), ("--png", arguments.png)):
+    for option, path, form in (("--out", arguments.out, "html"), ("--png", arguments.png, "png")):
         if path is not None:
-            options.check_file(option, path.expanduser(), force=arguments.force)
+            options.check_file(option, path.expanduser(), force=arguments.force, form=form)
 
 
 def picture_size(text: str | None) -> PictureSize:

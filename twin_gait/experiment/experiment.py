@@ -91,7 +91,7 @@ class Experiment(Parameters):
         scenario: The world.
         leg: URDF and joint names.
         table: The gait table, before scaling.
-        duration: In [s], a whole number of ticks.
+        duration: In [s], rounded to whole ticks.
         patient: The wearer, or None for the empty device.
         control: The controller.
         plant: The leg.

@@ -21,6 +21,7 @@ SAME_INSTANT = 1e-6  # [s]
 FURTHEST_BACKWARDS = np.radians(-30.0)
 LARGEST_ANGLE = np.pi  # [rad]; beyond it degrees were taken for radians
 LARGEST_LOAD = 1e5  # [N]
+LONGEST_GAP, GAP_ROWS = 0.1, 5.0  # [s] and usual rows: a longer gap hides switches
 LATEST = 1e12  # [s]; seconds since 1970 are fine, nanoseconds are not
 Resample = Callable[[np.ndarray], np.ndarray]
 
@@ -83,8 +84,9 @@ def at_ticks(
     ascending, shape ``(n,)``; ``angles`` of each joint of each leg in [rad], finite, shape ``(n,)`` each;
     ``loads``: normal force of the feet in [N], finite, shape ``(n,)`` each; ``phases``: phases by name, shape
     ``(n,)`` each; ``device``: signals of the device by name in SI, finite, shape ``(n,)`` each. Raises
-    ParameterFileError if there are too few samples, times that do not ascend or a length beyond an hour, or
-    if an angle or a load cannot be one in that unit and sign.
+    ParameterFileError if there are too few samples, times that do not ascend, a gap of more than
+    ``LONGEST_GAP`` and ``GAP_ROWS`` usual rows, a length beyond an hour, or if an angle or a load cannot be
+    one in that unit and sign.
     """
     _check_time(source, time)
     _check_angles(source, angles)
@@ -119,6 +121,10 @@ def _check_time(source: str, time: np.ndarray) -> None:
     if not TICK <= duration <= LONGEST_RUN:
         text = f"expected seconds, at least {TICK:g} and at most {LONGEST_RUN:g}: convert or cut it"
         raise ParameterFileError(source, "time", f"spans {duration:g} s; {text}")
+    row, usual = int(steps.argmax()), float(np.median(steps))
+    if steps[row] > max(LONGEST_GAP, GAP_ROWS * usual):
+        text = f"has no rows for {steps[row]:.3g} s from {time[row]:g} s on (row {row + 1}); cut it there"
+        raise ParameterFileError(source, "time", text)
 
 
 def _check_angles(source: str, angles: Mapping[Side, Mapping[str, np.ndarray]]) -> None:

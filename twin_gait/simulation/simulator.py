@@ -8,7 +8,7 @@ from contextlib import suppress
 from itertools import islice
 
 from twin_gait.control.controller import Controller, UncompiledControllerError
-from twin_gait.exceptions import JobFailed, TwinGaitError
+from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, EpisodeEngine, log_layout
@@ -59,6 +59,8 @@ def simulate(
             or give what it should.
         MeasurementError: If, without a safety monitor, the state machine is handed something not finite.
     """
+    if not isinstance(experiment, Experiment):
+        raise ParameterError(f"simulate: expected an Experiment, got {experiment!r}; see load_experiment")
     engine = engine_of(build_problem(experiment, controller), on_compile)
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
