@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment, simulate
+from twin_gait.cli.simulate import report
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.gait.machine import POSTURE
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.runs.record import load_run
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
 from twin_gait.simulation.problem import build_problem
@@ -90,6 +92,9 @@ def test_an_early_request_for_the_chair_says_how_long_the_wearer_has_stood():
     done = run(*STAYING, requests="sit@2.999s, sit@3s", seconds=3.5)
     early, late = done.answers
     assert early.refused == "standing for 2.999 s, less than 3 s"
+    told = f"sit at 2.999 s: {early.refused}"
+    assert summarise(done)["requests_refused"] == told
+    assert f"  refused: {told}" in report(done, summarise(done), Path("run"))
     assert late.after == "sit_down" and late.time == 3.0
 
 

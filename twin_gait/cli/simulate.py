@@ -121,6 +121,8 @@ def report(result: simulation.Run, summary: dict[str, Any], out: Path) -> Iterat
     yield f"{ended}{word}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)"
     if result.verdict.reason:
         yield f"  {result.verdict.reason}"
+    for text in result.refused:
+        yield f"  refused: {text}"
     for line in summary_lines(summary):
         yield f"  {line}"
     if "accuracy" in summary:

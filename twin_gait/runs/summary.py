@@ -73,6 +73,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "symmetry": _symmetry(sides),
         **battery_in_numbers(run),
         "safety": _safety(run),
+        **({} if run.experiment.modes is None else {"requests_refused": " | ".join(run.refused)}),
         **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
         **_guide(run),
         **crutch_summary(run),

@@ -25,6 +25,11 @@ class Answer(NamedTuple):
         """When it was made in [s]."""
         return self.tick * TICK
 
+    @property
+    def text(self) -> str:
+        """In words: ``sit at 5.000 s: standing for 1.2 s, less than 3 s``."""
+        return f"{self.request} at {self.time:.3f} s: {self.refused or f'{self.before} to {self.after}'}"
+
 
 def answers_in(
     log: pd.DataFrame, modes: ModeTable, table: GaitTable, initial: str | None, body_weight: float

@@ -234,6 +234,11 @@ class Run:
         return tuple(answers_in(self.log, modes, self.table, initial, self.body_weight))
 
     @property
+    def refused(self) -> list[str]:
+        """Requests that were refused, each in words."""
+        return [answer.text for answer in self.answers if answer.refused]
+
+    @property
     def events(self) -> tuple[RunEvent, ...]:
         """Injected faults, trip, fall and divergence in the order of time."""
         end = (len(self.log) - 1) * TICK
