@@ -309,6 +309,15 @@ def test_ctrl_c_leaves_a_complete_marked_run_and_status_130(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
+def test_one_thread_is_asked_of_blas_before_numpy_is_loaded():
+    code = (
+        "import os, sys, twin_gait.cli.program as m; m.build_parser(); early = 'numpy' in sys.modules; "
+        "m.main(['presets']); sys.exit(early or os.environ.get('OPENBLAS_NUM_THREADS') != '1')"
+    )
+    lean = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    assert subprocess.run([sys.executable, "-c", code], env=lean, stdout=subprocess.DEVNULL).returncode == 0
+
+
 def test_help_answers_without_loading_the_physics():
     code = "import sys, twin_gait.cli.program as m; m.build_parser(); sys.exit('pinocchio' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
