@@ -32,10 +32,12 @@ from synthetic_run import (
 
 import twin_gait
 from twin_gait import load_experiment, simulate
+from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.report.walk_words import HEAD, carried_by_belt, lines_of, table_of_walk, who_drives
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import Treadmill
 
 
@@ -381,3 +383,17 @@ def test_leg_on_a_stand_has_no_walk_to_tell_of(bench_run: Run) -> None:
     assert who_drives(summary) == carried_by_belt(summary) == ""
     # A summary of an earlier version has none either.
     assert table_of_walk({"sides": {"left": {"strides": 3}}}) == []
+
+
+def test_what_a_leg_does_in_the_hold_is_no_gait(walk: Run, summary: dict[str, Any]) -> None:
+    trip = Trip(LENGTH * 2 // 3, TripCause.DRIVE, Side.LEFT, JointName.HIP)
+    log = walk.log.copy()
+    for side in Side:
+        log.loc[trip.tick :, f"{side}_phase"] = log[f"{side}_phase"].iloc[trip.tick]
+        log.loc[trip.tick :, f"{side}_foot_clearance_m"] = -0.01
+    for side, found in summarise(replace(walk, log=log, trip=trip))["sides"].items():
+        whole = summary["sides"][side]
+        assert 0 < found["strides"] < whole["strides"]
+        assert found["heel_strikes_without_early_stance"] == 0
+        assert found["early_stance_lag_largest_s"] == whole["early_stance_lag_largest_s"]
+        assert found["toe_clearance_least_m"] > 0.0
