@@ -366,6 +366,8 @@ def test_belt_that_carries_a_walk_is_said_and_no_other(walk: Run, summary: dict[
     free = dragged(walk, 0.0)
     assert carried_by_belt(free) == "" and free["power"]["carried_by_belt"] is False
     assert "belt 0.0 W" in who_drives(summary)
+    crutches = {"power": {**summary["power"], "guide_W": -5.0}, "free_trunk": {}}
+    assert ", arms and harness −5.0 W." in who_drives(crutches)
     pulled = dragged(walk, 20.0)
     mean = 2.0 * 20.0 * (1.0 - SWING / STRIDE)
     assert pulled["power"]["belt_W"] == pytest.approx(mean * 1.5 / 3.6)

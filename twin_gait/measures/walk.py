@@ -318,8 +318,10 @@ class WalkPower(NamedTuple):
     belt: float  # power that the belt gives to both feet, in [W]
     motors: float  # net mechanical power of all motors at their joints in [W]
     wearer: float  # of the wearer's own effort in [W]
-    guide: float  # power of guide or harness into the pelvis in [W]; none for a guide that does not move
-    guide_force: float  # mean forward force of the guide on the pelvis in [N]
+    # power of guide or harness, off the rails of arms and seat too, into the pelvis as it goes forwards, in
+    # [W]; none for a guide that does not move
+    guide: float
+    guide_force: float  # mean forward force of these on the pelvis in [N]
     carried_by_belt: bool  # whether the belt carries the walk, see belt_carries
 
 
