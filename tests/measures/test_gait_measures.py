@@ -28,10 +28,13 @@ from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
     cadence,
     double_support_share,
+    in_strides,
     normalise_strides,
+    over_strides,
     step_times,
     stride_extremes,
     stride_lengths,
+    walks,
 )
 from twin_gait.runs.log_files import read_table
 from twin_gait.vocabulary import JointName, Side
@@ -65,6 +68,18 @@ def test_both_feet_carry_for_a_quarter_of_the_stride():
     assert double_support_share(left, right, strides) == pytest.approx(0.25)
     assert double_support_share(left, ~left, strides) == 0.0
     assert math.isnan(double_support_share(left, right, strides[:0]))
+
+
+def test_strides_of_two_walks_leave_out_what_is_between():
+    bounds = np.array([[10, 20], [20, 30], [80, 90]])
+    assert walks(bounds).tolist() == [[10, 30], [80, 90]]
+    assert over_strides(np.arange(100), bounds).tolist() == [*range(10, 30), *range(80, 90)]
+    ticks = np.array([9, 10, 20, 29, 30, 50, 80, 90])
+    assert in_strides(ticks, bounds).tolist() == [False, True, True, True, False, False, True, False]
+    assert in_strides(ticks, bounds, last=True).tolist() == [False, *[True] * 4, False, True, True]
+    assert walks(bounds[:0]).shape == (0, 2)
+    assert not in_strides(ticks, bounds[:0], last=True).any()
+    assert len(over_strides(np.arange(100), bounds[:0])) == 0
 
 
 # ---------------------------------------------------------------- distance from healthy gait

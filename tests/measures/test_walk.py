@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import PERCENT, ErrorParts, error_parts
 from twin_gait.measures.walk import (
     WalkMeasures,
+    WalkPower,
     Walkway,
     belt_carries,
     pressure_curve,
@@ -165,6 +167,33 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     assert not belt_carries(10.0, 4.1, WALKWAY)
     assert not belt_carries(7.5, -5.0, WALKWAY)  # less than 2 % of the carried 400 N
     assert not belt_carries(math.nan, math.nan, WALKWAY)
+
+
+def test_standing_between_two_walks_is_in_no_measure() -> None:
+    """Six strides, ten seconds of standing, and the same six strides."""
+    walk, pause = walk_log(), 10_000
+    walk["pelvis_forward_m"] = SPEED * walk["time_s"]
+    standing = walk.iloc[[-1] * pause].assign(
+        left_hip_velocity_rad_per_s=3.0, left_foot_normal_force_N=CARRIED, guide_force_N=-70.0
+    )
+    standing["left_phase"] = np.where(np.arange(pause) < pause // 2, *PHASES)
+    log = pd.concat([walk, standing, walk], ignore_index=True)
+    end = len(walk) * TICK
+    spans = ((0.0, end), (end + pause * TICK, 2.0 * end + pause * TICK))
+    floor = replace(WALKWAY, belt_speed=0.0)
+
+    def both(log: pd.DataFrame, **when: Any) -> tuple[WalkMeasures, WalkPower]:
+        left, right = (leg_record(log, side, PHASES, TICK, **when) for side in Side)
+        found = walk_measures(log, left, right, floor, swing_phase=1, skip=0)
+        return found, walk_power(log, [found], left.strides(skip=0), floor)
+
+    (alone, drives), (twice, drive) = both(walk), both(log, steady=spans)
+    assert twice.strides == 2 * alone.strides
+    assert drive == pytest.approx(drives)
+    known = {name: value for name, value in vars(alone).items() if name not in ("strides", "motor_power")}
+    assert {name: vars(twice)[name] for name in known} == pytest.approx(known)
+    assert twice.motor_power == pytest.approx(alone.motor_power)
+    assert twice.step_length == pytest.approx(SPEED * 0.75)
 
 
 # ------------------------------------------------------------------ offset, timing and shape

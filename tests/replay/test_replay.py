@@ -156,6 +156,18 @@ def test_the_directory_of_a_run_has_its_table_scaled_to_the_wearer(tmp_path):
         assert replay_log(ReplayRequest(log=str(tmp_path / "run"), table=table)).switches == run.switches
 
 
+def test_a_run_whose_legs_were_held_is_replayed_up_to_the_trip(tmp_path):
+    settings = ["duration_s=5", "faults=[encoder_missing:left_knee@3.2s]"]
+    run = simulate(load_experiment("treadmill", settings).experiment)
+    save_run(run, tmp_path / "run", pictures=False)
+    result = replay_log(ReplayRequest(log=str(tmp_path / "run")))
+    assert run.trip is not None and result.recording.n_ticks == run.trip.tick == 3200
+    assert result.switches == run.switches
+    for compared in agreement(result).values():
+        assert compared.equal_share == 1.0
+        assert not any(np.signbit(lags).any() for lags in compared.lags.values())
+
+
 def test_another_threshold_moves_the_switches_and_the_agreement_says_so(walk):
     leave = next(item for item in walk.table.transitions if item.cause == "clearance")
     hip, *others = leave.guard.guards

@@ -32,10 +32,12 @@ from synthetic_run import (
 
 import twin_gait
 from twin_gait import load_experiment, simulate
+from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.report.walk_words import HEAD, carried_by_belt, lines_of, table_of_walk, who_drives
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import Treadmill
 
 
@@ -364,6 +366,8 @@ def test_belt_that_carries_a_walk_is_said_and_no_other(walk: Run, summary: dict[
     free = dragged(walk, 0.0)
     assert carried_by_belt(free) == "" and free["power"]["carried_by_belt"] is False
     assert "belt 0.0 W" in who_drives(summary)
+    crutches = {"power": {**summary["power"], "guide_W": -5.0}, "free_trunk": {}}
+    assert ", arms and harness −5.0 W." in who_drives(crutches)
     pulled = dragged(walk, 20.0)
     mean = 2.0 * 20.0 * (1.0 - SWING / STRIDE)
     assert pulled["power"]["belt_W"] == pytest.approx(mean * 1.5 / 3.6)
@@ -381,3 +385,17 @@ def test_leg_on_a_stand_has_no_walk_to_tell_of(bench_run: Run) -> None:
     assert who_drives(summary) == carried_by_belt(summary) == ""
     # A summary of an earlier version has none either.
     assert table_of_walk({"sides": {"left": {"strides": 3}}}) == []
+
+
+def test_what_a_leg_does_in_the_hold_is_no_gait(walk: Run, summary: dict[str, Any]) -> None:
+    trip = Trip(LENGTH * 2 // 3, TripCause.DRIVE, Side.LEFT, JointName.HIP)
+    log = walk.log.copy()
+    for side in Side:
+        log.loc[trip.tick :, f"{side}_phase"] = log[f"{side}_phase"].iloc[trip.tick]
+        log.loc[trip.tick :, f"{side}_foot_clearance_m"] = -0.01
+    for side, found in summarise(replace(walk, log=log, trip=trip))["sides"].items():
+        whole = summary["sides"][side]
+        assert 0 < found["strides"] < whole["strides"]
+        assert found["heel_strikes_without_early_stance"] == 0
+        assert found["early_stance_lag_largest_s"] == whole["early_stance_lag_largest_s"]
+        assert found["toe_clearance_least_m"] > 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.validation import parse_assignment
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.studies import draw_faults, fault_row, outcome_table, simulate_faults
+from twin_gait.studies.fault_campaign import limit_lines
 from twin_gait.vocabulary import JointName, Outcome, Side
 from twin_gait.worlds import Fault, FaultKind, parse_fault
 
@@ -216,6 +218,23 @@ def test_a_row_tells_what_came_of_a_fault(tripped):
     row = fault_row(tripped)
     assert (row["outcome"], row["cause"], row["trip_place"]) == ("held", "encoder_jump", "right hip")
     assert row["detection_s"] == 0.0 and row["time_s"] == 1.0
+
+
+def test_a_trip_before_the_fault_has_not_noticed_it(tripped):
+    (fault,) = tripped.experiment.faults
+    late = replace(tripped.experiment, faults=(replace(fault, time=1.5),))
+    row = fault_row(replace(tripped, experiment=late))
+    assert (row["cause"], row["trip_time_s"]) == ("encoder_jump", 1.0) and math.isnan(row["detection_s"])
+    table = pd.DataFrame([fault_row(tripped), row])
+    told = outcome_table(table).iloc[0]
+    assert (told["held"], told["detected by"], told["longest"]) == (2, "encoder_jump 1", "0 ms")
+    assert limit_lines(table)[0] == "tripped before their fault: 1 of 2, which say nothing of it"
+
+
+def test_runs_in_which_no_walk_was_asked_for_are_counted():
+    rising = load_experiment("sit_to_stand", ["duration_s=3"]).experiment
+    row = outcome_table(simulate_faults(rising, [parse_fault("supply_dip@1s=2V")]).table).iloc[0]
+    assert (row["runs"], row["completed"], row["walked"]) == (1, 1, 0)
 
 
 def run_command(module, *arguments: str) -> int:

@@ -9,10 +9,14 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
 from twin_gait.simulation.problem import build_problem
+from twin_gait.studies.batch import simulate_batch
 from twin_gait.studies.compare.comparing import compare, find_controllers, varied
+from twin_gait.studies.sweep.spec import sweep_from_mapping
+from twin_gait.studies.sweep.sweep import run_sweep
 from twin_gait.studies.tune.parts import part_costs, rate_walk
 from twin_gait.studies.tune.tune import Settings, tune
 from twin_gait.studies.tune.walks import robust_cases
@@ -49,6 +53,22 @@ def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
     assert 0.5 * (10.0 * share) ** 2 == pytest.approx(
         part_costs(rated.values, rated.joints)["crutch_load_pct"]
     )
+
+
+def test_a_sweep_under_operating_modes_tells_what_the_summary_of_each_run_does(tmp_path):
+    rising = load_experiment("sit_to_stand", ["duration_s=1"]).experiment
+    row = simulate_batch(rising, [{}]).table.iloc[0]
+    whole = summarise(simulate(rising))
+    assert (row["status"], row["outcome"]) == (whole["status"], whole["outcome"]) == ("completed", None)
+    assert row["left_strides"] == whole["sides"]["left"]["strides"] == 0
+    document = {
+        "name": "rising", "experiment": "sit_to_stand", "settings": {"duration_s": 1},
+        "method": "list", "episodes": [{"patient.mass_kg": 70}, {"patient.mass_kg": 72}],
+    }  # fmt: skip
+    swept = run_sweep(
+        sweep_from_mapping(document, "rising.yaml", tmp_path), tmp_path / "swept", pictures=False
+    )
+    assert swept.summary["outcomes"] == {"completed": 2}
 
 
 @pytest.mark.slow  # half a minute of walking, in a loop of its own for every controller

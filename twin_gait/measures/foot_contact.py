@@ -34,6 +34,10 @@ class FootContacts(NamedTuple):
     toe_offs: np.ndarray  # ticks at which the foot leaves the ground for a swing, shape ``(m,)``
     further_contacts: np.ndarray  # ticks of all other rises: bounces and scuffs
 
+    def before(self, tick: int) -> FootContacts:
+        """Those before a tick."""
+        return FootContacts(*(ticks[ticks < tick] for ticks in self))
+
 
 def is_loaded(normal_force: np.ndarray) -> np.ndarray:
     """Whether a foot carries, with hysteresis.

@@ -40,11 +40,27 @@ def stride_count(counted: int, found: int) -> str:
     return text if counted == found else f"{text} (the first {found - counted} of {found} settle)"
 
 
+def walks(bounds: np.ndarray) -> np.ndarray:
+    """Strides that follow each other, joined: legs that stand between two walks make no stride meanwhile.
+
+    ``bounds``: strides in ascending order, shape ``(n_strides, 2)``. Returns first tick of each walk and
+    first tick after it, shape ``(m, 2)``, integers.
+    """
+    begins = np.ones(len(bounds), dtype=bool)
+    begins[1:] = bounds[1:, 0] != bounds[:-1, 1]
+    return np.column_stack((bounds[begins, 0], bounds[np.roll(begins, -1), 1]))
+
+
 def in_strides(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
-    """Which ticks are in strides that follow each other, ``last``: or the end of the last one; booleans."""
-    if len(bounds) == 0:
-        return np.zeros(len(ticks), dtype=bool)
-    return np.asarray((ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last))
+    """Which ticks are in a stride, ``last``: or the end of one; booleans."""
+    begun = np.searchsorted(bounds[:, 0], ticks, side="right")
+    ended = np.searchsorted(bounds[:, 1], ticks, side="left" if last else "right")
+    return np.asarray(begun > ended)
+
+
+def over_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """What a signal of one value a tick is in all strides, one behind the other."""
+    return np.concatenate([signal[:0], *(signal[start:end] for start, end in walks(bounds))])
 
 
 def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:

@@ -111,13 +111,11 @@ def walk_measures(
     ``log``: one row a tick, with the columns whose names end as in ``WALK_COLUMNS``; ``swing_phase``: index
     of swing flexion; None for a table without it; ``skip``: so many strides at the start do not count.
     """
-    contacts, others, force = leg.contacts, other.contacts, leg.normal_force
-    assert contacts is not None and others is not None  # there is ground
+    contacts, force = leg.contacts, leg.normal_force
+    assert contacts is not None  # there is ground
     assert leg.clearance is not None and force is not None
     bounds = leg.strides(skip=skip)
     times = strides.stride_times(bounds, leg.tick)
-    strikes = contacts.heel_strikes[strides.in_strides(contacts.heel_strikes, bounds, last=True)]
-    steps = strides.step_times(strikes, others.heel_strikes, leg.tick)
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
     fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
     load = force / walkway.carried_weight
@@ -128,7 +126,7 @@ def walk_measures(
         strides=len(bounds),
         stride_time=_mean(times),
         cadence=strides.cadence(times),
-        step_length=ground_speed(log, bounds, leg.tick, walkway) * _mean(steps),
+        step_length=ground_speed(log, bounds, leg.tick, walkway) * _mean(counted_steps(leg, other, bounds)),
         load_peak=_mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
@@ -143,6 +141,20 @@ def walk_measures(
     )
 
 
+def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.ndarray:
+    """Durations in [s] of the steps that end at a heel strike of some strides and begin in the same walk."""
+    contacts, others = leg.contacts, other.contacts
+    assert contacts is not None and others is not None  # there is ground
+    strikes = contacts.heel_strikes[strides.in_strides(contacts.heel_strikes, bounds, last=True)]
+    found = [np.zeros(0)]
+    for span in leg.steady_ticks:
+        own, before = (
+            ticks[(ticks >= span.start) & (ticks <= span.stop)] for ticks in (strikes, others.heel_strikes)
+        )
+        found.append(strides.step_times(own, before, leg.tick))
+    return np.concatenate(found)
+
+
 # Ends of the names of the columns of a log that the measures of a walk read, beside time and phases.
 WALK_COLUMNS = (
     "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_patient_torque_Nm", "_foot_normal_force_N",
@@ -155,9 +167,9 @@ def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Wa
     """Mean speed over the ground in some strides, in [m] / [s]: of a belt, or of the pelvis without one."""
     if walkway.belt_speed != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
         return walkway.belt_speed
-    first, last = bounds[0, 0], min(bounds[-1, 1], len(log) - 1)
-    way = log["pelvis_forward_m"].to_numpy()
-    return float((way[last] - way[first]) / (tick * (last - first)))
+    place = log["pelvis_forward_m"].to_numpy()
+    first, last = strides.walks(bounds).clip(max=len(log) - 1).T
+    return float(np.sum(place[last] - place[first]) / (tick * np.sum(last - first)))
 
 
 def _mean(values: np.ndarray) -> float:
@@ -178,10 +190,10 @@ def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
     """Mean of a signal over the time of all strides.
 
-    ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds``: strides that follow each other, shape
-    ``(n_strides, 2)``. Returned in the unit of the signal; NaN without strides.
+    ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds``: strides, shape ``(n_strides, 2)``.
+    Returned in the unit of the signal; NaN without strides.
     """
-    return _mean(signal[int(bounds[0, 0]) : int(bounds[-1, 1])]) if len(bounds) else math.nan
+    return _mean(strides.over_strides(signal, bounds))
 
 
 def load_shape(cycle: np.ndarray) -> dict[str, float]:
@@ -306,8 +318,10 @@ class WalkPower(NamedTuple):
     belt: float  # power that the belt gives to both feet, in [W]
     motors: float  # net mechanical power of all motors at their joints in [W]
     wearer: float  # of the wearer's own effort in [W]
-    guide: float  # power of guide or harness into the pelvis in [W]; none for a guide that does not move
-    guide_force: float  # mean forward force of the guide on the pelvis in [N]
+    # power of guide or harness, off the rails of arms and seat too, into the pelvis as it goes forwards, in
+    # [W]; none for a guide that does not move
+    guide: float
+    guide_force: float  # mean forward force of these on the pelvis in [N]
     carried_by_belt: bool  # whether the belt carries the walk, see belt_carries
 
 

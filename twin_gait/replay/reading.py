@@ -18,6 +18,7 @@ from twin_gait.runs.log_files import LogTable, read_table
 from twin_gait.vocabulary import JointName, Side
 
 TIME = "time"
+SAFETY_STATE = "safety_state"  # above 0 while the legs are held
 _TIME_COLUMNS = ("time_s", "time", "Time", "t")
 _UNIT_ENDINGS = {"_rad": RADIANS, "_deg": DEGREES, "[rad]": RADIANS, "[deg]": DEGREES, "(deg)": DEGREES}
 
@@ -63,10 +64,18 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     ``path``: a .parquet or .csv file with columns such as ``left_hip_angle_rad``, or any with the names
     given; or a .mot or .sto file of OpenSim; ``log_format``: how to read it. Returns the walk at the ticks of
     the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
-    message names file, column and the way out.
+    message names file, column and the way out. Of a run whose legs were held, what comes before it.
     """
     log_format = log_format or LogFormat()
-    return _Reader(read_table(path), log_format).recording()
+    return _Reader(_before_a_hold(read_table(path)), log_format).recording()
+
+
+def _before_a_hold(table: LogTable) -> LogTable:
+    """A log of this package up to a trip of the monitor, from which on no guard moves the legs."""
+    if SAFETY_STATE not in table:
+        return table
+    held = np.flatnonzero(table.numbers(SAFETY_STATE) > 0.0)
+    return replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
 
 
 def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recording:

@@ -80,7 +80,7 @@ def _compare(replayed: np.ndarray, recorded: np.ndarray, names: tuple[str, ...])
     np.add.at(confusion, (codes, replayed), 1)
     lags = {
         # entry_lags counts a phase that begins before the event as positive; a late replay is positive here.
-        name: -entry_lags(_entries(replayed, index), _entries(codes, index), TICK)
+        name: 0.0 - entry_lags(_entries(replayed, index), _entries(codes, index), TICK)
         for index, name in enumerate(names)
     }
     return Agreement(rows, names, confusion, lags)

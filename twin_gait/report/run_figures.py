@@ -22,7 +22,13 @@ from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import phase_spells, usual_phases
-from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
+from twin_gait.measures.strides import (
+    PERCENT,
+    normalise_strides,
+    root_mean_square_error,
+    stride_count,
+    walks,
+)
 from twin_gait.measures.walk import pressure_curve
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report import canvas
@@ -199,13 +205,13 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
 
 
 def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw angle against velocity, coloured by phase, over the last settled strides or else the whole run."""
+    """Draw angle against velocity, coloured by phase, over the last strides of a walk or else the run."""
     title = "Phase portraits; a dot marks each change of phase"
     sheet, occurring = Sheet(run, title, (width, 8.5)), []
     unit = "{} velocity [°/s]".format
     for axes, record, joint in sheet.leg_panels(unit, sharex="row"):
         bounds = shown_strides(record)[-MOST_STRIDES:]
-        rows = slice(int(bounds[0, 0]), int(bounds[-1, 1])) if len(bounds) else slice(0, len(record.phases))
+        rows = slice(*walks(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
         phases = canvas.shown_phases(run, record, rows)
         speeds = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
         points = np.degrees(np.column_stack((record.angles[joint], speeds))[rows])

@@ -125,7 +125,8 @@ def who_drives(summary: Mapping[str, Any]) -> str:
     power = summary.get("power")
     if not power or power["belt_W"] is None:
         return ""
-    sources = {"belt_W": "belt", "motors_W": "motors", "wearer_W": "wearer", "guide_W": "harness"}
+    guide = "arms and harness" if "free_trunk" in summary else "harness"  # as the log has guide_force_N
+    sources = {"belt_W": "belt", "motors_W": "motors", "wearer_W": "wearer", "guide_W": guide}
     shown = {key: f"{name} {_text(power[key], 1)} W" for key, name in sources.items()}
     parts = [text for key, text in shown.items() if power[key] or key in ("belt_W", "motors_W")]
     return f"Mean power into the walk: {', '.join(parts)}."

@@ -118,6 +118,8 @@ class MeasuredLeg:
         record, contacts = self.record, self.record.contacts
         if contacts is None or record.clearance is None:
             return {"strides": None, "further_contacts": None}
+        if self.run.trip is not None:  # legs that are held are lowered; no machine moves them
+            contacts = contacts.before(self.run.trip.tick)
         lags = phases.entry_lags(record.entries, contacts.heel_strikes, TICK)
         clearances = swing_clearances(record.clearance, contacts)
         return {

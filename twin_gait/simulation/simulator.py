@@ -21,6 +21,7 @@ FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compi
 # Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
 # that a summary reads.
 MOST_TICKS = 2_000_000
+ALWAYS_KEPT = ("_phase", "mode")  # ends of the names of columns by which a run tells when its legs walk
 _LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
 
 
@@ -148,7 +149,8 @@ def simulate_together(
 
     Args:
         experiments: Taken as they are needed, some more than a block at a time.
-        columns: Ends of the names of the columns that the logs keep; all by default. Time and phases stay.
+        columns: Ends of the names of the columns that the logs keep; all by default. Time, phases and
+            operating mode stay.
         on_compile: Called if an engine has to be compiled first.
         should_stop: Asked between episodes, or blocks of them; True ends the work.
 
@@ -209,7 +211,7 @@ def _run(
     """
     names, kept = engines[0].layout.names, None
     if columns is not None:
-        kept = [place for place, name in enumerate(names) if name.endswith((*columns, "_phase"))]
+        kept = [place for place, name in enumerate(names) if name.endswith((*columns, *ALWAYS_KEPT))]
     began = time.perf_counter()
     alike = [engine for engine in engines if isinstance(engine, CompiledEngine)]
     try:

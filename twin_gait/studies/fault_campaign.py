@@ -126,9 +126,9 @@ def fault_row(run: Run) -> dict[str, Any]:
     """Sum up a run with one fault.
 
     The fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time of the
-    trip (empty without one) and the time from fault to trip; largest motor torque and current and whether
-    both are inside their limits in every tick; empty values among commands and plant; whether the hold, once
-    there, lasts to the end.
+    trip (empty without one) and the time from fault to trip, if it is one that came before; largest motor
+    torque and current and whether both are inside their limits in every tick; empty values among commands and
+    plant; whether the hold, once there, lasts to the end.
     """
     (fault,) = run.experiment.faults
     trip, limits = run.trip, run.experiment.control.limits
@@ -138,6 +138,7 @@ def fault_row(run: Run) -> dict[str, Any]:
         for name in ("motor_torque_Nm", "measured_current_A")
     )
     plant = [name for name in run.log if not str(name).endswith(_MEASURED)]
+    late = math.nan if trip is None else round((trip.time - fault.time) / TICK) * TICK
     return {
         "fault": str(fault),
         "kind": str(fault.kind),
@@ -145,11 +146,11 @@ def fault_row(run: Run) -> dict[str, Any]:
         "joint": None if fault.joint is None else str(fault.joint),
         "time_s": fault.time,
         "magnitude": fault.strength if fault.kind.units else math.nan,
-        "outcome": str(run.verdict.outcome),
+        "outcome": str(run.verdict.outcome or run.status),
         "cause": "" if trip is None else str(trip.cause),
         "trip_place": "" if trip is None else trip.place,
         "trip_time_s": math.nan if trip is None else trip.time,
-        "detection_s": math.nan if trip is None else round((trip.time - fault.time) / TICK) * TICK,
+        "detection_s": math.nan if late < 0.0 else late,
         "torque_peak_Nm": torque,
         "current_peak_A": current,
         "within_limits": torque <= limits.torque + _ROUNDING and current <= limits.current + _ROUNDING,
@@ -162,19 +163,21 @@ def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
     """Outcomes and times of detection by kind of fault, and for all: texts and counts.
 
     Detection is the time from the fault to the trip: a frozen encoder on a joint that stands still is no
-    danger yet, and is noticed when the joint moves.
+    danger yet, and is noticed when the joint moves. A run in which no walk was asked for and that nothing
+    ended is *completed*.
     """
     kinds = [str(kind) for kind in FaultKind if (table["kind"] == kind).any()]
-    rows = [_outcome_row(kind, table[table["kind"] == kind]) for kind in kinds]
-    return pd.DataFrame([*rows, {**_outcome_row("all", table), "detected by": ""}])
+    outcomes = list(dict.fromkeys([*map(str, OUTCOMES), *sorted(table["outcome"])]))
+    rows = [_outcome_row(kind, table[table["kind"] == kind], outcomes) for kind in kinds]
+    return pd.DataFrame([*rows, {**_outcome_row("all", table, outcomes), "detected by": ""}])
 
 
-def _outcome_row(name: str, rows: pd.DataFrame) -> dict[str, Any]:
-    counts = {str(item): int((rows["outcome"] == item).sum()) for item in OUTCOMES}
-    tripped = rows[rows["cause"] != ""]
-    causes = ", ".join(f"{cause} {count}" for cause, count in tripped["cause"].value_counts().items())
-    times = [tripped["detection_s"].median(), tripped["detection_s"].max()]
-    median, longest = (f"{1e3 * time:.0f} ms" if len(tripped) else "–" for time in times)
+def _outcome_row(name: str, rows: pd.DataFrame, outcomes: Sequence[str]) -> dict[str, Any]:
+    counts = {item: int((rows["outcome"] == item).sum()) for item in outcomes}
+    noticed = rows[rows["detection_s"].notna()]
+    causes = ", ".join(f"{cause} {count}" for cause, count in noticed["cause"].value_counts().items())
+    times = [noticed["detection_s"].median(), noticed["detection_s"].max()]
+    median, longest = (f"{1e3 * time:.0f} ms" if len(noticed) else "–" for time in times)
     return {
         "fault": name,
         "runs": len(rows),
@@ -188,7 +191,9 @@ def _outcome_row(name: str, rows: pd.DataFrame) -> dict[str, Any]:
 def limit_lines(table: pd.DataFrame) -> list[str]:
     """What must hold in every run, and in how many it did."""
     count, tripped = len(table), table[table["cause"] != ""]
+    early = int(tripped["detection_s"].isna().sum())
     return [
+        *[f"tripped before their fault: {early} of {count}, which say nothing of it"] * (early > 0),
         f"torque and current inside limits in every tick: {int(table['within_limits'].sum())} of {count}",
         f"no empty command or plant value: {int((table['null_values'] == 0).sum())} of {count}",
         f"every trip ends in the hold and stays there: {int(tripped['hold_kept'].sum())} of {len(tripped)}",

@@ -12,7 +12,7 @@ from twin_gait.measures import effort, strides
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
-from twin_gait.measures.walk import ground_speed
+from twin_gait.measures.walk import counted_steps, ground_speed
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import MeasuredLeg, continuous_current
@@ -46,19 +46,16 @@ def run_measures(run: Run) -> Measures:
 
 def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
     own, others = leg.record, other.record
-    assert own.contacts is not None and others.contacts is not None  # there is a belt
-    assert own.loaded is not None and others.loaded is not None
+    assert own.loaded is not None and others.loaded is not None  # there is ground
     assert leg.run.walkway is not None  # it carries a share of the weight
     known, times = leg.by_contact(), strides.stride_times(leg.strides, TICK)
     speed = ground_speed(leg.run.log, leg.strides, TICK, leg.run.walkway)
-    strikes = own.contacts.heel_strikes
-    steps = strides.step_times(strikes[strikes >= leg.strides[0, 0]], others.contacts.heel_strikes, TICK)
     return {
         "strides": float(len(leg.strides)),
         "stride_time_s": known["stride_time_mean_s"],
         "cadence_per_min": strides.cadence(times),
         "stride_length_m": float(strides.stride_lengths(times, speed).mean()),
-        "step_time_s": strides.finite_mean(steps),
+        "step_time_s": strides.finite_mean(counted_steps(own, others, leg.strides)),
         "swing_share": known["swing_share"],
         "double_support_share": strides.double_support_share(own.loaded, others.loaded, leg.strides),
         "toe_clearance_m": known["toe_clearance_least_m"],
@@ -94,19 +91,27 @@ def _shape(leg: MeasuredLeg, joint: JointName) -> Measures:
 def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     """Torques, work and current of a joint over the strides that count."""
     run, side = leg.run, leg.record.side
-    span = slice(int(leg.strides[0, 0]), int(leg.strides[-1, 1]))
     actuator = run.experiment.plant.actuators[joint]
-    device = _device_torque(run.log.iloc[span], f"{side}_{joint}", actuator.armature)
+    walks = [run.log.iloc[start:end] for start, end in strides.walks(leg.strides)]
+    device = np.concatenate([_device_torque(walk, f"{side}_{joint}", actuator.armature) for walk in walks])
     # What acts on the wearer works on their own motion, which with braces is not that of the device.
-    velocity, own = leg.wearer_velocity(joint)[span], voluntary_torque(run, side, joint)[span]
-    current = effort.load(leg.column(joint, "measured_current_A")[span], continuous_current(actuator))
+    velocity, own, flowing = (
+        strides.over_strides(values, leg.strides)
+        for values in (
+            leg.wearer_velocity(joint),
+            voluntary_torque(run, side, joint),
+            leg.column(joint, "measured_current_A"),
+        )
+    )
+    current = effort.load(flowing, continuous_current(actuator))
+    half_way = int(leg.strides[0, 0] + leg.strides[-1, 1]) // 2
     return {
         "interaction_rms_Nm": effort.root_mean_square(device),
         "effort_rms_Nm": effort.root_mean_square(own),
         "opposing_rms_Nm": effort.root_mean_square(effort.opposing_torque(device, own)),
         "device_work_J": effort.positive_work(device, velocity, TICK),
         "wearer_work_J": effort.positive_work(own, velocity, TICK),
-        "assistance_level": assistance_level(run, side, joint, (span.start + span.stop) // 2),
+        "assistance_level": assistance_level(run, side, joint, half_way),
         "current_rms_A": current.rms,
         "current_rms_share": current.continuous_share,
     }

@@ -259,7 +259,7 @@ def _run(sweep: Sweep, store: SweepStore, workers: Workers, **watch: Unpack[Watc
 
 
 def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> dict[str, Any]:
-    total, outcomes = len(sweep.design), table.get("outcome", pd.Series(dtype=str)).value_counts()
+    total, outcomes = len(sweep.design), _outcomes(table)
     return {
         "name": sweep.name,
         "sweep_sha256": sweep.sha256,
@@ -271,12 +271,19 @@ def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> di
     }
 
 
+def _outcomes(table: pd.DataFrame) -> pd.Series:
+    """How many episodes had which outcome; of one that was not asked to walk its status counts."""
+    if "outcome" not in table:
+        return pd.Series(dtype=int)
+    return table["outcome"].fillna(table["status"]).value_counts()
+
+
 def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
     parameters = list(batch.setting_columns(sweep.design.keys).values())
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
-    counts = table["outcome"].value_counts().items()
+    counts = _outcomes(table).items()
     rows = [("outcome", "episodes", "share [%]")]
     rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     figures = sweep_figures(table, parameters, measures, title)
