@@ -156,6 +156,13 @@ class Assembly:
                         f"{joint.shortname().removeprefix('JointModel')} with {joint.nv} degrees of freedom"
                     )
                     raise ModelError(f"{self._path}: joint {name!r} is {kind}; expected a revolute one")
+                limits = self.model.lowerPositionLimit, self.model.upperPositionLimit
+                low, high = (float(limit[joint.idx_q]) for limit in limits)
+                if not low < high:
+                    raise ModelError(
+                        f"{self._path}: joint {name!r} can turn from {low:g} to {high:g} rad; expected lower "
+                        "below upper in its <limit>"
+                    )
 
     def _stretch(self, proximal: int, distal: int, length: float) -> None:
         placement = self.model.jointPlacements[distal]
