@@ -85,8 +85,9 @@ def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
             end = low if atom.operator == ">" else high
             if low < atom.threshold < high or atom.threshold == end:
                 continue
+            side = atom.signal if atom.minus is None else f"{atom.signal} - {atom.minus}"
             truth = "always" if (atom.threshold <= low) == (atom.operator == ">") else "never"
-            reason = f"{atom} is {truth} true: the left side lies in {low:.4g} … {high:.4g}"
+            reason = f"{atom} is {truth} true: {side} lies in {low:.4g} … {high:.4g}"
             suggestion = "move the threshold inside the range, or take the condition out"
             yield about(item, Severity.WARNING, reason, suggestion)
 
