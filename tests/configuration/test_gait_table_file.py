@@ -431,6 +431,11 @@ def test_misspelt_phase_over_another_table_is_told(tmp_path: Path) -> None:
     refuse(text, tmp_path, "phases.late_stanc.hip", "is missing; did you mean the phase late_stance?")
 
 
+def test_phase_that_is_set_to_nothing_is_refused(tmp_path: Path) -> None:
+    text = "schema_version: 1\nextends: treadmill\nphases: {late_stance: null}\n"
+    refuse(text, tmp_path, "phases.late_stance: expected keys and values, got None")
+
+
 def test_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     for path, explained in ((tmp_path / "nowhere.yaml", "No such file"), (tmp_path, "cannot be read")):
         with pytest.raises(ParameterFileError) as caught:

@@ -262,7 +262,7 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
             location, problem = (*location, first["ctx"]["key"]), first["ctx"]["problem"]
         elif first["type"] == "missing":
             problem = "is missing"
-        elif first["type"] in ("model_type", "model_attributes_type"):
+        elif first["type"] in ("model_type", "model_attributes_type", "dict_type"):
             problem = f"expected keys and values, got {short(first.get('input'))}"
         elif first["type"] == "value_error":
             problem = problem.removeprefix("Value error, ")
