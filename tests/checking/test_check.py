@@ -352,6 +352,33 @@ def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path
     assert [str(item.severity) for item in found if item.rule == "both_in_swing"][:1] == ["warning"]
 
 
+def test_joints_in_another_order_are_refused_as_a_run_refuses_them(tmp_path: Path) -> None:
+    path = tmp_path / "turned.yaml"
+    path.write_text("schema_version: 1\nextends: treadmill\njoints: [knee, hip]\n", encoding="utf-8")
+    with pytest.raises(
+        ParameterError, match="controls knee, hip; expected some of hip, knee, ankle, in this"
+    ):
+        load_case(path)
+
+
+def test_words_of_a_pair_of_equal_phases_and_of_a_threshold_out_of_reach(tmp_path: Path) -> None:
+    path = tmp_path / "stuck.yaml"
+    text = """
+    schema_version: 1
+    extends: treadmill
+    transitions:
+      - {from: late_stance, to: swing_flexion, cause: trailing_limb,
+         all: ["other.phase in [early_stance]", "hip.angle_deg < 200"]}
+    """
+    path.write_text(text, encoding="utf-8")
+    starts = ["scenario.leading_phase=late_stance", "scenario.trailing_phase=late_stance"]
+    found = check(load_case(path, None, starts))
+    ways_out = {item.suggestion for item in found if item.rule == "deadlock"}
+    assert "let late_stance be left in this case too, or give it a time-out" in ways_out
+    (reason,) = (item.reason for item in found if item.rule == "threshold_beyond_limits")
+    assert reason == "hip.angle_deg < 200 is always true: hip.angle_deg lies in -20 … 110"
+
+
 def test_machine_with_other_joints_shows_its_defects(tmp_path: Path) -> None:
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE.replace("ankle.angle_deg > 5", "ankle.angle_deg > 45"), encoding="utf-8")

@@ -12,7 +12,7 @@ from table_builder import FIVE_PHASES
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking import leaving, sense, stability, torques
-from twin_gait.checking.check import build_case
+from twin_gait.checking.check import build_case, check_before_run
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import friction_torque, hanging_legs
 from twin_gait.checking.postures import (
@@ -340,6 +340,14 @@ def test_the_jump_is_that_of_impedance_gravity_and_friction_compensation_togethe
     expected = abs(command("swing_extension") - command("swing_flexion"))
     assert hip.whole == pytest.approx(expected, rel=1e-9)
     assert 0.0 < hip.tick < 0.1 * expected
+
+
+@pytest.mark.parametrize("mode", ["position", "constant"])
+def test_what_does_not_move_the_legs_by_phases_is_not_asked_how_it_leaves_them(mode):
+    """Both ship, and a run of the default walk under them was refused."""
+    driven = load_experiment("treadmill", [f"control.mode={mode}"]).experiment
+    found = check_before_run(driven)
+    assert not [item for item in found if item.severity is Severity.ERROR or item.rule == "cannot_leave"]
 
 
 def test_blending_turns_it_into_a_warning_with_the_step_of_the_law():

@@ -305,6 +305,15 @@ MISTAKES = {
     "scaling mass": ("carried_mass_kg: 36", "carried_mass_kg: 0", "scaling.carried_mass_kg", "0"),
     "transition to nowhere": ("to: late_stance", "to: flight", "transitions[1]", "flight"),
     "transition to itself": ("to: middle_stance", "to: early_stance", "transitions[0]", "itself"),
+    "transition twice": (
+        "transitions:\n",
+        "transitions:\n  - {from: early_stance, to: middle_stance, cause: loaded, after_s: 2}\n",
+        "transitions[1]", "the same from, to and cause as transitions[0]; leave one out, or give it another",
+    ),
+    "stiffness below 0": (
+        "stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg: -2.5",
+        "phases.early_stance.hip.stiffness_Nm_per_deg", "got -2.5 Nm/deg",
+    ),
     "no exit": (
         "from: early_stance", "from: swing_flexion",
         "phases.early_stance", "no transition leaves it",
@@ -398,10 +407,10 @@ def test_missing_phase_is_named(missing: str) -> None:
 @pytest.mark.parametrize(
     ("text", "explained"),
     [
-        ("", "expected keys and values"),
-        ("- a\n- b\n", "expected keys and values, got list"),
-        ("just text", "expected keys and values, got str"),
-        ("42", "expected keys and values, got int"),
+        ("", "expected keys and values, got nothing"),
+        ("- a\n- b\n", "expected keys and values, got ['a', 'b']"),
+        ("just text", "expected keys and values, got 'just text'"),
+        ("42", "expected keys and values, got 42"),
         ("a: b: c", "not valid YAML"),
         ("--- a\n--- b\n", "not valid YAML"),
         ("\x00", "not valid YAML"),
@@ -415,6 +424,16 @@ def test_missing_phase_is_named(missing: str) -> None:
 )
 def test_text_that_is_no_table_is_refused(text: str, explained: str, tmp_path: Path) -> None:
     refuse(text, tmp_path, explained)
+
+
+def test_misspelt_phase_over_another_table_is_told(tmp_path: Path) -> None:
+    text = "schema_version: 1\nextends: treadmill\nphases: {late_stanc: {hip: {stiffness_Nm_per_deg: 2}}}\n"
+    refuse(text, tmp_path, "phases.late_stanc.hip", "is missing; did you mean the phase late_stance?")
+
+
+def test_phase_that_is_set_to_nothing_is_refused(tmp_path: Path) -> None:
+    text = "schema_version: 1\nextends: treadmill\nphases: {late_stance: null}\n"
+    refuse(text, tmp_path, "phases.late_stance: expected keys and values, got None")
 
 
 def test_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:

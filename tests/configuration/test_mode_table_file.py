@@ -81,14 +81,14 @@ def test_either_kind_of_table_is_found_by_its_name():
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        (("hold",), "flying", "my_modes.yaml: hold: no phase 'flying'; there are rest, walk, held"),
+        (("hold",), "flying", "my_modes.yaml: hold: no mode 'flying'; there are rest, walk, held"),
         (("modes", "rest", "postur"), "stand", "modes.rest.postur"),
         (("modes", "walk", "minimum_duration_ms"), -1, "modes.walk.minimum_duration_ms"),
         (("modes", "walk", "walk"), "yes please", "modes.walk.walk"),
         (("requests",), ["walk", "walk"], "no request 'stop'; there are walk, walk"),
         (("transitions", 0, "all"), ["request in [run]"], r"transitions\[0\].*no request 'run'"),
         (("transitions", 0, "all"), ["hip.angle_deg > 5"], r"transitions\[0\].*no signal 'hip.angle_deg'"),
-        (("transitions", 0, "to"), "flying", "no phase 'flying'"),
+        (("transitions", 0, "to"), "flying", "no mode 'flying'"),
         (("transitions", 0, "debounce_ms"), 5, "a request lasts for one tick"),
         (("phases",), {}, "phases"),
         (("schema_version",), 2, "schema_version"),
@@ -132,7 +132,7 @@ def test_modes_may_stand_in_the_file_of_the_experiment_or_beside_it(tmp_path):
         found = load_experiment(path).experiment.modes
         assert found is not None and found.phases == read(SMALL).phases
     (tmp_path / "mine.yaml").write_text(dump_yaml({**SMALL, "hold": "x"}), encoding="utf-8")
-    with pytest.raises(ParameterFileError, match=r"mine\.yaml: hold: no phase 'x'"):
+    with pytest.raises(ParameterFileError, match=r"mine\.yaml: hold: no mode 'x'"):
         load_experiment(tmp_path / "experiment_0.yaml")
 
 

@@ -245,7 +245,7 @@ def asking(source: str, target: str, debounce: int = 1) -> Transition:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"hold": "flying"}, "hold: no phase 'flying'"),
+        ({"hold": "flying"}, "hold: no mode 'flying'"),
         ({"hold": "sitting"}, "the device cannot begin in sitting"),
         ({"requests": ("stand", "stand")}, "stand is named twice"),
         ({"requests": ("stand up",)}, "expected a word, got 'stand up'"),

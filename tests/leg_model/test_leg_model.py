@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import Any
@@ -509,8 +510,20 @@ def test_file_that_is_no_robot_is_refused(content: bytes, explained: str, tmp_pa
 
 MISFITS = {
     "joint": ('<joint name="knee"', '<joint name="elbow"', "no joint 'knee' for the right knee; it has hip"),
-    "link": ('<link name="sole"/>', '<link name="tip"/>', "Pinocchio cannot build"),
-    "child": ('<child link="thigh"/>', "", "Pinocchio cannot build"),
+    "link": ('<link name="sole"/>', '<link name="tip"/>', "child link [sole] of joint"),
+    "child": ('<child link="thigh"/>', "", "missing a parent and/or child link"),
+    "no limit": (
+        '<limit lower="-1" upper="2" effort="100" velocity="10"/>',
+        "",
+        "joint 'hip' is revolute and has no <limit>; give it one with lower, upper (in rad), effort and "
+        "velocity; a joint without stops is continuous",
+    ),
+    "limit in words": ('lower="-1"', 'lower="low"', "lower value (low) is not a valid float"),
+    "limits": ('lower="-1" upper="2"', 'lower="2" upper="-1"', "can turn from 2 to -1 rad; expected lower"),
+    "no range": ('lower="-1" upper="2" ', "", "can turn from 0 to 0 rad; expected lower"),
+    "kind": ('type="revolute"', 'type="hinge"', "has no known type [hinge]"),
+    "no mass": ('<mass value="3"/>', "", "has no <mass>, and the link would weigh nothing"),
+    "half an inertia": ('ixx="0.04"', "", "has no ixx, and the link would weigh nothing"),
     "floating": ('type="revolute"', 'type="floating"', "one"),
     "planar": ('type="revolute"', 'type="planar"', "one"),
     "sliding": ('type="revolute"', 'type="prismatic"', "revolute"),
@@ -540,6 +553,28 @@ def test_contact_frame_that_is_not_there_is_named(tmp_path: Path) -> None:
     path.write_text(PENDULUM.format(kind="revolute", knee=-0.4))
     legs = {Side.RIGHT: LegJoints(hip="hip", knee="knee", contact_frames=("heel",))}
     refused(path, "no frame 'heel' for the right foot", "sole", legs=legs)
+
+
+CHAINS = {
+    "a joint twice": ({"knee": "left_hip"}, "joint 'left_hip' is both left hip and left knee"),
+    "a leg upside down": (
+        {"hip": "left_knee", "knee": "left_hip"},
+        "joint 'left_hip' of the left knee does not hang on 'left_knee'; from the root on it has left_hip",
+    ),
+    "the other leg's": (
+        {"knee": "right_knee"},
+        "on 'left_hip'; from the root on it has right_hip, ",
+    ),
+    "the other foot": (
+        {"contact_frames": ("left_heel", "right_toe")},
+        "frame 'right_toe' of the left foot does not hang on 'left_ankle'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("names", "explained"), CHAINS.values(), ids=list(CHAINS))
+def test_legs_whose_parts_do_not_hang_together_are_refused(names: dict[str, Any], explained: str) -> None:
+    refused("twin.urdf", explained, legs={Side.LEFT: replace(LegJoints.of_twin(Side.LEFT), **names)})
 
 
 @pytest.mark.parametrize("fit_device", [True, False])

@@ -141,6 +141,17 @@ def test_a_controller_that_cannot_be_compiled_works_and_says_so():
     assert run.status == "completed" and counts.calls == 100
 
 
+def test_a_tick_of_bytecode_that_numba_does_not_know_steps_through_python():
+    def imports(memory, device, tick, period):
+        import math
+
+        device.joints[0].demand.target = math.sin(0.01 * tick)
+
+    with pytest.warns(SlowControllerWarning):
+        run = simulate(bench("duration_s=0.05"), controller=controller_with(imports))
+    assert run.log["right_hip_target_torque_Nm"].iloc[-1] == pytest.approx(np.sin(0.49))
+
+
 def test_setpoints_alone_cost_no_tick_and_take_the_place_of_the_modes():
     class Soft(Controller):
         def setpoints(self, plan, side, rows):
@@ -191,6 +202,27 @@ class Ragged:
     rows: list[list[float]]
 
 
+@dataclass(slots=True)
+class Counted:
+    """Whole numbers."""
+
+    strides: int
+    by_joint: list[int]
+
+
+def counts_halves(memory, device, tick, period):
+    memory.strides += 0.5
+
+
+def counts_halves_by_joint(memory, device, tick, period):
+    for number in range(len(device.joints)):
+        memory.by_joint[number] += 0.5
+
+
+def counted(self, plan):
+    return Counted(0, [0, 0])
+
+
 NO_MEMORY = "expected a memory that is a dataclass with slots"
 TAKES = r"static method tick\(memory, device, tick, period\), got tick\("
 WRONG = {
@@ -234,6 +266,18 @@ WRONG = {
         NO_MEMORY,
     ),
     "words": (controller_with(halve, memory=lambda self, plan: Words(1.0)), NO_MEMORY),
+    "a float that would be cut": (
+        controller_with(counts_halves, memory=counted),
+        "expected a whole number in strides, which its class declares as int, got a float",
+    ),
+    "a float that would be cut in a list": (
+        controller_with(counts_halves_by_joint, memory=counted),
+        "expected a whole number in by_joint, which its class declares as int, got a float",
+    ),
+    "a float at the start": (
+        controller_with(halve, memory=lambda self, plan: Counted(0, [0, 0.5])),
+        "expected a whole number in by_joint",
+    ),
     "rows": (
         controller_with(halve, memory=lambda self, plan: Ragged([[1.0], [1.0, 2.0]])),
         NO_MEMORY,
@@ -249,6 +293,16 @@ def test_a_controller_that_is_wrong_is_named_in_one_line(wrong, engine):
     with pytest.raises(ParameterError, match=message) as told:
         simulate(bench("duration_s=0.1", f"engine={engine}"), controller=controller)
     assert "\n" not in str(told.value) and re.match("controller '(Mine|Weaker|halve)': ", str(told.value))
+
+
+def test_a_float_that_a_called_function_would_cut_is_refused():
+    helper = numba.njit(counts_halves_by_joint)
+
+    def calls(memory, device, tick, period):
+        helper(memory, device, tick, period)
+
+    with pytest.raises(ParameterError, match="expected a whole number in by_joint"):
+        simulate(bench("duration_s=0.1"), controller=controller_with(calls, memory=counted))
 
 
 def divides(memory, device, tick, period):

@@ -63,7 +63,7 @@ def load_case(
     if experiment is None:
         preset = table.name if table.name in presets() else DEFAULT_PRESET
         own = load_experiment(preset, settings).experiment
-        return build_case(table, own if table.joints == own.table.joints else None)
+        return build_case(table, own if set(table.joints) == set(own.table.joints) else None)
     return build_case(table, load_experiment(experiment, settings).experiment)
 
 

@@ -1,12 +1,13 @@
 """Exits of a phase: open at once, never open, following a switch at once; idle conditions."""
 
 import itertools
+import re
 from collections.abc import Callable, Iterator
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
 from twin_gait.gait.feasibility import Bound, Requirement, translated
-from twin_gait.gait.guards import Comparison, PhaseMembership, atoms, compared
+from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import ANGLE, LOAD, OTHER_TIME, TIME, VELOCITY, signal_of
 from twin_gait.gait.table import TICK, Transition
@@ -53,7 +54,7 @@ def never_opens(case: CheckCase) -> Iterator[Finding]:
     space = signal_space(case)
     for index, item in enumerate(space.table.transitions):
         if not item.is_time_out and space.opening(index) is None:
-            reason = f"no signals inside the limits open {item.guard} {_in_time(space, index)}"
+            reason = f"no signals inside the limits open {_short(item.guard)} {_in_time(space, index)}"
             yield about(item, Severity.ERROR, reason, "correct the thresholds, or take the transition out")
 
 
@@ -85,10 +86,16 @@ def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
             end = low if atom.operator == ">" else high
             if low < atom.threshold < high or atom.threshold == end:
                 continue
+            side = atom.signal if atom.minus is None else f"{atom.signal} - {atom.minus}"
             truth = "always" if (atom.threshold <= low) == (atom.operator == ">") else "never"
-            reason = f"{atom} is {truth} true: the left side lies in {low:.4g} … {high:.4g}"
+            reason = f"{_short(atom)} is {truth} true: {side} lies in {low:.4g} … {high:.4g}"
             suggestion = "move the threshold inside the range, or take the condition out"
             yield about(item, Severity.WARNING, reason, suggestion)
+
+
+def _short(guard: Guard) -> str:
+    """A guard whose scaled thresholds have no more digits than anybody writes."""
+    return re.sub(r"\d+\.\d{6,}", lambda number: f"{float(number[0]):.6g}", str(guard))
 
 
 def _range_of(space: SignalSpace, item: Transition, atom: Comparison) -> tuple[float, float]:

@@ -261,7 +261,8 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
         goes_on = any(signals_for(space, step) is not None for step in alone)
         if not goes_on and not {first, second} <= set(case.gait.postures):
             reason = f"with one leg in {first} and the other in {second} no signals ever let either go on"
-            suggestion = f"let {first} or {second} be left in this case too, or give one a time-out"
+            either, one = (first, "it") if first == second else (f"{first} or {second}", "one")
+            suggestion = f"let {either} be left in this case too, or give {one} a time-out"
             yield Finding(Severity.ERROR, reason, suggestion, phase=first)
 
 

@@ -114,10 +114,13 @@ def _some_exit_opens(
 
 @once
 def _leavings(case: CheckCase) -> list[_Leaving]:
-    """Worst way out of every phase with guarded exits; not of a stance that is declared to end by contact."""
+    """Worst way out of every phase with guarded exits; not of a stance that is declared to end by contact.
+
+    None where the controller moves the legs by something else than their phases.
+    """
     space, found = signal_space(case), []
     for leg in hanging_legs(case):
-        for phase in leg.phases:
+        for phase in leg.phases if leg.problem.controller.by_phases else ():
             exits = _guarded_exits(space, phase)
             declared = any(_is_driven_by_contact(space, leg, index) for index in exits)
             if not exits or (declared and in_contact(leg, phase)):

@@ -79,7 +79,10 @@ def unstable(case: CheckCase) -> Iterator[Finding]:
             f"a small motion about {_about(VELOCITIES[worst])} is amplified by {radius - 1.0:.2%} in every "
             f"{1e3 * phase.loops[0].frame:g} ms (spectral radius {radius:.4f})"
         )
-        yield phase.finding(Severity.ERROR, reason, f"stay below the largest {_margins(phase)}")
+        margins = _margins(phase)
+        helps = margins.count(" none (") < 2 * len(phase.leg.joints)
+        other = "move the equilibrium or change the stiffness: no b or G of one joint alone makes it stable"
+        yield phase.finding(Severity.ERROR, reason, f"stay below the largest {margins}" if helps else other)
 
 
 @rule

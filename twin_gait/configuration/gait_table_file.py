@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
@@ -106,9 +107,7 @@ def gait_table_from_mapping(
     refuse_two_units(data, source)
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
-    phases = {
-        phase: _phase(values, joints, source, f"phases.{phase}") for phase, values in entry.phases.items()
-    }
+    phases = {phase: _phase_of(entry.phases, phase, joints, source) for phase in entry.phases}
     # Some of the five phases are a mistake, unless the table says how it goes round without the others.
     if set(phases) < {str(item) for item in GaitPhase} and not entry.cycles:
         missing = ", ".join(str(item) for item in GaitPhase if item not in phases)
@@ -145,6 +144,20 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     entry: Any = validate(phase_section(joints), values, source, key)
     phase: table.PhaseParameters = converting(source, key, entry.convert)
     return phase
+
+
+def _phase_of(
+    phases: dict[str, dict[str, Any]], name: str, joints: tuple[str, ...], source: str
+) -> table.PhaseParameters:
+    """A phase; what is missing in one with nearly the name of another is a misspelt name."""
+    try:
+        return _phase(phases[name], joints, source, f"phases.{name}")
+    except ParameterFileError as error:
+        near = get_close_matches(name, [other for other in phases if other != name], n=1, cutoff=0.9)
+        if not near or not error.problem.endswith("is missing"):
+            raise
+        problem = f"{error.problem}; did you mean the phase {near[0]}?"
+        raise ParameterFileError(source, error.key, problem) from error
 
 
 def _transition(

@@ -149,7 +149,11 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
 
 def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
     """Type of a number in a unit, validated as that in SI."""
-    ends = {value: f" {end}" for end, value in item.unit.factors.items()} if item.unit else {}
+    ends = (
+        {value: f" {end.replace('_per_', '/')}" for end, value in item.unit.factors.items()}
+        if item.unit
+        else {}
+    )
     unit = "" if factor == 1.0 else ends[factor]
 
     def in_si(value: Any) -> Any:

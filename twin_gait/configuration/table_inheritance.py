@@ -56,6 +56,7 @@ def extended_table(
     of an inherited one. The name is not taken over.
     """
     own = {key: _listed(data, key, source) for key in _LISTS}
+    _check_twice(own["transitions"])
     if "extends" not in data:
         return TableMapping(data, _places(own))
     name = data["extends"]
@@ -90,13 +91,9 @@ def extended_table(
 def _transitions(inherited: list[_Entry], own: list[_Entry], base: str) -> list[_Entry]:
     """Transitions of two tables as one list, each replaced one where the inherited one stood."""
     known = {item.identity for item in inherited}
-    said: dict[tuple[Any, ...] | None, _Entry] = {}
+    said = {item.identity: item for item in own}
     added = []
     for item in own:
-        if item.identity is not None and item.identity in said:
-            first = said[item.identity].place.key
-            raise ParameterFileError(*item.place, f"the same from, to and cause as {first}; leave one out")
-        said[item.identity] = item
         if _removes(item):
             _check_removal(item, inherited, base)
         elif item.identity is None or item.identity not in known:
@@ -107,6 +104,17 @@ def _transitions(inherited: list[_Entry], own: list[_Entry], base: str) -> list[
         if not _removes(mine) and mine not in merged:
             merged.append(mine)
     return merged + added
+
+
+def _check_twice(own: list[_Entry]) -> None:
+    """Refuse two transitions that neither the log nor a table that extends this one could tell apart."""
+    said: dict[tuple[Any, ...], str] = {}
+    for item in own:
+        if item.identity in said:
+            problem = f"the same from, to and cause as {said[item.identity]}"
+            raise ParameterFileError(*item.place, f"{problem}; leave one out, or give it another cause")
+        if item.identity is not None:
+            said[item.identity] = item.place.key
 
 
 def _removes(item: _Entry) -> bool:

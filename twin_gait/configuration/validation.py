@@ -214,7 +214,8 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
     except (RecursionError, ValueError, OverflowError, AttributeError, TypeError) as error:
         raise ParameterFileError(source, "", f"not valid YAML: {_one_line(str(error))}") from error
     if not isinstance(data, dict):
-        raise ParameterFileError(source, "", f"expected keys and values, got {type(data).__name__}")
+        got = "nothing" if data is None else short(data)
+        raise ParameterFileError(source, "", f"expected keys and values, got {got}")
     refuse_two_units(data, source)
     return data
 
@@ -261,11 +262,12 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
             location, problem = (*location, first["ctx"]["key"]), first["ctx"]["problem"]
         elif first["type"] == "missing":
             problem = "is missing"
-        elif first["type"] in ("model_type", "model_attributes_type"):
+        elif first["type"] in ("model_type", "model_attributes_type", "dict_type"):
             problem = f"expected keys and values, got {short(first.get('input'))}"
         elif first["type"] == "value_error":
             problem = problem.removeprefix("Value error, ")
         else:
+            problem = problem.replace("valid tuple", "valid list")
             problem = f"{problem[:1].lower()}{problem[1:]}, got {short(first.get('input'))}"
         key = f"{place}.{_dotted(_as_written(location, data))}".strip(".")
         raise ParameterFileError(source, key, problem) from error

@@ -177,14 +177,16 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
     return found
 
 
-def checked(name: str, tick: TickFunction) -> TickFunction:
-    """A tick whose demands are looked at.
+def checked(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]) -> TickFunction:
+    """A tick whose demands and memory are looked at.
 
-    ParameterError if it returns something or demands no number; what is not finite is for the monitor.
+    ``float_in``: names a field of whole numbers that holds a float. ParameterError if there is one, if the
+    tick returns something or demands no number; what is not finite is for the monitor.
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
         require_no_answer(name, tick(memory, device, number, period))  # type: ignore[func-returns-value]
+        require_whole_numbers(name, float_in(memory))
         for joint in device.joints:
             for key in _DEMANDED:
                 value = getattr(joint.demand, key)
@@ -202,4 +204,13 @@ def require_no_answer(name: str, answer: Any) -> None:
         raise ParameterError(
             f"controller {name!r}: expected a tick that changes demands in place and returns nothing, "
             f"got {reprlib.repr(answer)}"
+        )
+
+
+def require_whole_numbers(name: str, field: str | None) -> None:
+    """Refuse, by a ParameterError, a memory with a float in a field of whole numbers; None says none has."""
+    if field is not None:
+        raise ParameterError(
+            f"controller {name!r}: expected a whole number in {field}, which its class declares as int, "
+            "got a float; declare it as float"
         )

@@ -46,6 +46,7 @@ class ModeTable(StateTable):
     hold: str  # mode in which the device is after a trip of the safety monitor; it is not left
 
     words: ClassVar[guards.GuardWords] = guards.MODE_WORDS
+    kind: ClassVar[str] = "mode"
 
     def _check_phases(self) -> None:
         refuse(len(self.requests) > MOST_PHASES, f"requests: at most {MOST_PHASES} fit")

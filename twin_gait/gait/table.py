@@ -230,6 +230,7 @@ class StateTable:
     waivers: tuple[Waiver, ...] = ()  # warnings of the check that the table lives with
 
     words: ClassVar[GuardWords] = LEG_WORDS  # what its guards may read
+    kind: ClassVar[str] = "phase"  # what messages call a state; with an s, the key of a file
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
@@ -258,14 +259,14 @@ class StateTable:
         for phase in self.phases:
             left = len(self.phases) == 1 or any(item.source == phase for item in self.transitions)
             left = left or phase in self.entered
-            refuse(not left, f"phases.{phase}: no transition leaves it; add one to transitions")
+            refuse(not left, f"{self.kind}s.{phase}: no transition leaves it; add one to transitions")
         reached, grown = {next(iter(self.phases)), *self.entered}, True
         while grown:
             targets = {item.target for item in self.transitions if item.source in reached}
             grown = not targets <= reached
             reached |= targets
         for phase in self.phases:
-            refuse(phase not in reached, f"phases.{phase}: no chain of transitions reaches it")
+            refuse(phase not in reached, f"{self.kind}s.{phase}: no chain of transitions reaches it")
 
     def _check_waiver(self, place: str, waiver: Waiver) -> None:
         if waiver.phase is not None:
@@ -278,7 +279,9 @@ class StateTable:
         )
 
     def _check_known(self, place: str, phase: str) -> None:
-        refuse(phase not in self.phases, f"{place}: no phase {phase!r}; there are {', '.join(self.phases)}")
+        refuse(
+            phase not in self.phases, f"{place}: no {self.kind} {phase!r}; there are {', '.join(self.phases)}"
+        )
 
     def _check_transition(self, place: str, item: Transition) -> None:
         self._check_known(place, item.source)

@@ -117,6 +117,29 @@ class Assembly:
                 if name not in known:
                     has = ", ".join(known) or f"no {kind}s"
                     raise ModelError(f"{self._path}: no {kind} {name!r} for the {side} {part}; it has {has}")
+        self._check_chains(model)
+
+    def _check_chains(self, model: pin.Model) -> None:
+        """Every joint has one place, and within a leg each part hangs on the one before it."""
+        taken: dict[str, str] = {}
+        for side, leg in self.legs.items():
+            above = ""
+            for joint, name in leg.items():
+                if name in taken:
+                    raise ModelError(f"{self._path}: joint {name!r} is both {taken[name]} and {side} {joint}")
+                self._check_hangs(
+                    model, model.getJointId(name), above, f"joint {name!r} of the {side} {joint}"
+                )
+                taken[name], above = f"{side} {joint}", name
+            for name in leg.contact_frames:
+                parent = model.frames[model.getFrameId(name)].parentJoint
+                self._check_hangs(model, parent, above, f"frame {name!r} of the {side} foot")
+
+    def _check_hangs(self, model: pin.Model, joint: int, above: str, what: str) -> None:
+        known = [model.names[index] for index in model.supports[joint]][1:]
+        if above and above not in known:
+            on = ", ".join(known) or "no joint"
+            raise ModelError(f"{self._path}: {what} does not hang on {above!r}; from the root on it has {on}")
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
         wanted = {name for leg in self.legs.values() for _, name in leg.items()}
@@ -133,6 +156,13 @@ class Assembly:
                         f"{joint.shortname().removeprefix('JointModel')} with {joint.nv} degrees of freedom"
                     )
                     raise ModelError(f"{self._path}: joint {name!r} is {kind}; expected a revolute one")
+                limits = self.model.lowerPositionLimit, self.model.upperPositionLimit
+                low, high = (float(limit[joint.idx_q]) for limit in limits)
+                if not low < high:
+                    raise ModelError(
+                        f"{self._path}: joint {name!r} can turn from {low:g} to {high:g} rad; expected lower "
+                        "below upper in its <limit>"
+                    )
 
     def _stretch(self, proximal: int, distal: int, length: float) -> None:
         placement = self.model.jointPlacements[distal]

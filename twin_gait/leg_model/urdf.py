@@ -2,15 +2,16 @@
 
 import contextlib
 import hashlib
-import io
 import math
 import os
-import sys
+import tempfile
 import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Sequence
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
+from typing import IO
 
 import pinocchio as pin
 
@@ -79,6 +80,7 @@ def _checked_text(path: Path, text: str) -> str:
         _check_inertial(path, link)
     for joint in root.iter("joint"):
         _check_axis(path, joint)
+        _check_limit(path, joint)
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
             limit = joint.find("limit")
@@ -114,11 +116,31 @@ def _check_axis(path: Path, joint: ElementTree.Element) -> None:
         )
 
 
+def _check_limit(path: Path, joint: ElementTree.Element) -> None:
+    """Refuse a revolute or sliding joint without limits, of which the parser makes nothing."""
+    kind = joint.get("type")
+    if kind in ("revolute", "prismatic") and joint.find("limit") is None:
+        other = "; a joint without stops is continuous" if kind == "revolute" else ""
+        raise ModelError(
+            f"{path}: joint {joint.get('name')!r} is {kind} and has no <limit>; give it one with lower, "
+            f"upper (in {'rad' if other else 'm'}), effort and velocity{other}"
+        )
+
+
 def _check_inertial(path: Path, link: ElementTree.Element) -> None:
     """Refuse masses and inertias that the URDF parser would drop or take as they are.
 
-    It leaves out an inertia that it cannot read, and the link weighs nothing.
+    It leaves out an inertia that it cannot read, or half of which is missing, and the link weighs nothing.
     """
+    needed = {"mass": ("value",), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    for inertial, (name, keys) in product(link.findall("inertial"), needed.items()):
+        element = inertial.find(name)
+        lacks = f"<{name}>" if element is None else " ".join(key for key in keys if element.get(key) is None)
+        if lacks:
+            raise ModelError(
+                f"{path}: inertial of link {link.get('name')!r} has no {lacks}, and the link would weigh "
+                "nothing; give mass and inertia, or no <inertial> where that is meant"
+            )
     for element in (*link.findall("inertial/mass"), *link.findall("inertial/inertia")):
         for key, text in element.items():
             value = _number(text)
@@ -147,8 +169,9 @@ def build_model(
     text = read_urdf(path)
     if reversed_joints:
         text = _with_reversed(text, reversed_joints)
+    said: list[str] = []
     try:
-        with quiet_stderr():
+        with quiet_stderr(said):
             if not root_joints:
                 return pin.buildModelFromXML(text)
             *outer, (joint, name) = root_joints
@@ -160,7 +183,9 @@ def build_model(
                 model = pin.appendModel(carrier, model, frame, pin.SE3.Identity())
             return model
     except (ValueError, RuntimeError, IndexError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        told = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
+        told = [line for line in told if "is not initialized" not in line][:2]  # the rest is what came of it
+        reason = " ".join(("; ".join(told) or str(error)).split()) or type(error).__name__
         raise ModelError(f"{path}: Pinocchio cannot build a model from it ({reason})") from error
 
 
@@ -184,17 +209,24 @@ def _with_reversed(text: str, names: Collection[str]) -> str:
 
 
 @contextlib.contextmanager
-def quiet_stderr() -> Iterator[None]:
+def quiet_stderr(said: list[str] | None = None) -> Iterator[None]:
     """Silence the C++ URDF parser, which prints to the file descriptor before it raises.
 
-    The descriptor belongs to the whole process, so only one thread at a time may swap it.
+    The descriptor belongs to the whole process, so only one thread at a time may swap it. ``said``: gets the
+    lines that were printed.
     """
     with _SILENCE, contextlib.ExitStack() as restored:
-        with contextlib.suppress(AttributeError, OSError, io.UnsupportedOperation):
-            descriptor = sys.stderr.fileno()
+        with contextlib.suppress(OSError):
+            descriptor = 2  # C's own, whatever Python's stands for
             saved = os.dup(descriptor)
             restored.callback(os.close, saved)
-            nowhere = restored.enter_context(open(os.devnull, "w"))
-            os.dup2(nowhere.fileno(), descriptor)
+            kept = restored.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
+            restored.callback(lambda: said.extend(_lines_of(kept)) if said is not None else None)
+            os.dup2(kept.fileno(), descriptor)
             restored.callback(os.dup2, saved, descriptor)
         yield
+
+
+def _lines_of(file: IO[str]) -> list[str]:
+    file.seek(0)
+    return file.read().splitlines()

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from twin_gait.control import gait_controller as ccu
-from twin_gait.control.controller import Controller, Plan
+from twin_gait.control.controller import Controller, Plan, require_whole_numbers
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
@@ -38,7 +38,7 @@ from twin_gait.simulation.problem import (
     ticks,
     watch_bounds,
 )
-from twin_gait.simulation.record import ABSENT, Record, copied, is_record
+from twin_gait.simulation.record import ABSENT, Record, copied, float_in, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 
 MOST_SWITCHES_PER_SECOND = 200
@@ -147,7 +147,7 @@ def new_episode(
 def memory_of(controller: Controller, plan: Plan) -> Any:
     """What a controller keeps, at the start.
 
-    Raises ParameterError if it is no record.
+    Raises ParameterError if it is no record, or has a float in a field of whole numbers.
     """
     memory = controller.memory(plan)
     if not is_record(memory):
@@ -155,6 +155,7 @@ def memory_of(controller: Controller, plan: Plan) -> Any:
             f"controller {controller.name!r}: expected a memory that is a dataclass with slots, of numbers, "
             f"such dataclasses and lists of them, got {reprlib.repr(memory)}"
         )
+    require_whole_numbers(controller.name, float_in(memory))
     return memory
 
 

@@ -1,7 +1,7 @@
 """An experiment laid out as the arrays that every engine steps through."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,7 +101,11 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     for side, phase in world.initial_phases.items():
         if phase not in (None, *table.phases):
             known = f"gait table {table.name!r} has {', '.join(table.phases)}"
-            raise ParameterError(f"scenario: no phase {phase!r} for the {side} leg to start in; {known}")
+            keys = [item.name for item in fields(placed.scenario) if item.name.endswith("_phase")]
+            way_out = f"; set {' and '.join(f'scenario.{key}' for key in keys)}" if keys else ""
+            raise ParameterError(
+                f"scenario: no phase {phase!r} for the {side} leg to start in; {known}{way_out}"
+            )
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
         for side in world.model.sides

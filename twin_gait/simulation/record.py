@@ -78,6 +78,20 @@ def is_record(sample: Any) -> bool:
         return False
 
 
+def float_in(sample: Any) -> str | None:
+    """Name of a field of a record, or list of them, that is declared as whole and holds a float, or None."""
+    if isinstance(sample, (list, tuple)):
+        return next(filter(None, map(float_in, sample)), None)
+    for name, kind in () if sample is ABSENT else kinds_of(type(sample)):
+        value = getattr(sample, name)
+        if kind in (int, bool) and np.asarray(value).dtype.kind == "f":
+            return name
+        found = None if kind in _CODES else float_in(value)
+        if found is not None:
+            return found
+    return None
+
+
 def copied(sample: Record | None) -> Record:
     """A copy that shares nothing with a record, or a list of them; what is absent stays so."""
     copy: Any = sample

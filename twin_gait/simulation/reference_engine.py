@@ -19,6 +19,7 @@ from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.record import float_in
 from twin_gait.simulation.rooms.tick import run_ticks
 
 
@@ -55,7 +56,7 @@ class ReferenceEngine(EpisodeEngine):
         names = {**structure, **kernel, **kernel_functions(self.layout.writer, {})}
         names |= {item.__name__: item for item in (*rows, self.advance)}
         for name, tick in problem.controller.functions().items():
-            names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick)
+            names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick, float_in)
         self._run_ticks = bind(run_ticks, names)
 
     def switch_rows(self, first: int) -> Iterator[tuple[int, int, int, int, int]]:

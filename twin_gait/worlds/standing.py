@@ -64,7 +64,8 @@ def soles_of(model: LegModel, ground: str) -> dict[Side, tuple[str, ...]]:
     require(len(model.legs) == 2, "legs", f"two legs on {ground}", len(model.legs))
     require(model.up_axis == "z", "up_axis", f"z on {ground}", model.up_axis)
     frames = {side: leg.contact_frames for side, leg in model.legs.items()}
-    require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
+    for side, names in frames.items():
+        require(bool(names), f"leg.{side}.contact_frames", f"heel and toe on {ground}", ())
     return frames
 
 
