@@ -11,9 +11,8 @@ from table_builder import JOINTS, transition, two_phase_table
 from twin_gait.control.gait_controller import Device
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError, MeasurementError
-from twin_gait.gait import GaitStateMachine, LegSignals, compile_guards, signals
+from twin_gait.gait import GaitStateMachine, compile_guards, signals
 from twin_gait.gait.guards import parse_guard
-from twin_gait.gait.machine import signal_list
 from twin_gait.gait.signals import (
     ANGLE,
     DEVICE_SIGNALS,
@@ -29,13 +28,13 @@ from twin_gait.gait.signals import (
     Scope,
     all_signal_names,
     first_signals,
-    leg_signals,
     part_of,
     signal_of,
 )
 from twin_gait.vocabulary import Side
 
 NAMES = all_signal_names(JOINTS)
+STILL = dict.fromkeys(NAMES, 0.0)  # of legs that hang
 
 
 def test_no_signal_comes_or_goes_unnoticed():
@@ -69,7 +68,7 @@ def test_nothing_is_measured_at_first():
 
 def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
     """Such as ``shank.angle_deg``, which is none of a joint."""
-    shank = replace(LOAD, name="shank.angle_deg", field="shank_angle")
+    shank = replace(LOAD, name="shank.angle_deg")
     monkeypatch.setattr(signals, "SIGNALS", (*SIGNALS, shank))
     signal_of.cache_clear()
     try:
@@ -78,18 +77,10 @@ def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
         signal_of.cache_clear()
 
 
-def test_every_signal_has_a_field_of_its_own_in_what_a_machine_is_given():
-    fields = [signal.field for signal in SIGNALS if signal is not TIME_IN_PHASE]
-    assert sorted(fields) == sorted(LegSignals._fields)
-    numbers = {name: float(place) for place, name in enumerate(NAMES)}
-    own, other = (
-        leg_signals(JOINTS, lambda name, front=front: numbers.get(front + name, math.nan))
-        for front in ("", "other.")
-    )
-    found = signal_list(
-        two_phase_table(), numbers["time_in_phase_s"], own, other, numbers["other.time_in_phase_s"]
-    )
-    assert found == list(numbers.values())
+def test_what_a_machine_is_given_is_in_the_order_of_the_list_and_the_rest_as_at_first():
+    numbers = {name: place / signal_of(name).unit.factor for place, name in enumerate(NAMES)}
+    assert two_phase_table().in_si(numbers) == pytest.approx(list(range(len(NAMES))))
+    assert str(two_phase_table().in_si({})) == str(first_signals(JOINTS))
 
 
 @pytest.mark.parametrize("name", ["other.trunk.pitch_deg", "other.walk", "trunk.angle_deg", "pitch_deg"])
@@ -105,8 +96,7 @@ def test_the_pitch_of_the_trunk_opens_a_guard():
     for pitch, opens in ((5.0, False), (5.001, True)):
         signals[NAMES.index("trunk.pitch_deg")] = math.radians(pitch)
         assert guard_holds(program, 0, 1, signals, -1) is opens
-        leg = LegSignals((0.0, 0.0), (0.0, 0.0), trunk_pitch=math.radians(pitch))
-        assert (held[opens].step(1, leg) is not None) is opens
+        assert (held[opens].step(1, {**STILL, "trunk.pitch_deg": pitch}) is not None) is opens
 
 
 def test_it_is_compared_with_an_angle_and_not_with_another_unit():
@@ -121,6 +111,5 @@ def test_it_is_compared_with_an_angle_and_not_with_another_unit():
 @pytest.mark.parametrize("signal", DEVICE_SIGNALS, ids=lambda signal: signal.name)
 def test_a_signal_of_the_device_has_to_be_finite(signal):
     assert signal.scope is Scope.DEVICE
-    leg = LegSignals((0.0, 0.0), (0.0, 0.0))._replace(**{signal.field: math.nan})
     with pytest.raises(MeasurementError, match=f"left leg: the {signal.name} is nan"):
-        GaitStateMachine(two_phase_table(), Side.LEFT).step(1, leg)
+        GaitStateMachine(two_phase_table(), Side.LEFT).step(1, {**STILL, signal.name: math.nan})

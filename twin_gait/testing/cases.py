@@ -14,7 +14,7 @@ from pathlib import Path
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.documents import transition_table, truth_table
-from twin_gait.gait.table import GaitTable, StateTable
+from twin_gait.gait.table import StateTable
 from twin_gait.testing import edges, timing
 from twin_gait.testing.driver import MachineFactory, machine_of, play, refuse_broken, refuse_missing
 from twin_gait.testing.exits import Exit, Scenario, comfortable, decisive, fires, scenario, yields
@@ -117,8 +117,7 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
         yield _playing(table, scenario(leave, f"holds without {absent}", alone))
     given, spoilt = (table, leave.phase, steps), len(steps) * len(table.joints)
     yield "refuses signals that are NaN or infinite", partial(refuse_broken, *given), 12 * spoilt
-    if isinstance(table, GaitTable):
-        yield "refuses missing signals", partial(refuse_missing, *given), 5 * spoilt
+    yield "refuses missing signals", partial(refuse_missing, *given), 5 * spoilt
 
 
 def _playing(table: StateTable, item: Scenario) -> Shown:
