@@ -326,7 +326,7 @@ class StateTable:
         return -1 if name is None else self.members.index(name)
 
     def in_si(self, signals: Mapping[str, float]) -> list[float]:
-        """Signals in their order in SI, from those that are known in the units of names; others as at first."""
+        """Signals in their order in SI, from those known in the units of names; others as at first."""
         declared = [(name, signal_of(name)) for name in self.signals]
         return [
             item.unit.factor * signals[name] if name in signals else item.first for name, item in declared
