@@ -27,7 +27,6 @@ from twin_gait.gait.signals import (
     WALK,
     Scope,
     all_signal_names,
-    first_signals,
     part_of,
     signal_of,
 )
@@ -60,7 +59,7 @@ def test_the_record_of_the_device_has_what_is_declared():
 
 
 def test_nothing_is_measured_at_first():
-    first = dict(zip(NAMES, first_signals(JOINTS), strict=True))
+    first = dict(zip(NAMES, two_phase_table().in_si({}), strict=True))
     assert first["walk"] == first["step"] == 1.0 and first["trunk.pitch_deg"] == 0.0
     unknown = [name for name in NAMES if signal_of(name) in (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)]
     assert all(math.isnan(first[name]) for name in unknown)
@@ -80,7 +79,7 @@ def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
 def test_what_a_machine_is_given_is_in_the_order_of_the_list_and_the_rest_as_at_first():
     numbers = {name: place / signal_of(name).unit.factor for place, name in enumerate(NAMES)}
     assert two_phase_table().in_si(numbers) == pytest.approx(list(range(len(NAMES))))
-    assert str(two_phase_table().in_si({})) == str(first_signals(JOINTS))
+    assert str(two_phase_table().in_si({})) == str([signal_of(name).first for name in NAMES])
 
 
 @pytest.mark.parametrize("name", ["other.trunk.pitch_deg", "other.walk", "trunk.angle_deg", "pitch_deg"])
@@ -91,7 +90,7 @@ def test_what_is_not_declared_is_no_signal(name):
 
 def test_the_pitch_of_the_trunk_opens_a_guard():
     table = two_phase_table(transition("stance", "swing", "trunk.pitch_deg > 5"))
-    program, signals = compile_guards(table), first_signals(JOINTS)
+    program, signals = compile_guards(table), table.in_si({})
     held = [GaitStateMachine(table, Side.LEFT) for _ in range(2)]
     for pitch, opens in ((5.0, False), (5.001, True)):
         signals[NAMES.index("trunk.pitch_deg")] = math.radians(pitch)

@@ -153,11 +153,6 @@ def mode_signal_names(joints: Sequence[str]) -> list[str]:
     return [*legs, *(signal.name for signal in MODE_SIGNALS)]
 
 
-def first_signals(joints: Sequence[str]) -> list[float]:
-    """List of signals before anything is measured, in SI; also what it has of a leg that is not there."""
-    return [signal_of(name).first for name in all_signal_names(joints)]
-
-
 @cache
 def signal_of(name: str) -> Signal:
     """Declaration of a signal by its name in a table, which may have further words in front."""

@@ -22,7 +22,6 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import first_signals, signal_of
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
@@ -227,7 +226,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
         ],
         legs=legs,
         program=_padded(problem.program),
-        signals=first_signals(problem.table.joints),
+        signals=problem.table.in_si({}),
         supply=ccu.WatchedSupply(
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),
@@ -253,7 +252,7 @@ def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
         ],
         hold=modes.phase_index(modes.hold),
         swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
-        signals=[signal_of(name).first for name in modes.signals],
+        signals=modes.in_si({}),
         debounce=[0] * _capacity(program.n_transitions),
         mode=0 if initial is None else modes.phase_index(initial),
     )
