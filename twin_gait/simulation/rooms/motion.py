@@ -1,7 +1,5 @@
 """The motion of the leg within a tick: what acts on it, the row of the log, its work, and the integration."""
 
-from __future__ import annotations
-
 from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
