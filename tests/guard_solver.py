@@ -6,11 +6,10 @@ guards of a table are found by :mod:`twin_gait.testing`.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from twin_gait.gait import TICK, LegSignals
+from twin_gait.gait import TICK
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 
 OWN_TIME = "time_in_phase_s"
@@ -46,16 +45,3 @@ class Measurements:
     def tick(self) -> int:
         """Ticks in the phase that the time in phase stands for."""
         return round(self.signals[OWN_TIME] / TICK)
-
-    def leg(self, joints: Sequence[str], prefix: str = "") -> LegSignals:
-        """Signals of this leg, or with the prefix ``other.`` of the other, in SI units."""
-        return LegSignals(
-            angles=tuple(math.radians(self.signals[f"{prefix}{name}.angle_deg"]) for name in joints),
-            velocities=tuple(
-                math.radians(self.signals[f"{prefix}{name}.velocity_deg_per_s"]) for name in joints
-            ),
-            foot_load=self.signals[f"{prefix}foot.load_bw"],
-            walk=self.signals.get("walk", 1.0),
-            step=self.signals.get("step", 1.0),
-            trunk_pitch=math.radians(self.signals.get("trunk.pitch_deg", 0.0)),
-        )

@@ -17,11 +17,11 @@ from twin_gait.checking.check import build_case
 from twin_gait.checking.exits import ambiguity, cascade, hysteresis
 from twin_gait.checking.finding import CheckCase, Finding, label
 from twin_gait.checking.graph import deadlock, pairs_of, starting_pairs
-from twin_gait.checking.signals import Point, SignalSpace
+from twin_gait.checking.signals import Point, SignalSpace, swapped
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
-from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, LegSignals, Transition
+from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, Transition
 from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Bound, Requirement, Way, bound_of, ways
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
 from twin_gait.gait.signals import ANGLE, all_signal_names
@@ -87,15 +87,10 @@ class Vectors:
     def _value(self, name: str, time: np.ndarray | None) -> np.ndarray:
         return time if name == TIME and time is not None else self.signals[name]
 
-    def leg(self, index: int, prefix: str) -> LegSignals:
-        """Signals of one leg in SI units."""
-        return LegSignals(
-            angles=tuple(math.radians(self.signals[f"{prefix}{name}.angle_deg"][index]) for name in JOINTS),
-            velocities=tuple(
-                math.radians(self.signals[f"{prefix}{name}.velocity_deg_per_s"][index]) for name in JOINTS
-            ),
-            foot_load=float(self.signals[f"{prefix}foot.load_bw"][index]),
-        )
+    def at(self, index: int, *, seen_by_other: bool = False) -> dict[str, float]:
+        """Signals of one vector, of both legs; as this one reads them, or the other."""
+        named = {swapped(name) if seen_by_other else name: value for name, value in self.signals.items()}
+        return {name: float(value[index]) for name, value in named.items()}
 
     def due(self, item: Transition) -> np.ndarray:
         """Where a transition is open at a time at which the leg can still be in its phase."""
@@ -322,10 +317,10 @@ def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> 
         for tick in range(episode * 500, episode * 500 + 500):
             phases = [leg.phase for leg in legs]
             assert (min(phases), max(phases)) in known
-            both = [vectors.leg(tick, prefix) for prefix in ("", "other.")]
             times = [leg.time_in_phase(tick - episode * 500) for leg in legs]
             for own, leg in enumerate(legs):
-                leg.step(tick - episode * 500, both[own], both[1 - own], phases[1 - own], times[1 - own])
+                signals = {**vectors.at(tick, seen_by_other=own == 1), OTHER_TIME: times[1 - own]}
+                leg.step(tick - episode * 500, signals, phases[1 - own])
 
 
 def test_random_legs_do_walk_into_new_pairs() -> None:

@@ -11,9 +11,8 @@ from table_builder import JOINTS, transition, two_phase_table
 from twin_gait.control.gait_controller import Device
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError, MeasurementError
-from twin_gait.gait import GaitStateMachine, LegSignals, compile_guards, signals
+from twin_gait.gait import GaitStateMachine, compile_guards, signals
 from twin_gait.gait.guards import parse_guard
-from twin_gait.gait.machine import signal_list
 from twin_gait.gait.signals import (
     ANGLE,
     DEVICE_SIGNALS,
@@ -28,14 +27,13 @@ from twin_gait.gait.signals import (
     WALK,
     Scope,
     all_signal_names,
-    first_signals,
-    leg_signals,
     part_of,
     signal_of,
 )
 from twin_gait.vocabulary import Side
 
 NAMES = all_signal_names(JOINTS)
+STILL = dict.fromkeys(NAMES, 0.0)  # of legs that hang
 
 
 def test_no_signal_comes_or_goes_unnoticed():
@@ -61,7 +59,7 @@ def test_the_record_of_the_device_has_what_is_declared():
 
 
 def test_nothing_is_measured_at_first():
-    first = dict(zip(NAMES, first_signals(JOINTS), strict=True))
+    first = dict(zip(NAMES, two_phase_table().in_si({}), strict=True))
     assert first["walk"] == first["step"] == 1.0 and first["trunk.pitch_deg"] == 0.0
     unknown = [name for name in NAMES if signal_of(name) in (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)]
     assert all(math.isnan(first[name]) for name in unknown)
@@ -69,7 +67,7 @@ def test_nothing_is_measured_at_first():
 
 def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
     """Such as ``shank.angle_deg``, which is none of a joint."""
-    shank = replace(LOAD, name="shank.angle_deg", field="shank_angle")
+    shank = replace(LOAD, name="shank.angle_deg")
     monkeypatch.setattr(signals, "SIGNALS", (*SIGNALS, shank))
     signal_of.cache_clear()
     try:
@@ -78,18 +76,10 @@ def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
         signal_of.cache_clear()
 
 
-def test_every_signal_has_a_field_of_its_own_in_what_a_machine_is_given():
-    fields = [signal.field for signal in SIGNALS if signal is not TIME_IN_PHASE]
-    assert sorted(fields) == sorted(LegSignals._fields)
-    numbers = {name: float(place) for place, name in enumerate(NAMES)}
-    own, other = (
-        leg_signals(JOINTS, lambda name, front=front: numbers.get(front + name, math.nan))
-        for front in ("", "other.")
-    )
-    found = signal_list(
-        two_phase_table(), numbers["time_in_phase_s"], own, other, numbers["other.time_in_phase_s"]
-    )
-    assert found == list(numbers.values())
+def test_what_a_machine_is_given_is_in_the_order_of_the_list_and_the_rest_as_at_first():
+    numbers = {name: place / signal_of(name).unit.factor for place, name in enumerate(NAMES)}
+    assert two_phase_table().in_si(numbers) == pytest.approx(list(range(len(NAMES))))
+    assert str(two_phase_table().in_si({})) == str([signal_of(name).first for name in NAMES])
 
 
 @pytest.mark.parametrize("name", ["other.trunk.pitch_deg", "other.walk", "trunk.angle_deg", "pitch_deg"])
@@ -100,13 +90,12 @@ def test_what_is_not_declared_is_no_signal(name):
 
 def test_the_pitch_of_the_trunk_opens_a_guard():
     table = two_phase_table(transition("stance", "swing", "trunk.pitch_deg > 5"))
-    program, signals = compile_guards(table), first_signals(JOINTS)
+    program, signals = compile_guards(table), table.in_si({})
     held = [GaitStateMachine(table, Side.LEFT) for _ in range(2)]
     for pitch, opens in ((5.0, False), (5.001, True)):
         signals[NAMES.index("trunk.pitch_deg")] = math.radians(pitch)
         assert guard_holds(program, 0, 1, signals, -1) is opens
-        leg = LegSignals((0.0, 0.0), (0.0, 0.0), trunk_pitch=math.radians(pitch))
-        assert (held[opens].step(1, leg) is not None) is opens
+        assert (held[opens].step(1, {**STILL, "trunk.pitch_deg": pitch}) is not None) is opens
 
 
 def test_it_is_compared_with_an_angle_and_not_with_another_unit():
@@ -121,6 +110,5 @@ def test_it_is_compared_with_an_angle_and_not_with_another_unit():
 @pytest.mark.parametrize("signal", DEVICE_SIGNALS, ids=lambda signal: signal.name)
 def test_a_signal_of_the_device_has_to_be_finite(signal):
     assert signal.scope is Scope.DEVICE
-    leg = LegSignals((0.0, 0.0), (0.0, 0.0))._replace(**{signal.field: math.nan})
     with pytest.raises(MeasurementError, match=f"left leg: the {signal.name} is nan"):
-        GaitStateMachine(two_phase_table(), Side.LEFT).step(1, leg)
+        GaitStateMachine(two_phase_table(), Side.LEFT).step(1, {**STILL, signal.name: math.nan})

@@ -12,16 +12,26 @@ from hypothesis import strategies as st
 from table_builder import JOINTS, guard, phase, transition, two_phase_table
 
 from twin_gait.exceptions import GaitTableError, MeasurementError
-from twin_gait.gait import GaitStateMachine, GaitTable, LegSignals, PhaseSwitch, compile_guards
+from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch, compile_guards
 from twin_gait.gait.guards import AllOf, AnyOf
-from twin_gait.gait.machine import signal_list
-from twin_gait.gait.signals import all_signal_names
+from twin_gait.gait.signals import OTHER_TIME, all_signal_names
 from twin_gait.vocabulary import Side
 
 
-def leg(hip: float = 0.0, knee: float = 0.0, hip_velocity: float = 0.0, load: float = 0.0) -> LegSignals:
+def leg(hip: float = 0.0, knee: float = 0.0, load: float = 0.0) -> dict[str, float]:
     """Signals of a leg with angles in degrees."""
-    return LegSignals((math.radians(hip), math.radians(knee)), (math.radians(hip_velocity), 0.0), load)
+    return {
+        "hip.angle_deg": hip,
+        "knee.angle_deg": knee,
+        "hip.velocity_deg_per_s": 0.0,
+        "knee.velocity_deg_per_s": 0.0,
+        "foot.load_bw": load,
+    }
+
+
+def legs(own: dict[str, float], other: dict[str, float], other_time: float = 0.0) -> dict[str, float]:
+    """Signals of both."""
+    return {**own, **{f"other.{name}": value for name, value in other.items()}, OTHER_TIME: other_time}
 
 
 def machine(*leaving_stance: object, **changes: object) -> GaitStateMachine:
@@ -146,25 +156,25 @@ def test_other_leg_is_read_in_its_phase_at_the_start_of_the_tick() -> None:
     left, right = GaitStateMachine(table, Side.LEFT), GaitStateMachine(table, Side.RIGHT)
     snapshot = left.phase, right.phase
     both = [
-        left.step(1, leg(20), leg(20), other_phase=snapshot[1]),
-        right.step(1, leg(20), leg(20), other_phase=snapshot[0]),
+        left.step(1, legs(leg(20), leg(20)), snapshot[1]),
+        right.step(1, legs(leg(20), leg(20)), snapshot[0]),
     ]
     assert [item.side if item else None for item in both] == [Side.LEFT, Side.RIGHT]
     waiting = GaitStateMachine(table, Side.LEFT)
-    assert waiting.step(1, leg(20), leg(20), other_phase="swing") is None
+    assert waiting.step(1, legs(leg(20), leg(20)), "swing") is None
 
 
 def test_signals_of_the_other_leg_are_its_own() -> None:
     fsm = machine(transition("stance", "swing", "other.hip.angle_deg - hip.angle_deg > 10"))
-    assert fsm.step(1, leg(20), leg(9), other_phase="stance") is None
-    assert fsm.step(2, leg(0), leg(9), other_phase="stance") is None
-    assert fsm.step(3, leg(0), leg(11), other_phase="stance") is not None
+    assert fsm.step(1, legs(leg(20), leg(9)), "stance") is None
+    assert fsm.step(2, legs(leg(0), leg(9)), "stance") is None
+    assert fsm.step(3, legs(leg(0), leg(11)), "stance") is not None
 
 
 def test_time_of_the_other_leg_in_its_phase_is_a_signal() -> None:
     fsm = machine(transition("stance", "swing", "other.time_in_phase_s > 0.1"))
-    assert fsm.step(1, leg(), leg(), "stance", other_time_in_phase=0.1) is None
-    assert fsm.step(2, leg(), leg(), "stance", other_time_in_phase=0.101) is not None
+    assert fsm.step(1, legs(leg(), leg(), 0.1), "stance") is None
+    assert fsm.step(2, legs(leg(), leg(), 0.101), "stance") is not None
 
 
 def test_bench_leg_without_another_leg_takes_guards_on_its_own_signals() -> None:
@@ -175,42 +185,31 @@ def test_bench_leg_without_another_leg_takes_guards_on_its_own_signals() -> None
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize(
-    ("signals", "named"),
-    [
-        (lambda bad: LegSignals((bad, 0.0), (0.0, 0.0)), "hip.angle_deg"),
-        (lambda bad: LegSignals((0.0, bad), (0.0, 0.0)), "knee.angle_deg"),
-        (lambda bad: LegSignals((0.0, 0.0), (0.0, bad)), "knee.velocity_deg_per_s"),
-        (lambda bad: LegSignals((0.0, 0.0), (0.0, 0.0), bad), "foot.load_bw"),
-    ],
-    ids=["hip", "knee", "velocity", "load"],
-)
-def test_measurement_that_is_not_finite_is_refused_by_name(signals: object, named: str, bad: float) -> None:
+@pytest.mark.parametrize("named", leg())
+def test_measurement_that_is_not_finite_is_refused_by_name(named: str, bad: float) -> None:
     """Also where no guard reads it: a broken sensor must not pass in silence."""
-    fsm = machine(transition("stance", "swing", time_out_ticks=1))
+    fsm, broken = machine(transition("stance", "swing", time_out_ticks=1)), {**leg(), named: bad}
     with pytest.raises(MeasurementError, match="left leg") as caught:
-        fsm.step(5, signals(bad))  # type: ignore[operator]
+        fsm.step(5, broken)
     assert named in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
     with pytest.raises(MeasurementError, match="other leg's"):
-        fsm.step(5, leg(), signals(bad), other_phase="stance")  # type: ignore[operator]
+        fsm.step(5, legs(leg(), broken), "stance")
     assert fsm.phase == "stance"
 
 
-@pytest.mark.parametrize(
-    "signals", [LegSignals((0.1,), (0.0, 0.0)), LegSignals((0.1, 0.2), (0.0,)), LegSignals((), ())], ids=str
-)
-def test_missing_measurement_is_refused(signals: LegSignals) -> None:
-    fsm = machine()
-    with pytest.raises(MeasurementError, match="hip, knee"):
-        fsm.step(1, signals)
-    with pytest.raises(MeasurementError, match="hip, knee"):
-        fsm.step(1, leg(), signals, other_phase="stance")
+@pytest.mark.parametrize("named", leg())
+def test_missing_measurement_is_refused(named: str) -> None:
+    fsm, rest = machine(), {name: value for name, value in leg().items() if name != named}
+    with pytest.raises(MeasurementError, match=f"left leg: the {named} is nan"):
+        fsm.step(1, rest)
+    with pytest.raises(MeasurementError, match=f"left leg: the other leg's {named} is nan"):
+        fsm.step(1, legs(leg(), rest), "stance")
 
 
 def test_leg_said_to_be_there_must_be_measured() -> None:
     with pytest.raises(MeasurementError, match="other leg's"):
-        machine().step(1, leg(), None, other_phase="stance")
+        machine().step(1, leg(), "stance")
 
 
 RIGHT_LENGTH = len(all_signal_names(JOINTS))
@@ -223,11 +222,7 @@ def test_list_of_signals_of_a_wrong_length_is_refused(length: int) -> None:
 
 
 def test_signals_are_laid_out_as_guards_read_them() -> None:
-    own = LegSignals((1.0, 2.0), (3.0, 4.0), 5.0, walk=0.25, trunk_pitch=0.5, step=0.125)
-    other = LegSignals((7.0, 8.0), (9.0, 10.0), 11.0, walk=0.75)
-    array = signal_list(two_phase_table(), 6.0, own, other, 12.0)
-    named = dict(zip(all_signal_names(JOINTS), array, strict=True))
-    expected = {
+    given = {
         "hip.angle_deg": 1.0,
         "knee.angle_deg": 2.0,
         "hip.velocity_deg_per_s": 3.0,
@@ -240,20 +235,25 @@ def test_signals_are_laid_out_as_guards_read_them() -> None:
         "other.knee.velocity_deg_per_s": 10.0,
         "other.foot.load_bw": 11.0,
         "other.time_in_phase_s": 12.0,
-        "trunk.pitch_deg": 0.5,
+        "trunk.pitch_deg": 13.0,
         "step": 0.125,
-        "walk": 0.25,  # a leg reads its own command
+        "walk": 0.25,
     }
-    assert named.items() >= expected.items()
-    alone = dict(zip(named, signal_list(two_phase_table(), 6.0, own, None), strict=True))
-    assert all(np.isnan(alone[name]) for name in expected if name.startswith("other."))
+    named = dict(zip(all_signal_names(JOINTS), two_phase_table().in_si(given), strict=True))
+    degrees = [name for name in given if "_deg" in name]
+    assert [named[name] for name in degrees] == [math.radians(given[name]) for name in degrees]
+    assert all(named[name] == given[name] for name in given if name not in degrees)
+    own = {name: value for name, value in given.items() if not name.startswith("other.")}
+    alone = dict(zip(named, two_phase_table().in_si(own), strict=True))
+    assert all(np.isnan(alone[name]) for name in given if name.startswith("other."))
+    assert all(alone[name] == named[name] for name in own)
 
 
 def test_unknown_phases_are_refused() -> None:
     with pytest.raises(GaitTableError, match="stance, swing"):
         GaitStateMachine(two_phase_table(), Side.LEFT, initial_phase="flight")
     with pytest.raises(GaitTableError, match="stance, swing"):
-        machine().step(1, leg(), leg(), other_phase="flight")
+        machine().step(1, legs(leg(), leg()), "flight")
 
 
 def test_machine_starts_where_it_is_told() -> None:

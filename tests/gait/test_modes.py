@@ -52,10 +52,16 @@ ANSWERED = {
 PAIRS = [(mode, request) for mode in TWIN.phases for request in TWIN.requests]
 
 
+def named(signals: dict[str, float]) -> dict[str, float]:
+    """Signals by their names, of keywords; the others are 0."""
+    given = {name.replace("__", "."): value for name, value in signals.items()}
+    return {**dict.fromkeys(TWIN.signals, 0.0), **given}
+
+
 def after(mode: str, request: str | None, ticks: int, **signals: float) -> str:
     """Mode after a request so long after the entry of a mode."""
     machine = GaitStateMachine(TWIN, initial_phase=mode)
-    machine.take(ticks, {name.replace("__", "."): value for name, value in signals.items()}, request)
+    machine.step(ticks, named(signals), request)
     return machine.phase
 
 
@@ -130,8 +136,8 @@ def name_of(supervisor: Supervisor) -> str:
 
 
 def measure(supervisor: Supervisor, tick: int, **signals: float) -> None:
-    given = {name.replace("__", "."): value for name, value in signals.items()}
-    supervisor.signals[:] = TWIN.in_si({**given, TIME: 1e-3 * (tick - supervisor.entry_tick)})
+    time = 1e-3 * (tick - supervisor.entry_tick)
+    supervisor.signals[:] = TWIN.in_si({**named(signals), TIME: time})
 
 
 def lean(degrees: list[float], entered: int = 0) -> list[int]:
@@ -164,7 +170,7 @@ def test_what_is_not_measured_opens_nothing():
     choose_mode(supervisor, 1, False)
     assert name_of(supervisor) == "walk_manual" and supervisor.refused == code("step")
     with pytest.raises(MeasurementError, match=r"supervisor: the trunk\.pitch_deg is nan"):
-        GaitStateMachine(TWIN, initial_phase="walk_automatic").take(1, {"trunk.pitch_deg": math.nan})
+        GaitStateMachine(TWIN, initial_phase="walk_automatic").step(1, named({"trunk.pitch_deg": math.nan}))
 
 
 @pytest.mark.parametrize("mode", TWIN.phase_names)
@@ -192,7 +198,7 @@ def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect(
             angle = rng.choice([0.0, 12.0, 80.0])
             signals = {name: angle for name in TWIN.signals if name.endswith("angle_deg")}
             signals |= {"trunk.pitch_deg": rng.choice([0.0, 10.0]), "legs_in_swing": rng.choice([0.0, 1.0])}
-            values = TWIN.in_si(signals)
+            values = TWIN.in_si(named(signals))
         request = str(rng.choice(TWIN.requests)) if rng.random() < often else None
         before, ticks = machine.phase, tick - machine.entry_tick
         values[time] = 1e-3 * ticks

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from twin_gait import load_experiment
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait import TICK, BlendingLaw, GaitStateMachine, GaitTable, LegSignals, PhaseSwitch
+from twin_gait.gait import TICK, BlendingLaw, GaitStateMachine, GaitTable, PhaseSwitch
 from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, parse_guard
 from twin_gait.report.state_diagram import state_diagram_svg
@@ -225,8 +226,7 @@ def test_open_source_leg_switches_where_its_matlab_source_does() -> None:
         force = -BODY_WEIGHT * rng.uniform(0.0, 0.6)
         knee, ankle, velocity = rng.uniform(0, 70), rng.uniform(-10, 20), rng.uniform(-60, 60)
         machine = GaitStateMachine(table, Side.LEFT, initial_phase=table.phase_names[state])
-        angles = math.radians(knee), math.radians(ankle)
-        signals = LegSignals(angles, (math.radians(velocity), 0.0), -force / BODY_WEIGHT)
+        signals = measured((knee, ankle), (velocity, 0.0), -force / BODY_WEIGHT)
         assert machine.step(199, signals) is None  # the least time in a state is 0.2 s
         switch = machine.step(200, signals)
         assert (switch is not None) == matlab_leaves(state, force, knee, velocity, ankle)
@@ -240,17 +240,23 @@ def periodic(values: list[float]) -> CubicSpline:
     return CubicSpline(PERCENT, [*values[:-1], values[0]], bc_type="periodic")
 
 
+def measured(angles: Sequence[float], velocities: Sequence[float], load: float) -> dict[str, float]:
+    """Signals of knee and ankle in degrees, and of the foot."""
+    found = {"foot.load_bw": load}
+    for joint, angle, velocity in zip(("knee", "ankle"), angles, velocities, strict=True):
+        found |= {f"{joint}.angle_deg": angle, f"{joint}.velocity_deg_per_s": velocity}
+    return found
+
+
 @cache
-def stride_signals() -> list[LegSignals]:
+def stride_signals() -> list[dict[str, float]]:
     """One stride of slow walking, tick by tick."""
     percent = np.arange(0.0, STRIDE, TICK) / STRIDE * 100.0
     curves = [periodic(KNEE), periodic(ANKLE)]
-    angles = np.radians([curve(percent) for curve in curves])
-    velocities = np.radians([curve(percent, 1) for curve in curves]) * 100.0 / STRIDE
+    angles = np.array([curve(percent) for curve in curves])
+    velocities = np.array([curve(percent, 1) for curve in curves]) * 100.0 / STRIDE
     load = np.clip(periodic(FORCE)(percent), 0.0, None) / 9.81
-    return [
-        LegSignals(tuple(angles[:, k]), tuple(velocities[:, k]), float(load[k])) for k in range(len(percent))
-    ]
+    return [measured(angles[:, k], velocities[:, k], float(load[k])) for k in range(len(percent))]
 
 
 def replay(table: GaitTable, strides: int = 4) -> list[PhaseSwitch]:

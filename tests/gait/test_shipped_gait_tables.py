@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from guard_solver import OTHER_TIME, OWN_TIME, Measurements, holds
+from guard_solver import OTHER_TIME, OWN_TIME, holds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kit_equivalence import NEVER_BOTH, reason
@@ -223,14 +223,7 @@ def test_any_measurements_keep_both_legs_in_the_cycle(name: str, seed: int) -> N
             signals = {**measured[leg], OWN_TIME: times[leg]}
             signals |= {f"other.{key}": value for key, value in measured[other].items()}
             signals |= {OTHER_TIME: times[other], "walk": float(tick // TOLD_TICKS % 2 == 0), "step": 1.0}
-            found = Measurements(signals, phases[other])
-            switch = machine.step(
-                tick,
-                found.leg(table.joints),
-                found.leg(table.joints, "other."),
-                phases[other],
-                times[other],
-            )
+            switch = machine.step(tick, signals, phases[other])
             expected = references[leg].step(tick, signals, phases[other])
             assert (None if switch is None else switch.transition) == expected
             if switch is not None:

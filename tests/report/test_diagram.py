@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from guard_solver import OTHER_TIME, OWN_TIME, Measurements, holds
+from guard_solver import OWN_TIME, Measurements, holds
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
@@ -197,8 +197,7 @@ def test_state_machine_does_what_the_printed_truth_table_says(table: GaitTable) 
         found = Measurements(dict(signals), other)
         source = machine.phase
         expected = reader.next_phase(source, found)
-        own, opposite = found.leg(table.joints), found.leg(table.joints, "other.")
-        switch = machine.step(tick, own, opposite, other, signals[OTHER_TIME])
+        switch = machine.step(tick, signals, other)
         assert (machine.phase, "" if switch is None else switch.cause) == expected
         if switch is not None:
             taken.add(switch.transition)

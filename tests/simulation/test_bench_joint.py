@@ -552,16 +552,6 @@ def test_joint_with_bristles_springs_back_until_it_breaks_away() -> None:
     assert_allclose(np.polyfit(time[-500:], speed[-500:], 1)[0], 1.2 / (ARMATURE + 0.02), rtol=1e-6)
 
 
-def test_progress_ends_at_the_last_tick_and_a_stop_keeps_what_was_done() -> None:
-    seen: list[tuple[int, int]] = []
-    test = knee(duration=12.0)
-    simulate_bench(test, progress=lambda done, total: seen.append((done, total)))
-    assert seen[-1] == (12000, 12000) and len(seen) == 3
-    asked = iter([False, True])
-    run = simulate_bench(test, should_stop=lambda: next(asked))
-    assert (len(run.rows), run.status) == (5000, RunStatus.INTERRUPTED)
-
-
 def test_run_that_explodes_says_so() -> None:
     control = TorqueControl(friction_model=KNEE_FRICTION, friction_compensation_gain=0, target_torque=40.0)
     light = bench_joint(

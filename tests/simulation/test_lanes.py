@@ -536,6 +536,6 @@ def bench_and_treadmill() -> dict[str, Problem]:
 @pytest.mark.parametrize("name", ["bench", "treadmill"])
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
     pattern = CompiledEngine(bench_and_treadmill()[name]).pattern
-    names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.width)}
+    names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, len(pattern.log.names))}
     compile_loop(run_at, names, manner=IN_LOCKSTEP)
     assert capfd.readouterr().err == ""

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.core.belt import belt_speed, belt_travel, walk_command
 from twin_gait.exceptions import MeasurementError, ParameterFileError
-from twin_gait.gait import TICK, GaitStateMachine, LegSignals, Scaling
+from twin_gait.gait import TICK, GaitStateMachine, Scaling
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise
@@ -159,9 +159,9 @@ def test_a_leg_that_is_told_nothing_walks():
 
 def test_a_command_that_is_no_number_is_refused():
     machine = GaitStateMachine(load_experiment("treadmill_start_stop").experiment.table, Side.LEFT)
-    leg = LegSignals((0.0, 0.0), (0.0, 0.0))
+    still = dict.fromkeys(machine.table.signals, 0.0)
     with pytest.raises(MeasurementError, match="walk"):
-        machine.step(1, leg._replace(walk=math.nan), leg, STAND)
+        machine.step(1, {**still, "walk": math.nan}, STAND)
 
 
 def test_standing_still_neither_creeps_nor_steps_without_the_command():

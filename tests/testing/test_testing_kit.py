@@ -172,9 +172,9 @@ class CountsAllOpenTicks(GaitStateMachine):
 
     def advance(self, tick: int, signals: list[float], other_phase: int) -> PhaseSwitch | None:
         before = self._debounce.copy()
-        phase = self._index
+        phase = self.phase_index
         switch = super().advance(tick, signals, other_phase)
-        if self._index == phase:
+        if self.phase_index == phase:
             self._debounce = [max(pair) for pair in zip(self._debounce, before, strict=True)]
         return switch
 
@@ -192,7 +192,7 @@ class IgnoresTheOtherLeg(GaitStateMachine):
     """The other leg is always thought to be in the same phase."""
 
     def advance(self, tick: int, signals: list[float], other_phase: int) -> PhaseSwitch | None:
-        return super().advance(tick, signals, other_phase if other_phase < 0 else self._index)
+        return super().advance(tick, signals, other_phase if other_phase < 0 else self.phase_index)
 
 
 class ReportsAnotherCause(GaitStateMachine):
@@ -350,8 +350,8 @@ class Upright(GaitStateMachine):
     def __init__(self, table: GaitTable, phase: str) -> None:
         super().__init__(table, Side.LEFT, initial_phase=phase)
 
-    def step(self, tick, own, *others):
-        return super().step(tick, own._replace(trunk_pitch=0.0), *others)
+    def step(self, tick, signals, *member):
+        return super().step(tick, {**signals, "trunk.pitch_deg": 0.0}, *member)
 
 
 def test_what_has_more_than_the_bits_of_the_device_is_refused() -> None:

@@ -31,8 +31,7 @@ EQUIVALENT = {
     "self.phase: str = table.phase_names[0]": "the kit always names the phase",
     "self.owner = ": "a word in messages",
     "auto_transitions=False": "triggers that nobody calls",
-    "other_index = -1": "any negative number is no other leg",
-    "signals, got {len(signals)}": "a leg with a joint missing is refused earlier, in signal_list",
+    "signals, got {len(signals)}": "a list made of names is as long as it has to be",
 }
 
 
@@ -55,8 +54,8 @@ def compiler() -> Iterator[tuple[str, Callable[[str], Any]]]:
 
 
 def state_machine() -> Iterator[tuple[str, Callable[[str], Any]]]:
-    functions = {"__init__", "time_in_phase", "step", "advance", "_refuse_non_finite", "signal_list"}
-    for text, names in source_mutants(machine, {*functions, "_leg_list"}):
+    functions = {"__init__", "time_in_phase", "step", "advance", "_refuse_non_finite"}
+    for text, names in source_mutants(machine, functions):
         changed = names["GaitStateMachine"]
         yield text, lambda phase, changed=changed: changed(rich_table(), Side.LEFT, initial_phase=phase)
 

@@ -216,11 +216,4 @@ def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
     yield about(second, Severity.WARNING, reason, suggestion, counterexample=space.counterexample(point))
 
 
-RULES = (
-    ambiguity,
-    never_opens,
-    debounce_beyond_time_out,
-    cascade,
-    hysteresis,
-    threshold_beyond_limits,
-)
+RULES = (ambiguity, never_opens, debounce_beyond_time_out, cascade, hysteresis, threshold_beyond_limits)

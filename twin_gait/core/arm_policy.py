@@ -29,8 +29,6 @@ slowly and push against a trunk that tips backwards, :math:`P_0 = -D\,\dot\theta
 brings its crutch forwards, one after the other. Until the second comes, the first has no push P of its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from twin_gait.core.arms import Arm, held, turn_grip

@@ -12,8 +12,6 @@ with e from the shoulder to the tip and n at right angles to it, forwards while 
 the opposite force on a line through the tip, which is :math:`-f` in the shoulder and :math:`-M` about it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Foot and ground, and the mechanical stops of the joints."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

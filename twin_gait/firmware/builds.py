@@ -10,17 +10,9 @@ from numpy.lib.recfunctions import assign_fields_by_name, require_fields
 
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment import Experiment
+from twin_gait.firmware import linked
 from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
-from twin_gait.firmware.linked import (
-    Progress,
-    Vectors,
-    drive_pairs,
-    keep,
-    run_by_ticks,
-    sensor_pairs,
-    without_bus,
-)
 from twin_gait.firmware.project import Project
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
 from twin_gait.simulation.problem import build_problem
@@ -32,7 +24,7 @@ def walk_with(
     unit: UnitProcess,
     project: Project,
     experiment: Experiment,
-    progress: Progress | None = None,
+    progress: linked.Progress | None = None,
     on_compile: Callable[[], None] | None = None,
     *,
     double: bool = False,
@@ -47,22 +39,22 @@ def walk_with(
     has to be compiled first. ``double``: whether the unit was built with double numbers, as no Cortex-M4F is.
     Raises FirmwareError: the unit does not answer, or a fault is one of the controller itself.
     """
-    problem = build_problem(without_bus(experiment))
+    problem = build_problem(linked.without_bus(experiment))
     engine = CompiledEngine(problem, on_compile=on_compile)
     plant = loop_of(engine.pattern, on_compile, run_part)
     record, recording, address = engine.store, engine.episode["recording"], engine.store.ctypes.data
     inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
-    drives, sensors = drive_pairs(record, inputs), sensor_pairs(record, inputs)
+    drives, sensors = linked.drive_pairs(record, inputs), linked.sensor_pairs(record, inputs)
 
     def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         plant(address, 0, tick)
-        keep([*drives, *sensors], 0)
+        linked.keep([*drives, *sensors], 0)
         obey(engine, unit.exchange(require_fields(inputs, given)[0]).view(taken)[0], tick)
         plant(address, 1, tick)
         return end
 
-    return run_by_ticks(engine, run_tick, progress)
+    return linked.run_by_ticks(engine, run_tick, progress)
 
 
 def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
@@ -100,9 +92,9 @@ class Bench:
     """
 
     project: Project
-    vectors: Sequence[Vectors]  # of some runs
+    vectors: Sequence[linked.Vectors]  # of some runs
     folder: Path  # into which C and builds are written
-    progress: Progress | None = None  # of the walk in the loop, see :func:`walk_with`
+    progress: linked.Progress | None = None  # of the walk in the loop, see :func:`walk_with`
     on_compile: Callable[[], None] | None = None  # likewise
 
     @cached_property
@@ -138,12 +130,12 @@ class Bench:
         """For the Cortex-M4F."""
         return build_image(self.unit, self.folder / "image.elf")
 
-    def _run(self, unit: UnitProcess, vectors: Vectors, *, double: bool = False) -> np.ndarray:
+    def _run(self, unit: UnitProcess, vectors: linked.Vectors, *, double: bool = False) -> np.ndarray:
         given, taken = self.project.dtypes(double=double)
         with unit:
             return unit.exchange_many(require_fields(vectors.inputs, given)).view(taken)[:, 0]
 
-    def on_target(self, vectors: Vectors) -> tuple[np.ndarray, Emulator]:
+    def on_target(self, vectors: linked.Vectors) -> tuple[np.ndarray, Emulator]:
         """Outputs on the Cortex-M4F, and the emulator with what it has counted."""
         target = Emulator(self.image)
         return self._run(target, vectors), target

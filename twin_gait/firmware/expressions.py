@@ -8,17 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from twin_gait.firmware.kinds import (
-    BOOL,
-    INT,
-    REAL,
-    SCALARS,
-    Kind,
-    ListKind,
-    RecordKind,
-    Scalar,
-    joined,
-)
+from twin_gait.firmware.kinds import BOOL, INT, REAL, SCALARS, Kind, ListKind, RecordKind, Scalar, joined
 from twin_gait.firmware.layout import TAKEN, identifier
 from twin_gait.firmware.source import Source
 

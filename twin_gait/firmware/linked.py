@@ -134,9 +134,7 @@ def record_vectors(
 
 
 def run_by_ticks(
-    engine: CompiledEngine,
-    run_tick: Callable[[int, int, np.ndarray, int], int],
-    progress: Progress | None,
+    engine: CompiledEngine, run_tick: Callable[[int, int, np.ndarray, int], int], progress: Progress | None
 ) -> Run:
     """The run of an engine that is taken through every tick by a function."""
     began = time.perf_counter()

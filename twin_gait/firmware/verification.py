@@ -125,26 +125,29 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
         yield replace(experiment, duration=length, faults=(fault,))
 
 
-def _tried(name: str, check: Callable[[Bench], Check], bench: Bench) -> Check:
+Found: TypeAlias = tuple[bool, str, dict[str, Any]]  # whether it passes, in a line, and in numbers
+
+
+def _tried(name: str, check: Callable[[Bench], Found], bench: Bench) -> Check:
     try:
-        return check(bench)._replace(name=name)
+        return Check(name, *check(bench))
     except MissingToolError as error:
         return Check(name, None, str(error), {})
 
 
-def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Check:
+def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Found:
     count = sum(structured_to_unstructured(rows).size for rows in first)
     wrong = sum(map(differing, first, second))
     text = f"{wrong} of {count} numbers differ in {len(first)} runs"
-    return Check("", wrong == 0, text, {"numbers": count, "differing": wrong, "runs": len(first)})
+    return wrong == 0, text, {"numbers": count, "differing": wrong, "runs": len(first)}
 
 
-def host_in_double(bench: Bench) -> Check:
+def host_in_double(bench: Bench) -> Found:
     """The C in double numbers gives the bits of the simulation."""
     return _same_bits(bench.expected, bench.double)
 
 
-def host_in_float(bench: Bench) -> Check:
+def host_in_float(bench: Bench) -> Found:
     """In float it decides in the same ticks, and asks for the same currents."""
     pairs = list(zip(bench.expected, bench.single, strict=True))
     shifts = [largest_shift(events_of(ours), events_of(theirs)) for ours, theirs in pairs]
@@ -154,16 +157,15 @@ def host_in_float(bench: Bench) -> Check:
     worst = max(named, key=lambda joint: named[joint])
     passed = shift is not None and shift <= MOST_SHIFT and named[worst] <= MOST_CURRENT_ERROR
     text = f"RMSE of a current {named[worst]:.1e} A ({worst}; limit {MOST_CURRENT_ERROR:g} A)"
-    figures = {"largest_shift_ticks": shift, "current_rmse_A": named}
-    return Check("", passed, f"{_moved(shift)}; {text}", figures)
+    return passed, f"{_moved(shift)}; {text}", {"largest_shift_ticks": shift, "current_rmse_A": named}
 
 
-def target_in_float(bench: Bench) -> Check:
+def target_in_float(bench: Bench) -> Found:
     """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
     answers = [bench.on_target(item) for item in bench.vectors]
-    check = _same_bits(bench.single, [outputs for outputs, _ in answers])
+    passed, same, figures = _same_bits(bench.single, [outputs for outputs, _ in answers])
     counts = np.concatenate([target.instructions for _, target in answers])
-    figures: dict[str, Any] = {
+    figures |= {
         "instructions_mean": float(counts.mean()),
         "instructions_worst": int(counts.max()),
         "stack_bytes": max(target.stack_bytes for _, target in answers),
@@ -171,13 +173,13 @@ def target_in_float(bench: Bench) -> Check:
     }
     units = (f"{name} {item['flash']} and {item['ram']}" for name, item in figures["bytes"].items())
     text = (
-        f"{check.text}; {counts.mean():.0f} instructions a tick for all joints, {counts.max()} in the worst; "
+        f"{same}; {counts.mean():.0f} instructions a tick for all joints, {counts.max()} in the worst; "
         f"bytes of flash and RAM: {', '.join(units)}; {figures['stack_bytes']} bytes of stack"
     )
-    return check._replace(text=text, figures={**check.figures, **figures})
+    return passed, text, figures
 
 
-def in_the_loop(bench: Bench) -> Check:
+def in_the_loop(bench: Bench) -> Found:
     """With the emulated processor as the controller of the same plant the walk has the same outcome."""
     walk = bench.walk
     runs = bench.vectors[0].run, walk
@@ -195,7 +197,7 @@ def in_the_loop(bench: Bench) -> Check:
         "largest_shift_ticks": shift,
         "wall_s": walk.wall_s,
     }
-    return Check("", words[0] == words[1] and strides[0] == strides[1], text, figures)
+    return words[0] == words[1] and strides[0] == strides[1], text, figures
 
 
 def _moved(shift: int | None) -> str:
@@ -204,7 +206,7 @@ def _moved(shift: int | None) -> str:
     return f"switches up to {shift} ticks apart" if shift else "every switch in the same tick"
 
 
-CHECKS: dict[str, Callable[[Bench], Check]] = {
+CHECKS: dict[str, Callable[[Bench], Found]] = {
     "host in double against the simulation, bit for bit": host_in_double,
     "host in float against double": host_in_float,
     "Cortex-M4F against host in float, bit for bit": target_in_float,

@@ -5,7 +5,6 @@ from .modes import ModeTable as ModeTable
 from .modes import TimedRequest as TimedRequest
 from .modes import why_refused as why_refused
 from .program import compile_guards as compile_guards
-from .signals import LegSignals as LegSignals
 from .table import TICK as TICK
 from .table import Blending as Blending
 from .table import BlendingLaw as BlendingLaw

@@ -131,7 +131,8 @@ def why_refused(
     if not answers:
         known = [name for name in table.requests if table.answers(mode, name)]
         return f"{mode} does not answer {request}; it answers {', '.join(known) or 'nothing'}"
-    values, member = table.in_si({**signals, TIME: ticks * TICK}), table.member_index(request)
+    measured = {**dict.fromkeys(table.signals, 0.0), **signals, TIME: ticks * TICK}
+    values, member = table.in_si(measured), table.member_index(request)
     missing = []
     for item in answers:
         least = max(table.phases[mode].minimum_ticks, item.time_out_ticks or 0)

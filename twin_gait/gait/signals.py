@@ -65,9 +65,6 @@ class Signal:
     name: str  # in a table; of a joint what follows its name and a point
     scope: Scope  # what has one of its own
     unit: Unit  # of its values in a table; what is measured is in SI
-    # of LegSignals, and of the gait controller's record of the device; empty for the time in the phase, which
-    # a machine counts itself
-    field: str
     words: str  # in a diagram, behind what it belongs to
     range: Range  # what it can be at all
     # from tick to tick, in the unit of the table: an assumption. The encoder's own step is far below (0.0004°
@@ -76,6 +73,7 @@ class Signal:
     # comfortable distance from a threshold, in the unit of the table, that the test kit keeps
     room: float = 0.0
     first: float = math.nan  # before anything is measured, in SI; NaN opens no guard
+    field: str = ""  # of a signal of the device, in the gait controller's record of it
     # of a log, in SI, from which a replay reads a signal of the device; without one it stays as at first. How
     # angles and loads are read, reading says
     column: str = ""
@@ -98,36 +96,32 @@ def _between(low: float, high: float) -> Range:
     return lambda known, part: (low, high)
 
 
-ANGLE = Signal("angle_deg", Scope.JOINT, DEGREES, "angles", "", _limits, noise=0.5, room=1.0)
-VELOCITY = Signal(
-    "velocity_deg_per_s", Scope.JOINT, DEGREES_PER_SECOND, "velocities", " velocity", _speeds, 5.0, 5.0
-)
-LOAD = Signal(
-    "foot.load_bw", Scope.LEG, BODY_WEIGHTS, "foot_load", " load", _between(0.0, HIGHEST_LOAD), 0.02, 0.05
-)
+ANGLE = Signal("angle_deg", Scope.JOINT, DEGREES, "", _limits, noise=0.5, room=1.0)
+VELOCITY = Signal("velocity_deg_per_s", Scope.JOINT, DEGREES_PER_SECOND, " velocity", _speeds, 5.0, 5.0)
+LOAD = Signal("foot.load_bw", Scope.LEG, BODY_WEIGHTS, " load", _between(0.0, HIGHEST_LOAD), 0.02, 0.05)
 TIME_IN_PHASE = Signal(
-    "time_in_phase_s", Scope.LEG, SECONDS, "", "time in phase", _between(0.0, LONGEST_STAY), room=0.01
+    "time_in_phase_s", Scope.LEG, SECONDS, "time in phase", _between(0.0, LONGEST_STAY), room=0.01
 )
 TRUNK_PITCH = Signal(
     "trunk.pitch_deg",
     Scope.DEVICE,
     DEGREES,
-    "trunk_pitch",
     " pitch",
     _limits,
     noise=0.5,
     room=1.0,
     first=0.0,
+    field="trunk_pitch",
     column="measured_trunk_pitch_rad",
 )
 WALK = Signal(  # what the legs are told: 1 to walk, 0 to stand
-    "walk", Scope.DEVICE, NO_UNIT, "walk", "told to walk", _between(0.0, 1.0), room=0.25, first=1.0
+    "walk", Scope.DEVICE, NO_UNIT, "told to walk", _between(0.0, 1.0), room=0.25, first=1.0, field="walk"
 )
 STEP = Signal(  # likewise: 1 to take a step, 0 to wait for one
-    "step", Scope.DEVICE, NO_UNIT, "step", "told to step", _between(0.0, 1.0), room=0.25, first=1.0
+    "step", Scope.DEVICE, NO_UNIT, "told to step", _between(0.0, 1.0), room=0.25, first=1.0, field="step"
 )
 LEGS_IN_SWING = Signal(  # of the supervisor alone
-    "legs_in_swing", Scope.DEVICE, NO_UNIT, "", "legs in swing", _between(0.0, 2.0), room=0.25, first=0.0
+    "legs_in_swing", Scope.DEVICE, NO_UNIT, "legs in swing", _between(0.0, 2.0), room=0.25, first=0.0
 )
 
 # In the order of the list of signals: joint by joint, then of the leg; all of the other leg; of the device.
@@ -159,11 +153,6 @@ def mode_signal_names(joints: Sequence[str]) -> list[str]:
     return [*legs, *(signal.name for signal in MODE_SIGNALS)]
 
 
-def first_signals(joints: Sequence[str]) -> list[float]:
-    """List of signals before anything is measured, in SI; also what it has of a leg that is not there."""
-    return [signal_of(name).first for name in all_signal_names(joints)]
-
-
 @cache
 def signal_of(name: str) -> Signal:
     """Declaration of a signal by its name in a table, which may have further words in front."""
@@ -189,33 +178,3 @@ def is_device(name: str) -> bool:
 def signal_scale(name: str) -> float:
     """Factor from the unit in a signal's name to SI."""
     return signal_of(name).unit.factor
-
-
-class LegSignals(NamedTuple):
-    """Measured signals of one leg in SI units, and what it has of the device."""
-
-    angles: tuple[float, ...]  # joint angles in [rad], in the order of the table's joints
-    velocities: tuple[float, ...]  # joint velocities in [rad] / [s]
-    foot_load: float = 0.0  # normal force of the foot over body weight
-    walk: float = WALK.first  # command: 1 to walk, 0 to stand. A leg reads its own only
-    # of the trunk from upright in [rad], positive forward; read likewise
-    trunk_pitch: float = TRUNK_PITCH.first
-    step: float = STEP.first  # command: 1 to take a step, 0 to wait; read likewise
-
-
-def leg_signals(joints: Sequence[str], value: Callable[[str], float]) -> LegSignals:
-    """Signals of a leg by their names, from a function that gives each in SI."""
-    found: dict[str, tuple[float, ...] | float] = {}
-    for signal in SIGNALS:
-        if signal.scope is Scope.JOINT:
-            found[signal.field] = tuple(value(signal.of(joint)) for joint in joints)
-        elif signal.field:
-            found[signal.field] = value(signal.name)
-    return LegSignals(**found)  # type: ignore[arg-type]
-
-
-def values_of_leg(leg: LegSignals, time_in_phase: float) -> list[float]:
-    """Signals of a leg in the order of :func:`signal_names`, in SI."""
-    columns = [getattr(leg, signal.field) or (signal.first,) * len(leg.angles) for signal in JOINT_SIGNALS]
-    values = [value for joint in zip(*columns, strict=True) for value in joint]
-    return values + [getattr(leg, signal.field) if signal.field else time_in_phase for signal in LEG_SIGNALS]

@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Protocol
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import LEG_WORDS, AllOf, Guard, GuardWords, atoms
-from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_scale
+from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_of
 from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import PRE_SWING, Side
 
@@ -323,12 +323,17 @@ class StateTable:
         return self.members or (None,)
 
     def member_index(self, name: str | None) -> int:
-        """Position of one of the :attr:`members`; -1 for none."""
+        """Position of one of the :attr:`members`, -1 for none; raises GaitTableError if it is not known."""
+        unknown = name is not None and name not in self.members
+        refuse(unknown, f"no {self.words.member} {name!r}; there are {', '.join(self.members)}")
         return -1 if name is None else self.members.index(name)
 
     def in_si(self, signals: Mapping[str, float]) -> list[float]:
-        """Values in the order of :attr:`signals` in SI, of those in the units of their names; else 0."""
-        return [signal_scale(name) * signals.get(name, 0.0) for name in self.signals]
+        """Signals in their order in SI, from those known in the units of names; others as at first."""
+        declared = [(name, signal_of(name)) for name in self.signals]
+        return [
+            item.unit.factor * signals[name] if name in signals else item.first for name, item in declared
+        ]
 
     @property
     def entered(self) -> tuple[str, ...]:

@@ -158,10 +158,7 @@ def _point_stores(contacts: Sequence[Sequence[Scalar]]) -> list[tuple[str, Scala
 
 
 def _power(contacts: Sequence[Sequence[Scalar]]) -> Scalar:
-    total: Scalar = 0.0
-    for results in contacts:
-        total = results[-1] + total
-    return total
+    return sum(results[-1] for results in contacts)
 
 
 def write_dynamics(

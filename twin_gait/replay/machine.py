@@ -17,16 +17,16 @@ from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch, signal_list
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
     ANGLE,
-    DEVICE_SIGNALS,
     LOAD,
     OTHER,
+    OTHER_TIME,
+    TIME,
     TIME_IN_PHASE,
     VELOCITY,
-    LegSignals,
     Scope,
     all_signal_names,
     part_of,
@@ -71,47 +71,52 @@ def replay(
     """
     _check_signals(recording, table, body_weight)
     program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
-    nothing = np.zeros(total)
-    angles, velocities = np.zeros((2, total, len(sides), len(table.joints)))
-    for leg, joints in enumerate(recording.angles.values()):
-        for place, name in enumerate(table.joints):
+    nothing, own = np.zeros(total), dict[Side, dict[str, np.ndarray]]()
+    for side, joints in recording.angles.items():
+        own[side] = {LOAD.name: recording.loads.get(side, nothing) / (body_weight or math.inf)}
+        for name in table.joints:
             measured = _measured(joints.get(name, nothing), fast_time_constant)
-            angles[:, leg, place], velocities[:, leg, place] = measured
-    loads = [recording.loads.get(side, nothing) / (body_weight or math.inf) for side in sides]
-    # As at first where they were not recorded: who walks was told to.
-    device = {
-        signal.field: recording.device.get(signal.name, np.full(total, signal.first))
-        for signal in DEVICE_SIGNALS
-    }
+            own[side][ANGLE.of(name)], own[side][VELOCITY.of(name)] = measured
+    time, other_time = table.signals.index(TIME), table.signals.index(OTHER_TIME)
     starts = {side: _start(recording, table, side, start_phases or {}) for side in sides}
     machines = [
         GaitStateMachine(table, side, initial_phase=start, program=program) for side, start in starts.items()
     ]
+    read = [_read(recording, table, own, side) for side in sides]
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
         if progress is not None and tick % PROGRESS_TICKS == 0:
             progress(tick, total)
         times = [machine.time_in_phase(tick) for machine in machines]
         before = [machine.phase_index for machine in machines]
-        of_device = {name: float(values[tick]) for name, values in device.items()}
-        rows = zip(angles[tick].tolist(), velocities[tick].tolist(), loads, strict=True)
-        legs = [LegSignals(tuple(q), tuple(v), float(load[tick]), **of_device) for q, v, load in rows]
         for leg, machine in enumerate(machines):
-            others = len(legs) - 1 - leg
-            other = legs[others] if len(legs) == 2 else None
-            signals = signal_list(table, times[leg], legs[leg], other, times[others])
-            switch = machine.advance(tick, signals, -1 if other is None else before[others])
+            others, signals = len(machines) - 1 - leg, read[leg][tick].tolist()
+            signals[time] = times[leg]
+            if others != leg:
+                signals[other_time] = times[others]
+            switch = machine.advance(tick, signals, -1 if others == leg else before[others])
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
     if progress is not None:
         progress(total, total)
-    estimated = {
-        side: {joint: velocities[:, leg, place] for place, joint in enumerate(table.joints)}
-        for leg, side in enumerate(sides)
-    }
+    estimated = {side: {name: own[side][VELOCITY.of(name)] for name in table.joints} for side in sides}
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
     return Replay(table, recording, estimated, phases, tuple(switches))
+
+
+def _read(
+    recording: Recording, table: GaitTable, own: Mapping[Side, Mapping[str, np.ndarray]], side: Side
+) -> np.ndarray:
+    """What the guards of a leg read, without times in a phase; shape ``(n, n_signals)``, in SI.
+
+    As at first where it was not recorded: who walks was told to.
+    """
+    known = {**recording.device, **own[side]}
+    for other in (other for other in own if other is not side):
+        known |= {OTHER + name: values for name, values in own[other].items()}
+    unknown = {name: np.full(recording.n_ticks, signal_of(name).first) for name in table.signals}
+    return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
 def _measured(angle: np.ndarray, time_constant: float | None) -> np.ndarray:

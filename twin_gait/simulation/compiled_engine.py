@@ -24,6 +24,7 @@ from twin_gait.simulation.episode import Episode, Switch, noise_width
 from twin_gait.simulation.filling import Structure, new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
+from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
@@ -79,16 +80,8 @@ class CompiledEngine(EpisodeEngine):
         self._noise = np.ascontiguousarray(problem.noise)
         self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
         self.point_at_rows()
-        layout, acting = self.layout, problem.controller
-        self.pattern = Pattern(
-            self.store.dtype,
-            layout.writer,
-            len(layout.names),
-            bodies,
-            structure,
-            acting.name,
-            acting.functions(),
-        )
+        acting = problem.controller.name, problem.controller.functions()
+        self.pattern = Pattern(self.store.dtype, self.layout, bodies, structure, *acting)
         self.loop = loop_of(self.pattern, on_compile)
 
     def point_at_rows(self) -> None:
@@ -114,8 +107,7 @@ class Pattern(NamedTuple):
     """What a loop is compiled for; it runs all episodes of the pattern."""
 
     episode: np.dtype[Any]  # Layout of the record.
-    writer: str  # Source of the function that writes a row of the log.
-    width: int  # Numbers of a row.
+    log: LogLayout  # Of a row.
     bodies: KernelBodies  # What the kernel is written for.
     structure: Structure  # Constants that are bound.
     controller: str  # Name of the controller.
@@ -126,7 +118,7 @@ class Pattern(NamedTuple):
         """All that the loop depends on beside its sources, and functions that are not of this package."""
         bodies = kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
-        return repr((_text(self.episode), self.writer, bodies, self.structure, ours))
+        return repr((_text(self.episode), self.log.writer, bodies, self.structure, ours))
 
     @property
     def own(self) -> tuple[TickFunction, ...]:
@@ -193,8 +185,8 @@ def bound_to(pattern: Pattern) -> dict[str, Any]:
         **pattern.structure,
         **pattern.functions,
         **bound_kernel(pattern.bodies),
-        **kernel_functions(pattern.writer, {}),
-        **compiled_rows(pattern.width, noise_width(pattern.episode)),
+        **kernel_functions(pattern.log.writer, {}),
+        **compiled_rows(len(pattern.log.names), noise_width(pattern.episode)),
     }
 
 

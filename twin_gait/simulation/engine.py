@@ -155,16 +155,9 @@ class EpisodeEngine(ABC):
     def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far, from one of them on."""
         names, sides = self.problem.table.phase_names, self.problem.sides
-        causes = [item.cause for item in self.problem.table.transitions]
+        causes = [*(item.cause for item in self.problem.table.transitions), POSTURE]  # that of transition -1
         return tuple(
-            PhaseSwitch(
-                tick,
-                sides[leg],
-                names[source],
-                names[target],
-                causes[chosen] if chosen >= 0 else POSTURE,
-                chosen,
-            )
+            PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
             for tick, leg, source, target, chosen in self.switch_rows(first)
         )
 

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from twin_gait.control import gait_controller as ccu
 from twin_gait.control.controller import Controller, Plan, require_whole_numbers
 from twin_gait.control.joint_board import BoardState, Limits, Rates
-from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
+from twin_gait.control.supervisor import ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
 from twin_gait.core.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 from twin_gait.core.contact import Point
@@ -22,7 +22,6 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import first_signals, signal_of
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
@@ -228,7 +227,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
         ],
         legs=legs,
         program=_padded(problem.program),
-        signals=first_signals(problem.table.joints),
+        signals=problem.table.in_si({}),
         supply=ccu.WatchedSupply(
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),
@@ -245,16 +244,12 @@ def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
     return Supervisor(
         program=_padded(program),
         modes=[
-            ModeCommand(
-                NO_POSTURE if mode.posture is None else table.phase_index(mode.posture),
-                float(mode.walk),
-                float(mode.step),
-            )
+            ModeCommand(table.member_index(mode.posture), float(mode.walk), float(mode.step))
             for mode in modes.phases.values()
         ],
         hold=modes.phase_index(modes.hold),
         swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
-        signals=[signal_of(name).first for name in modes.signals],
+        signals=modes.in_si({}),
         debounce=[0] * _capacity(program.n_transitions),
         mode=0 if initial is None else modes.phase_index(initial),
     )

@@ -26,17 +26,12 @@ WIDTH = 32
 # Fields that the lanes of a block have in common and no tick changes, after the field that their record
 # stands in: where something is, which law it has, and what the whole tick goes by.
 SHARED = frozenset(
-    {
-        *("episode.step", "episode.substeps", "episode.watching"),
-        *("rates.period", "rates.decimation", "rates.blend_law"),
-        *("recording.on", "recording.log", "recording.first_row", "effort_line.delay"),
-        *("joints.place", "joints.control_place", "limbs.place", "episode.ankles", "episode.passive"),
-        *("encoder.window", "friction.law"),
-        *("imposed_motion.place", "program.n_transitions", "program.minimum_ticks"),
-        *("nodes.operation", "nodes.operand", "comparisons.signal_a", "comparisons.signal_b"),
-        *(f"transitions.{name}" for name in ("source", "target", "first_node", "end_node")),
-        *("transitions.debounce_ticks", "transitions.time_out_ticks"),
-    }
+    "episode.step episode.substeps episode.watching episode.ankles episode.passive rates.period "
+    "rates.decimation rates.blend_law recording.on recording.log recording.first_row effort_line.delay "
+    "joints.place joints.control_place limbs.place encoder.window friction.law imposed_motion.place "
+    "program.n_transitions program.minimum_ticks nodes.operation nodes.operand comparisons.signal_a "
+    "comparisons.signal_b transitions.source transitions.target transitions.first_node "
+    "transitions.end_node transitions.debounce_ticks transitions.time_out_ticks".split()
 )
 _WORD = 8  # bytes of every number
 # A block with fewer episodes takes longer than they do alone: it breaks even at 8 to 11 of them with AVX-512,
@@ -48,17 +43,14 @@ _CHUNK_TICKS = 100  # whose rows stand side by side until they are sorted out; t
 class LaneEngine:
     """Runs compiled engines together from start to end."""
 
-    def __init__(
-        self, engines: Sequence[CompiledEngine], *, on_compile: Callable[[], None] | None = None
-    ) -> None:
+    def __init__(self, engines: Sequence[CompiledEngine]) -> None:
         """Put the records side by side and get the compiled loop.
 
         ``engines``: at tick 0, all of one :func:`kind_of`, at most :data:`WIDTH`.
-        ``on_compile``: called if the loop has to be compiled first.
         """
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
-        self._loop = lane_loop(engines[0].pattern, on_compile)
+        self._loop = lane_loop(engines[0].pattern)
         self._block = side_by_side(np.concatenate([engine.store for engine in engines]))
         self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
@@ -132,14 +124,14 @@ def kind_of(engine: EpisodeEngine) -> Hashable | None:
     return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
 
 
-def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> NativeFunction:
+def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None = None) -> NativeFunction:
     """The loop for blocks of episodes of one pattern, compiled if need be."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
         from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
 
-        names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.width)}
+        names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, len(pattern.log.names))}
         return compile_loop(run_at, names, manner=IN_LOCKSTEP)
 
     return kept_loop(_key_of(pattern), make, on_compile)

@@ -3,8 +3,6 @@
 From them is written the function that fills a row in every tick (:attr:`LogLayout.writer`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -137,11 +137,7 @@ def _most(ticks: int) -> int:
 
 
 def simulate_together(
-    experiments: Iterable[Experiment],
-    *,
-    columns: tuple[str, ...] | None = None,
-    on_compile: Callable[[], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    experiments: Iterable[Experiment], *, columns: tuple[str, ...] | None = None
 ) -> Iterator[tuple[int, Run]]:
     """Run many experiments; each run is the same, bit for bit, as that of :func:`simulate`.
 
@@ -151,8 +147,6 @@ def simulate_together(
         experiments: Taken as they are needed, some more than a block at a time.
         columns: Ends of the names of the columns that the logs keep; all by default. Time, phases and
             operating mode stay.
-        on_compile: Called if an engine has to be compiled first.
-        should_stop: Asked between episodes, or blocks of them; True ends the work.
 
     Yields:
         Position and run of each, in the order in which they are done.
@@ -163,27 +157,23 @@ def simulate_together(
     waiting, first = iter(experiments), 0
     failure: JobFailed | None = None
     while failure is None:
-        engines, failure = _laid_out(waiting, first, on_compile)
+        engines, failure = _laid_out(waiting, first)
         if not engines and failure is None:
             return
         for block in blocks_of(_kinds(engines), [engine.problem.experiment.n_ticks for engine in engines]):
-            if should_stop is not None and should_stop():
-                return
-            runs = _run([engines[place] for place in block], first + block[0], columns, on_compile)
+            runs = _run([engines[place] for place in block], first + block[0], columns)
             for place in reversed(block):  # each is gone when it has been looked at
                 yield first + place, runs.pop()
         first += len(engines)
     raise failure
 
 
-def _laid_out(
-    waiting: Iterator[Experiment], first: int, on_compile: Callable[[], None] | None
-) -> tuple[list[EpisodeEngine], JobFailed | None]:
+def _laid_out(waiting: Iterator[Experiment], first: int) -> tuple[list[EpisodeEngine], JobFailed | None]:
     """Engines of the next episodes, up to the first that cannot be laid out."""
     engines: list[EpisodeEngine] = []
     try:
         for experiment in islice(waiting, _LAID_OUT):
-            engines.append(engine_of(build_problem(experiment), on_compile))
+            engines.append(engine_of(build_problem(experiment)))
     except TwinGaitError as error:
         failure = JobFailed(first + len(engines), str(error))
         failure.__cause__ = error
@@ -199,12 +189,7 @@ def _kinds(engines: Sequence[EpisodeEngine]) -> list[Hashable | None]:
     return [kind if numbers[kind] >= FEWEST_IN_ALL or kind in kept else None for kind in kinds]
 
 
-def _run(
-    engines: Sequence[EpisodeEngine],
-    first: int,
-    columns: tuple[str, ...] | None,
-    on_compile: Callable[[], None] | None,
-) -> list[Run]:
+def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] | None) -> list[Run]:
     """Runs of the episodes of a block, or of a single one.
 
     Raises JobFailed if a single one cannot be run, telling that it is the one with this number.
@@ -216,7 +201,7 @@ def _run(
     alike = [engine for engine in engines if isinstance(engine, CompiledEngine)]
     try:
         if len(alike) > 1:
-            results = LaneEngine(alike, on_compile=on_compile).run(kept)
+            results = LaneEngine(alike).run(kept)
         else:
             results = [engine.run(columns=kept) for engine in engines]
     except TwinGaitError as error:

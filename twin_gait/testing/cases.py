@@ -14,10 +14,10 @@ from pathlib import Path
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.documents import transition_table, truth_table
-from twin_gait.gait.table import GaitTable, StateTable
+from twin_gait.gait.table import StateTable
 from twin_gait.testing import edges, timing
 from twin_gait.testing.driver import MachineFactory, machine_of, play, refuse_broken, refuse_missing
-from twin_gait.testing.exits import Exit, Scenario, comfortable, decisive, fires, scenario, yields
+from twin_gait.testing.exits import Exit, Scenario, decisive
 
 Check = Callable[[MachineFactory], None]
 
@@ -110,15 +110,14 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
         timing.clock(leave, last), timing.again(leave), *(timing.elsewhere(leave, phase) for phase in away)
     ):
         yield _playing(table, item)
-    steps = comfortable(leave, [leave.opens], fires) or last
+    steps = leave.comfortable([leave.opens], Exit.fires) or last
     alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
-    if yields(leave, alone):
+    if leave.yields(alone):
         absent = "another leg" if table.words.member == "phase" else f"a {table.words.member}"
-        yield _playing(table, scenario(leave, f"holds without {absent}", alone))
+        yield _playing(table, leave.scenario(f"holds without {absent}", alone))
     given, spoilt = (table, leave.phase, steps), len(steps) * len(table.joints)
     yield "refuses signals that are NaN or infinite", partial(refuse_broken, *given), 12 * spoilt
-    if isinstance(table, GaitTable):
-        yield "refuses missing signals", partial(refuse_missing, *given), 5 * spoilt
+    yield "refuses missing signals", partial(refuse_missing, *given), 5 * spoilt
 
 
 def _playing(table: StateTable, item: Scenario) -> Shown:

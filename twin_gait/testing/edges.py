@@ -15,16 +15,10 @@ from twin_gait.testing.exits import (
     Scenario,
     Stretch,
     Window,
-    comfortable,
-    fires,
     first_of,
     reads_only_own_time,
     reads_own_time,
-    scenario,
-    search,
-    stays,
     turning_tick,
-    yields,
 )
 from twin_gait.testing.reference import Steps
 
@@ -38,13 +32,13 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
     if isinstance(entry.atom, PhaseMembership):
         yield from _memberships(leave, entry, entry.atom)
         return
-    past = _edge(leave, entry, entry.atom, MARGIN, fires)
-    yield scenario(leave, f"fires just past {entry.atom}", past)
-    yield scenario(leave, f"holds just below {entry.atom}", _below(leave, entry, entry.atom, past))
+    past = _edge(leave, entry, entry.atom, MARGIN, Exit.fires)
+    yield leave.scenario(f"fires just past {entry.atom}", past)
+    yield leave.scenario(f"holds just below {entry.atom}", _below(leave, entry, entry.atom, past))
     if not reads_own_time(entry.atom):
         on = _on(leave, entry, entry.atom, past)
         if on:
-            yield scenario(leave, f"holds on the threshold of {entry.atom}", on)
+            yield leave.scenario(f"holds on the threshold of {entry.atom}", on)
 
 
 def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
@@ -52,9 +46,9 @@ def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps
     if past and not reads_own_time(atom):
         present = past[0].vector.signals.get(atom.signal, 0.0)
         moved = _placed(past, atom.signal, present - _distance(atom, MARGIN) * 2.0)
-        if stays(leave, moved):
+        if leave.stays(moved):
             return moved
-    return _edge(leave, entry, atom, -MARGIN, stays) or _edge(leave, entry, atom, -MARGIN, yields)
+    return _edge(leave, entry, atom, -MARGIN, Exit.stays) or _edge(leave, entry, atom, -MARGIN, Exit.yields)
 
 
 def _distance(atom: Comparison, margin: float) -> float:
@@ -75,7 +69,7 @@ def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, accept:
     windows = (Window(start, start + leave.debounce - 1) for start in starts)
     stretch = (entry.requirements, leave.debounce)
     return first_of(
-        search(leave, window.first, [stretch], accept, _pinned(atom, margin, window)) for window in windows
+        leave.search(window.first, [stretch], accept, _pinned(atom, margin, window)) for window in windows
     )
 
 
@@ -103,7 +97,7 @@ def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
     """Steps exactly on a threshold; of a difference one signal is zero, so that no digit is lost."""
     if past and atom.minus is None:
         exact = _placed(past, atom.signal, atom.threshold)
-        if stays(leave, exact):
+        if leave.stays(exact):
             return exact
 
     def on(leave: Exit, steps: Steps) -> bool:
@@ -111,12 +105,12 @@ def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
         scale = signal_scale(atom.signal)
         minus = 0.0 if atom.minus is None else signals[atom.minus] * scale
         exact = signals[atom.signal] * scale - minus == atom.threshold * scale
-        return exact and yields(leave, steps)
+        return exact and leave.yields(steps)
 
     pins = equal(atom.signal, atom.minus or ZERO, atom.threshold)
     ends = [] if atom.minus is None else [atom.signal, atom.minus]
     zeros = [equal(name, ZERO, 0.0) for name in ends] or [[]]
-    return first_of(comfortable(leave, entry.requirements, on, pinned=[*pins, *zero]) for zero in zeros)
+    return first_of(leave.comfortable(entry.requirements, on, pinned=[*pins, *zero]) for zero in zeros)
 
 
 def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterator[Scenario]:
@@ -139,8 +133,8 @@ def groups(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
 
 def _far(leave: Exit, what: str, entry: Decisive, more: Requirement, opens: bool) -> Scenario:
     """The exit is taken, or not, with a condition as it is required, far from thresholds."""
-    accepts = (fires,) if opens else (stays, yields)
-    return scenario(leave, what, comfortable(leave, [*entry.requirements, more], *accepts))
+    accepts = (Exit.fires,) if opens else (Exit.stays, Exit.yields)
+    return leave.scenario(what, leave.comfortable([*entry.requirements, more], *accepts))
 
 
 def priority(first: Exit, second: Exit) -> Iterator[Scenario]:
@@ -151,13 +145,13 @@ def priority(first: Exit, second: Exit) -> Iterator[Scenario]:
 
     def wins(leave: Exit, steps: Steps) -> bool:
         """In each other's place the other one is taken."""
-        return fires(leave, steps) and fires(swapped, steps)
+        return leave.fires(steps) and swapped.fires(steps)
 
     sparing = replace(first, spared=second.index)
-    steps = first_of(search(sparing, *schedule, wins) for schedule in _schedules(first, second))
+    steps = first_of(sparing.search(*schedule, wins) for schedule in _schedules(first, second))
     if steps:
         what = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"
-        yield scenario(first, what, steps)
+        yield first.scenario(what, steps)
 
 
 def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretch]]]:

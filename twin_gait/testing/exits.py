@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, Way, bound_of, most_comfortable
@@ -63,9 +63,9 @@ def reads_own_time(atom: Comparison) -> bool:
     return TIME in (atom.signal, atom.minus)
 
 
-def reads_only_own_time(atom: Comparison) -> bool:
-    """Whether a comparison reads nothing else."""
-    return {atom.signal, atom.minus} <= {TIME, None}
+def reads_only_own_time(atom: Comparison | PhaseMembership) -> TypeGuard[Comparison]:
+    """Whether a condition reads nothing else."""
+    return isinstance(atom, Comparison) and {atom.signal, atom.minus} <= {TIME, None}
 
 
 def find(
@@ -89,6 +89,10 @@ def find(
     except GaitTableError:  # too many choices to try
         return None
     return None if found is None else Vector(found[1], found[0].phases[0])
+
+
+Accept = Callable[["Exit", Steps], bool]
+Stretch = tuple[Sequence[Requirement], int]  # what has to hold, for how many ticks
 
 
 @dataclass(frozen=True)
@@ -137,7 +141,7 @@ class Exit:
     @cached_property
     def siblings(self) -> tuple[Exit, ...]:
         """Exits of the same phase, itself among them."""
-        return tuple(Exit(self.table, index) for index in exits(self.table, self.phase))
+        return tuple(exits_of(self.table, self.phase))
 
     @cached_property
     def latest(self) -> float:
@@ -151,17 +155,16 @@ class Exit:
         others = (item for item in self.siblings if item.index not in (self.index, self.spared))
         return tuple(item for item in others if not item.item.is_time_out)
 
+    @property
+    def timed(self) -> list[tuple[Comparison, tuple[Requirement, ...]]]:
+        """Conditions of its guard on the time in the phase alone, and what makes each decide."""
+        found = decisive(self.item.guard)
+        return [(atom, beside) for atom, beside, _ in found if reads_only_own_time(atom)]
+
     @cached_property
-    def own_time_ticks(self) -> tuple[int, ...]:
+    def own_time_ticks(self) -> set[int]:
         """Ticks about which a threshold on the time in the phase changes its truth."""
-        guards = [self.item.guard, *(item.item.guard for item in self.rivals)]
-        times = {
-            round(entry.atom.threshold / TICK)
-            for guard in guards
-            for entry in decisive(guard)
-            if isinstance(entry.atom, Comparison) and reads_only_own_time(entry.atom)
-        }
-        return tuple(sorted(times))
+        return {round(atom.threshold / TICK) for item in (self, *self.rivals) for atom, _ in item.timed}
 
     def starts(self, ticks: int, *, gate: int | None = None) -> list[int]:
         """First ticks of windows worth trying, of a length and from a gate on, before the phase is left."""
@@ -188,6 +191,67 @@ class Exit:
                 if found is not None:
                     yield found
 
+    def outcomes(self, steps: Steps) -> list[int | None]:
+        """Transition that a leg takes at each step, or None; it has entered the phase at tick 0."""
+        return outcomes(self.table, self.phase, steps)
+
+    def fires(self, steps: Steps) -> bool:
+        """Whether a leg takes the exit in the last of some steps and none before."""
+        return self.outcomes(steps) == [None] * (len(steps) - 1) + [self.index]
+
+    def stays(self, steps: Steps) -> bool:
+        """Whether a leg takes no exit."""
+        return self.outcomes(steps) == [None] * len(steps)
+
+    def yields(self, steps: Steps) -> bool:
+        """Whether a leg does not take the exit, but perhaps a rival that is open too."""
+        return self.index not in self.outcomes(steps)
+
+    def search(
+        self, start: int, stretches: Sequence[Stretch], accept: Accept, pinned: Sequence[Bound] = ()
+    ) -> Steps:
+        """Steps from a tick on, stretch by stretch, that pass a criterion; none if there are none.
+
+        ``pinned``: bounds that hold throughout.
+        """
+
+        def ways(first: int, left: Sequence[Stretch]) -> Iterator[Steps]:
+            if not left:
+                yield ()
+                return
+            (requirements, ticks), later = left[0], left[1:]
+            if ticks == 0:
+                yield from ways(first, later)
+                return
+            window = Window(first, first + ticks - 1)
+            for vector in self.look(requirements, window, pinned):
+                for rest in ways(window.last + 1, later):
+                    yield constant(vector, *window) + rest
+
+        end = start + sum(ticks for _, ticks in stretches) - 1
+        if start < 1 or end > self.latest:
+            return ()
+        return next((steps for steps in ways(start, stretches) if accept(self, steps)), ())
+
+    def comfortable(
+        self, requirements: Sequence[Requirement], *accepts: Accept, pinned: Sequence[Bound] = ()
+    ) -> Steps:
+        """Steps, one debounce long, that fulfil requirements with room and pass one of some criteria."""
+        return first_of(
+            self.search(start, [(requirements, self.debounce)], accept, pinned)
+            for accept in accepts
+            for start in self.starts(self.debounce)
+        )
+
+    def scenario(self, what: str, steps: Steps) -> Scenario:
+        """Scenario with what the rules of the table demand."""
+        return Scenario(what, self.phase, steps, tuple(self.outcomes(steps)))
+
+
+def exits_of(table: StateTable, phase: str) -> Iterator[Exit]:
+    """Exits of a phase, in their order of priority."""
+    return (Exit(table, index) for index in exits(table, phase))
+
 
 def constant(vector: Vector, first: int, last: int) -> Steps:
     """The same measurements from tick to tick, both ends included."""
@@ -203,68 +267,6 @@ def turning_tick(atom: Comparison) -> int:
     return next((tick for tick in ticks if holds(atom, Vector({}, None), tick) is not before), start)
 
 
-Accept = Callable[[Exit, Steps], bool]
-Stretch = tuple[Sequence[Requirement], int]  # what has to hold, for how many ticks
-
-
-def fires(leave: Exit, steps: Steps) -> bool:
-    """Whether a leg takes the exit in the last of some steps and none before."""
-    return outcomes(leave.table, leave.phase, steps) == [None] * (len(steps) - 1) + [leave.index]
-
-
-def stays(leave: Exit, steps: Steps) -> bool:
-    """Whether a leg takes no exit."""
-    return outcomes(leave.table, leave.phase, steps) == [None] * len(steps)
-
-
-def yields(leave: Exit, steps: Steps) -> bool:
-    """Whether a leg does not take the exit, but perhaps a rival that is open too."""
-    return leave.index not in outcomes(leave.table, leave.phase, steps)
-
-
-def search(
-    leave: Exit, start: int, stretches: Sequence[Stretch], accept: Accept, pinned: Sequence[Bound] = ()
-) -> Steps:
-    """Steps from a tick on, stretch by stretch, that pass a criterion; none if there are none.
-
-    ``pinned``: bounds that hold throughout.
-    """
-
-    def ways(first: int, left: Sequence[Stretch]) -> Iterator[Steps]:
-        if not left:
-            yield ()
-            return
-        (requirements, ticks), later = left[0], left[1:]
-        if ticks == 0:
-            yield from ways(first, later)
-            return
-        window = Window(first, first + ticks - 1)
-        for vector in leave.look(requirements, window, pinned):
-            for rest in ways(window.last + 1, later):
-                yield constant(vector, *window) + rest
-
-    end = start + sum(ticks for _, ticks in stretches) - 1
-    if start < 1 or end > leave.latest:
-        return ()
-    return next((steps for steps in ways(start, stretches) if accept(leave, steps)), ())
-
-
-def comfortable(
-    leave: Exit, requirements: Sequence[Requirement], *accepts: Accept, pinned: Sequence[Bound] = ()
-) -> Steps:
-    """Steps, one debounce long, that fulfil requirements with room and pass one of some criteria."""
-    return first_of(
-        search(leave, start, [(requirements, leave.debounce)], accept, pinned)
-        for accept in accepts
-        for start in leave.starts(leave.debounce)
-    )
-
-
 def first_of(tries: Iterable[Steps]) -> Steps:
     """Steps of the first search that has found some; none if all were in vain."""
     return next(filter(None, tries), ())
-
-
-def scenario(leave: Exit, what: str, steps: Steps) -> Scenario:
-    """Scenario with what the rules of the table demand."""
-    return Scenario(what, leave.phase, steps, tuple(outcomes(leave.table, leave.phase, steps)))

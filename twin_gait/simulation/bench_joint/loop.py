@@ -13,18 +13,12 @@ import pandas as pd
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.bench_joint.episode import (
-    BENCH,
-    COLUMNS,
-    LOG_COLUMNS,
-    BenchEpisode,
-    BenchVariation,
-)
+from twin_gait.simulation.bench_joint.episode import BENCH, COLUMNS, LOG_COLUMNS, BenchEpisode, BenchVariation
 from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
 from twin_gait.simulation.bench_joint.tick import bench_at, run_ticks
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows
-from twin_gait.simulation.episode import COMPLETED, DIVERGED
+from twin_gait.simulation.episode import DIVERGED
 from twin_gait.simulation.keeping import kept_loop, source_key
 from twin_gait.simulation.log import writer_of
 from twin_gait.simulation.record import stored
@@ -34,8 +28,7 @@ from twin_gait.worlds.bench_joint import BenchJoint
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
 
-CHUNK_TICKS = 5000  # between two looks at progress and interruption
-Advance = Callable[[int, int], tuple[int, int]]  # from tick and to tick; ticks done and status
+Advance = Callable[[int], tuple[int, int]]  # from ticks asked for to ticks done and status
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +37,7 @@ class BenchRun:
 
     test: BenchJoint  # The test.
     rows: np.ndarray  # Log, shape ``(n_ticks, n_columns)``.
-    status: RunStatus  # Completed, diverged or interrupted.
+    status: RunStatus  # Completed or diverged.
 
     def column(self, name: str) -> np.ndarray:
         """A column by its name, shape ``(n_ticks,)``.
@@ -70,8 +63,6 @@ def simulate_bench(
     seed: int = 0,
     variation: BenchVariation | None = None,
     compiled: bool = True,
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> BenchRun:
     """Simulate a test.
@@ -81,8 +72,6 @@ def simulate_bench(
         seed: Of the noise of current and encoder.
         variation: What chance adds to this test.
         compiled: False runs the same loop as plain Python, some hundred times slower.
-        progress: Called with ticks done and in all.
-        should_stop: Asked between chunks; True ends the test there.
         on_compile: Called if the loop has to be compiled.
 
     Returns:
@@ -95,16 +84,8 @@ def simulate_bench(
     episode, noise = bench_episode(test, variation or BenchVariation()), bench_noise(test, ticks, seed)
     rows = np.zeros((ticks, len(COLUMNS)))
     advance = _compiled(episode, noise, rows, on_compile) if compiled else _plain(episode, noise, rows)
-    done = end = ending = 0
-    while done == end < ticks and ending == COMPLETED:
-        if should_stop is not None and should_stop():
-            return BenchRun(test, rows[:done], RunStatus.INTERRUPTED)
-        end = min(done + CHUNK_TICKS, ticks)
-        done, ending = advance(done, end)
-        if progress is not None:
-            progress(done, ticks)
-    status = RunStatus.DIVERGED if ending == DIVERGED else RunStatus.COMPLETED
-    return BenchRun(test, rows[:done], status)
+    done, ending = advance(ticks)
+    return BenchRun(test, rows[:done], RunStatus.DIVERGED if ending == DIVERGED else RunStatus.COMPLETED)
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -127,7 +108,7 @@ def _compiled(
         return compile_loop(run_at, {**names, **rows, "bench_at": record_at(store.dtype)})
 
     loop = kept_loop(_key(store.dtype, names["OTHER_LAWS"]), make, on_compile)
-    return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
+    return lambda ticks: (loop(store.ctypes.data, 0, ticks), int(store[0]["status"]))
 
 
 def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray) -> Advance:
@@ -135,7 +116,7 @@ def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray) -> Advanc
     table = noise.reshape(-1, 1).tolist()
     found = {"log_row": lambda e, tick: rows[tick], "noise_row": lambda e, number: table[number]}
     run = bind(run_ticks, {**_names(episode), **found})
-    return lambda first, end: (run(episode, first, end), episode.status)
+    return lambda ticks: (run(episode, 0, ticks), episode.status)
 
 
 def _names(episode: BenchEpisode) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """The motion of the leg within a tick: what acts on it, the row of the log, its work, and the integration."""
 
-from __future__ import annotations
-
 from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
@@ -41,6 +39,9 @@ def integrate(e: Episode, tick: int) -> None:
             _runge_kutta_step(e, time, known)
         else:
             _euler_step(e, time, known)
+        if CRUTCHES > 0:
+            for one in lanes(e):
+                drag_tips(one)
 
 
 def acceleration(e: Episode, time: float, staged: bool) -> None:
@@ -195,7 +196,6 @@ def _euler_step(e: Episode, time: float, known: bool) -> None:
             one.v[i] = velocity + e.step * one.a[i]
             one.stages.v[i] = 0.5 * (velocity + one.v[i])
             _move(one, i, e.step * one.v[i])
-    _end_step(e)
     if e.recording.on:
         for one in lanes(e):
             contact = 0.5 * (one.contact_power + one.last_contact_power)
@@ -237,7 +237,6 @@ def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
         for one in lanes(e):
             one.v[i] += step * one.stages.sum_a[i]
             _move(one, i, step * one.stages.sum_v[i])
-    _end_step(e)
 
 
 def _move(e: Episode, place: int, displacement: float) -> None:
@@ -246,13 +245,6 @@ def _move(e: Episode, place: int, displacement: float) -> None:
     if OTHER_LAWS:
         plant = e.plant[place]
         plant.deflection = advanced_deflection(plant.friction, displacement, e.v[place], plant.deflection)
-
-
-def _end_step(e: Episode) -> None:
-    """What follows the coordinates of a whole step."""
-    if CRUTCHES > 0:
-        for one in lanes(e):
-            drag_tips(one)
 
 
 def _add_work(e: Episode, duration: float) -> None:

@@ -1,7 +1,5 @@
 """What acts from outside in a tick: the belt, the command to walk, the harness, a push, and the wearer."""
 
-from __future__ import annotations
-
 import math
 
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
