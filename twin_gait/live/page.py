@@ -95,9 +95,10 @@ class LiveServer(SceneServer):
 class StopHandler(Guarded):
     """The way to stop when the socket of a page is not open."""
 
+    own_page = True
+
     def post(self) -> None:
         """Stop."""
-        self.require_own_page()
         self.server.stop()
         self.write("stopped\n")
 
@@ -134,7 +135,7 @@ class Panel(GuardedSocket):
 
     async def write_batch(self, batch: list[str]) -> None:
         """Write one message for the batch: a list of what was told."""
-        await self.write_or_leave(f"[{','.join(batch)}]", binary=False)
+        await self.write_or_leave(f"[{','.join(batch)}]")
 
 
 class LivePage(LiveServer):

@@ -66,10 +66,7 @@ def recorded_run(
         mode="recorded",
         view=scene.view,
         phases=motion.phase_names,
-        legs=[
-            leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
-            for side, leg in motion.legs.items()
-        ],
+        legs=[leg_entry(side, ["phase", *leg.curves]) for side, leg in motion.legs.items()],
         missing_meshes=scene.missing_meshes,
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
@@ -82,8 +79,6 @@ def recorded_run(
 def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, Any] | None:
     """The leg by whose strides two runs are compared, and when they begin in [s]; None without strides."""
     side = model.sides[0]
-    if motion.legs[side].phases is None:
-        return None
     names = [name for name in motion.phase_names if name != HOLD]
     events = leg_record(log, side, names, TICK).stride_events
     starts = events[~held_rows(log)[events]] * TICK
@@ -151,7 +146,7 @@ def _thinned(track: Track) -> Track:
 
 def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
     """Colour that switches with the phase, at the tick of the switch."""
-    if leg.phases is None or len(leg.phases.starts) < 2:
+    if len(leg.phases.starts) < 2:
         return
     colours = [rgb(phase_colour(motion.phase_names[code], int(code))) for code in leg.phases.codes]
     switches = leg.phases.starts[1:]

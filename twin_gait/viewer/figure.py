@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,16 +21,6 @@ _SHORTEST_SEGMENT = 0.02  # [m]
 _SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
 _ARC_CLEARANCE, _ARC_GAP = 0.036, 0.014  # of a torque's arrow around and beside its motor [m]
 _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
-
-
-class Motor(NamedTuple):
-    """Size of the motor of a joint."""
-
-    radius: float  # in [m]
-    length: float  # along the joint's axis in [m]
-    centre: np.ndarray  # in the frame of its link in [m], shape ``(3,)``
-    # joint that carries the link that it is drawn on: its own, or the one before if it stands there
-    link: str
 
 
 class Figure:
@@ -129,11 +118,11 @@ class Figure:
             candidates.insert(0, np.asarray(self.model.jointPlacements[following].translation))
         return next(end.copy() for end in candidates if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT)
 
-    def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Motor:
-        """Size of the motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
+    def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Disc:
+        """The motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
 
         That one stands on the link before, parallel to the axes of both joints and about neither. Without one
-        it has the ``default_radius`` in [m].
+        it has the ``default_radius`` in [m]. Returned on the joint, or on the one before.
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
@@ -148,23 +137,22 @@ class Figure:
             # The other leg's motor may lie on the same axis, but not here.
             if _off_axis(centre, axis) < _COAXIAL:
                 if abs(float(centre @ axis)) < 2.0 * disc.length:
-                    found.append(Motor(disc.radius, disc.length, centre, joint))
+                    found.append(disc._replace(joint=joint, centre=centre, axis=axis))
             elif disc.joint == parent != FIXED_JOINT:
                 before = self.axis(parent)
                 if abs(float(disc.axis @ before)) > 0.99 and _off_axis(own, before) > _COAXIAL:
-                    beside.append(Motor(disc.radius, disc.length, own, parent))
-        default = Motor(default_radius, default_radius, np.zeros(3), joint)
+                    beside.append(disc)
+        default = Disc(joint, np.zeros(3), axis, default_radius, default_radius)
         return max(found or beside, key=lambda motor: motor.radius, default=default)
 
-    def draw_cover(self, joint: str, motor: Motor, material: Material) -> str:
+    def draw_cover(self, joint: str, motor: Disc, material: Material) -> str:
         """Draw the cover of a motor, whose colour shows the phase."""
         cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
-        own = motor.link == joint
-        placement = shapes.frame(self.axis(motor.link), at=motor.centre)
-        name = "motor_cover" if own else f"motor_cover_{joint.replace('/', '_')}"
-        return self.draw(motor.link, name, shapes.moved(cover, placement), material)
+        placement = shapes.frame(self.axis(motor.joint), at=motor.centre)
+        name = "motor_cover" if motor.joint == joint else f"motor_cover_{joint.replace('/', '_')}"
+        return self.draw(motor.joint, name, shapes.moved(cover, placement), material)
 
-    def draw_arc(self, joint: str, motor: Motor, outward: float) -> dict[int, str]:
+    def draw_arc(self, joint: str, motor: Disc, outward: float) -> dict[int, str]:
         """Draw the arrows that show the torque of a motor, all hidden.
 
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
@@ -177,7 +165,7 @@ class Figure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        middle = before.act(motor.centre) if motor.link == joint else motor.centre
+        middle = before.act(motor.centre) if motor.joint == joint else motor.centre
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
         placement = shapes.translation(middle + (0.5 * motor.length + _ARC_GAP) * face)

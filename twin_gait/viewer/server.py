@@ -61,7 +61,13 @@ def is_own_page(origin: str | None, host: str) -> bool:
 
 
 class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
-    """Answers only requests that name this machine and have the token; says in one line why not."""
+    """Answers only requests that name this machine and have the token; says in one line why not.
+
+    Attributes:
+        own_page: Whether a request has to say that it comes from our own page.
+    """
+
+    own_page = False
 
     def initialize(self, server: Any) -> None:
         """Remember the server."""
@@ -69,10 +75,10 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
 
     def prepare(self) -> None:
         """Refuse what comes from another site or another user."""
-        origin = self.request.headers.get("Origin")
-        if not is_loopback(self.request.host):
+        origin, host = self.request.headers.get("Origin"), self.request.host
+        if not is_loopback(host):
             self.refuse("this server answers under the names of this machine only")
-        if origin is not None and not is_own_page(origin, self.request.host):
+        if (self.own_page or origin is not None) and not is_own_page(origin, host):
             self.refuse("this server answers its own pages only")
         if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
             self.refuse("open the address that the program has printed: it holds the token of this start")
@@ -81,11 +87,6 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         """Answer with status 403. Raises HTTPError: Always."""
         self.server.refused += 1
         raise HTTPError(403, reason)
-
-    def require_own_page(self) -> None:
-        """Refuse what does not say that it comes from our own page."""
-        if not is_own_page(self.request.headers.get("Origin"), self.request.host):
-            self.refuse("this server answers its own pages only")
 
     def set_default_headers(self) -> None:
         """Keep the page out of other pages and out of caches."""
@@ -161,10 +162,11 @@ class Outbox:
 class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
     """A web socket of our own page."""
 
+    own_page = True
+
     def prepare(self) -> None:
-        """Refuse what is not our own page, and more pages than anybody has."""
+        """Refuse more pages than anybody has, too."""
         super().prepare()
-        self.require_own_page()
         if len(self.server.sockets) >= MOST_SOCKETS:
             self.server.refused += 1
             raise HTTPError(503, "too many pages are open; close one")
@@ -189,10 +191,10 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
             self.ws_connection.stream.close()
         await self.outbox.ended()
 
-    async def write_or_leave(self, content: str | bytes, *, binary: bool) -> bool:
+    async def write_or_leave(self, content: str | bytes) -> bool:
         """Write to the page; one that has gone is no error. Returns whether the page is still there."""
         try:
-            await self.write_message(content, binary=binary)
+            await self.write_message(content, binary=isinstance(content, bytes))
         except (WebSocketClosedError, StreamClosedError):
             self.close()
             return False
@@ -324,5 +326,5 @@ class SceneSocket(GuardedSocket):
     async def write_batch(self, batch: list[bytes]) -> None:
         """Write, and wait until it is drawn."""
         self._drawn.clear()
-        if await self.write_or_leave(b"".join(batch), binary=True):
+        if await self.write_or_leave(b"".join(batch)):
             await self._drawn.wait()
