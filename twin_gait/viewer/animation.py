@@ -49,11 +49,10 @@ def recorded_run(
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
     The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
-    Each change of a phase and each event has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
+    Each change of a phase has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
     [m] / [s], or the way that the belt has gone by a time. Raises ModelError if the URDF cannot be read,
     ViewerError if the log does not fit the model.
     """
-    moments = [*moments, *(event.time for event in about.get("events", ()))]
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Window()
     drives = shown_joints(log, model.sides[0])
@@ -187,7 +186,7 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
         missing_meshes=scene.missing_meshes, joints=joint_entries(scene.figure),
         scene=packed(recorder.packed()),
     )  # fmt: skip
-    return recorded_page([page], mode="model")
+    return recorded_page([page])
 
 
 def counted(model: pin.Model) -> str:
