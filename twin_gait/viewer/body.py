@@ -72,11 +72,11 @@ def draw_wearer(
     scale = girth(patient)
     for side, leg in legs.items():
         inside = _inside(figure, side, leg.hip, patient)
-        thigh = figure.segment(leg.hip, leg)
+        thigh = figure.segment(leg.hip)
         if leg.ankle is None:
             shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
         else:
-            shank = figure.segment(leg.knee, leg)
+            shank = figure.segment(leg.knee)
         at_knee, at_ankle = _KNEE_INSIDE * inside, _ANKLE_INSIDE * inside
         for joint, name, segment, upper, lower in (
             (leg.hip, "thigh", thigh, inside, at_knee),

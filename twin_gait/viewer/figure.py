@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
@@ -67,13 +66,11 @@ class Figure:
     def draw_visuals(self, visuals: Visuals) -> None:
         """Draw the visuals of the URDF."""
         for number, part in enumerate(visuals.parts):
-            *colour, opacity = part.colour
-            dark = max(colour) < 0.3
+            red, green, blue, opacity = part.colour
+            roughness = 0.8 if max(red, green, blue) < 0.3 else 0.42
+            # Of both sides, because it may have holes.
             material = Material(
-                colour=(colour[0], colour[1], colour[2]),
-                opacity=opacity,
-                roughness=0.8 if dark else 0.42,
-                two_sided=True,  # it may have holes
+                colour=(red, green, blue), opacity=opacity, roughness=roughness, two_sided=True
             )
             self.draw(part.joint, f"visual_{number}", part.shape, material)
 
@@ -85,7 +82,10 @@ class Figure:
         material = Material(colour=STICK_COLOUR, roughness=0.8)
         for name, tips in zip(map(str, self.model.names), ends, strict=True):
             sticks = [
-                shapes.moved(shapes.capsule(radius, float(np.linalg.norm(end))), along(end)) for end in tips
+                shapes.moved(
+                    shapes.capsule(radius, float(np.linalg.norm(end))), shapes.frame(end, at=0.5 * end)
+                )
+                for end in tips
             ]
             balls = [shapes.ellipsoid((1.5 * radius,) * 3, columns=16)] if name != FIXED_JOINT else []
             if sticks or balls:
@@ -100,23 +100,16 @@ class Figure:
         ends = [np.asarray(place.translation).copy() for place in places]
         return [end for end in ends if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT]
 
-    def segment(self, joint: str, leg: LegJoints) -> np.ndarray:
-        """From a joint of a leg to the next, or to the farthest frame that it carries.
+    def segment(self, joint: str) -> np.ndarray:
+        """From a joint to the next, or to the farthest frame that it carries.
 
         A bare last link is taken to be as long as the one before it. Returned in the frame of the joint in
         [m], shape ``(3,)``; never zero.
         """
-        names = [name for _, name in leg.items()]
         index = self.model.getJointId(joint)
-        frames = [frame for frame in self.model.frames if frame.parentJoint == index]
-        own = [np.asarray(frame.placement.translation) for frame in frames]
-        farthest = max(own, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
-        before = np.asarray(self.model.jointPlacements[index].translation)
-        candidates = [farthest, before, _SOME_SEGMENT]
-        if names.index(joint) + 1 < len(names):
-            following = self.model.getJointId(names[names.index(joint) + 1])
-            candidates.insert(0, np.asarray(self.model.jointPlacements[following].translation))
-        return next(end.copy() for end in candidates if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT)
+        before = np.asarray(self.model.jointPlacements[index].translation).copy()
+        bare = before if np.linalg.norm(before) > _SHORTEST_SEGMENT else _SOME_SEGMENT
+        return max(self._ends(index), key=np.linalg.norm, default=bare)
 
     def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Disc:
         """The motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
@@ -223,11 +216,3 @@ class Figure:
 def _off_axis(point: np.ndarray, axis: np.ndarray) -> float:
     """Distance of a point from an axis through the origin in [m]."""
     return float(np.linalg.norm(point - (point @ axis) * axis))
-
-
-def along(direction: np.ndarray) -> np.ndarray:
-    """Placement that turns z into a direction and puts the origin half way along it.
-
-    ``direction`` from start to end in [m], shape ``(3,)``. Returns homogeneous transform, shape ``(4, 4)``.
-    """
-    return shapes.frame(direction, at=0.5 * direction)

@@ -78,7 +78,7 @@ class Scene:
         self.legs[side], self.covers[side], self.arcs[side] = leg, [], {}
         for name, joint in leg.items():
             if name in drives:
-                length = float(np.linalg.norm(self.figure.segment(joint, leg)))
+                length = float(np.linalg.norm(self.figure.segment(joint)))
                 motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
                 self.covers[side].append(self.figure.draw_cover(joint, motor, material))
                 self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward)
@@ -108,7 +108,7 @@ class Scene:
             point = np.mean([self.figure.frame_point(q, frame) for frame in leg.contact_frames], axis=0)
             return np.asarray(np.maximum(point, [-np.inf, -np.inf, LOWEST_TRAIL]))
         last = leg.items()[-1][1]
-        return self.figure.world_point(q, last, self.figure.segment(last, leg))
+        return self.figure.world_point(q, last, self.figure.segment(last))
 
     def _force_state(self, side: Side, motion: Motion, frame: int) -> State:
         """Arrow of the force of the ground on a foot, in the axes of the ground."""

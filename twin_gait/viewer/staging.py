@@ -159,7 +159,7 @@ def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, floa
     for leg in legs.values():
         last = leg.items()[-1][1]
         tops.append(float(figure.world_point(neutral, leg.hip)[2]))
-        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last, leg))[2]))
+        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last))[2]))
     return max(tops), min(bottoms)
 
 
