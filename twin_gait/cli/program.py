@@ -16,8 +16,8 @@ from twin_gait.exceptions import TwinGaitError
 # Modules of this package by the group in which --help shows their commands.
 GROUPS = {
     "run and look": ("simulate", "view", "export", "sessions"),
-    "gait tables": ("tables", "replay"),
-    "test bench and identification": ("bench", "identify"),
+    "gait tables": ("tables",),
+    "test bench and identification": ("friction",),
     "the device": ("firmware",),
     "many runs": ("studies",),
 }
