@@ -34,14 +34,12 @@ _CAMPAIGN_NUMBERS = (
 )
 PRINTED_MODELS = 5
 SUFFIXES = (".log", ".csv", ".txt", ".tsv", ".dat")
+_LOSS = "weighing of residuals: Huber's for logs and where outliers stand alone, else least squares"
 _CHOICES = (
     ("--joint", ("hip", "knee"), None, "whose motor and gear it is (for currents)"),
     ("--processing", ("zero_phase", "thesis", "none"), None, "smoothing of the logs"),
     ("--current", ("measured", "target"), None, "which current drives (measured)"),
-    (
-        *("--loss", ("auto", "huber", "linear"), "auto"),
-        "weighing of residuals: Huber's for logs and where outliers stand alone, else least squares",
-    ),
+    ("--loss", ("auto", "huber", "linear"), "auto", _LOSS),
 )
 _NUMBERS = (
     ("--cutoff-Hz", None, "F", "of the zero-phase filter (40)"),
