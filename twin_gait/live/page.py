@@ -86,10 +86,9 @@ class LiveServer(SceneServer):
 class StopHandler(Guarded):
     """The way to stop when the socket of a page is not open."""
 
-    own_page = True
-
     def post(self) -> None:
         """Stop."""
+        self.require_own_page()
         self.server.stop()
         self.write("stopped\n")
 

@@ -61,13 +61,7 @@ def is_own_page(origin: str | None, host: str) -> bool:
 
 
 class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
-    """Answers only requests that name this machine and have the token; says in one line why not.
-
-    Attributes:
-        own_page: Whether a request has to say that it comes from our own page.
-    """
-
-    own_page = False
+    """Answers only requests that name this machine and have the token; says in one line why not."""
 
     def initialize(self, server: Any) -> None:
         """Remember the server."""
@@ -75,10 +69,10 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
 
     def prepare(self) -> None:
         """Refuse what comes from another site or another user."""
-        origin, host = self.request.headers.get("Origin"), self.request.host
-        if not is_loopback(host):
+        origin = self.request.headers.get("Origin")
+        if not is_loopback(self.request.host):
             self.refuse("this server answers under the names of this machine only")
-        if (self.own_page or origin is not None) and not is_own_page(origin, host):
+        if origin is not None and not is_own_page(origin, self.request.host):
             self.refuse("this server answers its own pages only")
         if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
             self.refuse("open the address that the program has printed: it holds the token of this start")
@@ -87,6 +81,11 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         """Answer with status 403. Raises HTTPError: Always."""
         self.server.refused += 1
         raise HTTPError(403, reason)
+
+    def require_own_page(self) -> None:
+        """Refuse what does not say that it comes from our own page."""
+        if not is_own_page(self.request.headers.get("Origin"), self.request.host):
+            self.refuse("this server answers its own pages only")
 
     def set_default_headers(self) -> None:
         """Keep the page out of other pages and out of caches."""
@@ -162,11 +161,10 @@ class Outbox:
 class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
     """A web socket of our own page."""
 
-    own_page = True
-
     def prepare(self) -> None:
-        """Refuse more pages than anybody has, too."""
+        """Refuse what is not our own page, and more pages than anybody has."""
         super().prepare()
+        self.require_own_page()
         if len(self.server.sockets) >= MOST_SOCKETS:
             self.server.refused += 1
             raise HTTPError(503, "too many pages are open; close one")
