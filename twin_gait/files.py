@@ -59,6 +59,11 @@ def plain(value: Any) -> Any:
     return plain(value.item()) if hasattr(value, "item") else str(value)
 
 
+def dump(data: Any) -> str:
+    """What JSON can hold on one line, as short as it goes."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False)
+
+
 def permitted(mode: int) -> int:
     """What a mode comes to under the mask of the user, which temporary files and folders do not ask.
 

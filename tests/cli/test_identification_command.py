@@ -11,7 +11,7 @@ import pytest
 from friction_bench import KNEE, campaign, rotational, write_log
 
 from twin_gait import RunStatus, load_experiment, simulate
-from twin_gait.cli import identify
+from twin_gait.cli import friction
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
 from twin_gait.identification import MODELS
@@ -21,7 +21,7 @@ from twin_gait.vocabulary import JointName
 
 def call(*arguments: object) -> int:
     parser = argparse.ArgumentParser()
-    identify.add_parser(parser.add_subparsers())
+    friction.add_parser(parser.add_subparsers())
     parsed = parser.parse_args(["identify", *map(str, arguments)])
     return parsed.run(parsed)
 

@@ -10,7 +10,7 @@ import pytest
 from table_builder import FIVE_PHASES, phase, transition, two_phase_table
 
 from twin_gait import load_experiment, save_run, simulate
-from twin_gait.cli.replay import summary_lines
+from twin_gait.cli.tables import replay_lines
 from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait.scaling import scale_table
@@ -374,7 +374,7 @@ def test_what_is_taken_for_a_signal_that_nothing_recorded_is_told():
     )
     recording = one_leg(np.zeros(100), device={"trunk.pitch_deg": np.zeros(100)})
     assert assumed_signals(recording, table) == {"walk": 1.0}
-    told = "\n".join(summary_lines(summarise_replay(replay(recording, table))))
+    told = "\n".join(replay_lines(summarise_replay(replay(recording, table))))
     assert "not in the log, so taken as: walk 1\n" in told
     assert (
         assumed_signals(recording, two_phase_table(transition("stance", "swing", "hip.angle_deg > 1"))) == {}

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from twin_gait.cli import bench as command
+from twin_gait.cli import friction as command
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.identification.bench import BenchSetup, ProcessingOptions
 from twin_gait.identification.processing import process_log

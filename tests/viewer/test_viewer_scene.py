@@ -28,7 +28,7 @@ from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.surroundings import ROOT
 from twin_gait.viewer.visuals import load_visuals
-from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.vocabulary import GaitPhase, JointName, Side, Surroundings
 
 PATIENT = Patient()
 URDF_FOLDER = packaged_urdf("twin.urdf").parent
@@ -418,13 +418,11 @@ def test_trail_has_the_colours_of_the_phases(worn_twin: LegModel) -> None:
         np.testing.assert_allclose(colour, rgb(PHASE_COLOURS[phase]))
 
 
-def test_no_trail_without_phases_or_movement(bench: LegModel) -> None:
+def test_no_trail_without_movement(bench: LegModel) -> None:
     motion = walk(bench)
     scene = build_scene(Window(), bench)
     still = replace(motion, q=np.zeros_like(motion.q))
     scene.draw_trails(still)
-    bare = {Side.RIGHT: replace(motion.legs[Side.RIGHT], phases=None)}
-    scene.draw_trails(replace(motion, legs=bare))
     assert scene.trails == []
     scene.draw_trails(motion)
     assert len(scene.trails) == 1
@@ -469,7 +467,7 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
 
 def test_bench_leg_hangs_clear_of_its_bench(bench: LegModel) -> None:
     recorder = Window()
-    build_scene(recorder, bench)
+    build_scene(recorder, bench, around=Surroundings.STAND)
     vertices = meshes_of(recorder)
     for name in ("table_top", "table_frame", "vice", "weight"):
         part = vertices[f"{surroundings.ROOT}/{name}"]
@@ -496,7 +494,8 @@ def test_a_urdf_with_its_vertical_along_y_stands_upright(tmp_path: Path) -> None
 def test_torques_of_a_log_reach_the_arrows(bench: LegModel) -> None:
     hip = {"right_hip_angle_rad": 0.1, "right_hip_motor_torque_Nm": [30.0, -30.0]}
     knee = {"right_knee_angle_rad": 0.2, "right_knee_motor_torque_Nm": 0.0}
-    log = pd.DataFrame({"time_s": [0.0, 0.1], **hip, **knee})
+    watched = {"safety_state": 0.0, "right_phase": pd.Categorical(["early_stance"] * 2)}
+    log = pd.DataFrame({"time_s": [0.0, 0.1], **hip, **knee, **watched})
     motion = read_motion(log, bench)
     scene = build_scene(Window(), bench)
     paths = scene.arcs[Side.RIGHT]["hip"]
@@ -518,7 +517,8 @@ def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None
     knee = joint.format("k", "t", "s", -1, '<origin xyz="0 -0.4 0"/>' + rest)
     urdf.write_text(f'<robot name="bare">{links}{hip}{knee}</robot>')
     recorder = Window()
-    scene = build_scene(recorder, LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y"))
+    model = LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y")
+    scene = build_scene(recorder, model, around=Surroundings.STAND)
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"}
     path = scene.arcs[Side.LEFT]["hip"][1]
     arrow = on_stage(world(scene, recorder, path), meshes_of(recorder)[path])

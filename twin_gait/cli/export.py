@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait import runs
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
@@ -52,11 +53,10 @@ def plot(arguments: argparse.Namespace) -> int:
     Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
     inside; what the title would say is printed, for the caption.
     """
-    from twin_gait.report.canvas import save
+    from twin_gait.report.canvas import FIGURES_FOLDER, save
     from twin_gait.report.figures import available_figures, draw_for_paper
-    from twin_gait.runs.record import FIGURES_FOLDER, load_run
 
-    shown, out, width = load_run(arguments.directory).run, arguments.out, arguments.width
+    shown, out, width = runs.load_run(arguments.directory), arguments.out, arguments.width
     names = arguments.figures or available_figures(shown)
     if out is not None and len(names) != 1:
         raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
@@ -85,13 +85,12 @@ def export(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
     from twin_gait.export import export_csv, export_motion
-    from twin_gait.runs.record import load_run
 
     out, named = arguments.out, arguments.convention
     kind = arguments.format or _format_of(out, named)
     if kind in (CSV, *CAN_FILES) and named is not None:
         raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
-    run, device = load_run(arguments.directory).run, arguments.of == "device"
+    run, device = runs.load_run(arguments.directory), arguments.of == "device"
     convention = find_convention(named or DEFAULT_CONVENTION)
     path = out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
     if kind == FOLDER:

@@ -22,16 +22,14 @@ if TYPE_CHECKING:
 PROCESSORS = os.cpu_count() or 1
 FIRST_PORT = 7000
 _FLAG: dict[str, Any] = {"action": "store_true"}
+_PORT = f"first port to try ({FIRST_PORT}; 0: any)"
 SEED = "of every random draw (0)"
 SHARED: dict[str, dict[str, Any]] = {
     "--json": {**_FLAG, "help": "print the answer as one JSON document"},  # see terminal.answer
     "--no-pictures": {**_FLAG, "help": "leave out figures and animations"},
     "--unchecked": {**_FLAG, "help": "run a gait table in which 'twin-gait check' finds errors"},
     "--seed": {"type": int, "default": 0, "metavar": "N", "help": SEED},
-    "--port": {
-        **{"type": int, "default": FIRST_PORT, "metavar": "N"},
-        "help": f"first port to try ({FIRST_PORT}; 0: any)",
-    },
+    "--port": {"type": int, "default": FIRST_PORT, "metavar": "N", "help": _PORT},
     "--no-browser": {**_FLAG, "help": "only say where the page is"},
     "--workers": {"type": int, "metavar": "N", "help": f"processes on this machine ({PROCESSORS})"},
     "--scheduler": {"metavar": "ADDRESS", "help": "Dask scheduler, such as tcp://127.0.0.1:8786"},

@@ -4,6 +4,7 @@ import argparse
 import gc
 import os
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -16,8 +17,8 @@ from twin_gait.exceptions import TwinGaitError
 # Modules of this package by the group in which --help shows their commands.
 GROUPS = {
     "run and look": ("simulate", "view", "export", "sessions"),
-    "gait tables": ("tables", "replay"),
-    "test bench and identification": ("bench", "identify"),
+    "gait tables": ("tables",),
+    "test bench and identification": ("friction",),
     "the device": ("firmware",),
     "many runs": ("studies",),
 }
@@ -97,12 +98,8 @@ def build_parser() -> ProgramParser:
         prog="twin-gait", description="Gait simulation of the TWIN leg exoskeleton. Not a medical device."
     )
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
-    parser.add_argument(
-        "--print-completion",
-        action=PrintCompletion,
-        choices=SHELLS,
-        help="print the completion script of a shell",
-    )
+    text = "print the completion script of a shell"
+    parser.add_argument("--print-completion", action=PrintCompletion, choices=SHELLS, help=text)
     commands = parser.add_subparsers(
         dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
     )
@@ -142,24 +139,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         return terminal.DONE
     except Exception as error:
         if "debug" in arguments:
-            import traceback
-
             traceback.print_exception(error)
         return _tell(error, sys.argv[1:] if argv is None else argv)
 
 
 def _tell(error: Exception, arguments: Sequence[str]) -> int:
     """One line on an error, and the exit status."""
-    if isinstance(error, TwinGaitError):
-        status, line = terminal.BAD_INPUT, str(error)
-    elif isinstance(error, OSError) and error.filename is not None:  # a path that the system refuses
-        status, line = terminal.BAD_INPUT, f"{error.filename}: {error.strerror}"
-    elif isinstance(error, RuntimeError) and str(error) == NO_HOME:
-        status, line = (
-            terminal.BAD_INPUT,
-            "~: this user has no home directory; set HOME, or write the whole path",
-        )
-    else:
+    status, line = terminal.BAD_INPUT, str(error)
+    if isinstance(error, OSError) and error.filename is not None:  # a path that the system refuses
+        line = f"{error.filename}: {error.strerror}"
+    elif isinstance(error, RuntimeError) and line == NO_HOME:
+        line = "~: this user has no home directory; set HOME, or write the whole path"
+    elif not isinstance(error, TwinGaitError):
         status, line = terminal.DEFECT, _describe_defect(error, arguments)
     print(f"twin-gait: {' '.join(line.split())}", file=sys.stderr)
     return status
@@ -169,7 +160,6 @@ def _describe_defect(error: Exception, arguments: Sequence[str]) -> str:
     """Keep a report of an unforeseen error, and say in one line what happened and where the report is."""
     import platform
     import tempfile
-    import traceback
 
     cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     try:

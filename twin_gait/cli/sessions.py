@@ -8,14 +8,14 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from twin_gait import live
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import RunDirectoryError
-
-if TYPE_CHECKING:
-    from twin_gait.live.session_records import SessionEntry
+from twin_gait.files import write_atomically
+from twin_gait.runs import folders
 
 
 def add_parser(commands: Any) -> None:
@@ -47,27 +47,22 @@ def run(arguments: argparse.Namespace) -> int:
     The record of twin-gait live: who changed what, when, and where the run is. Sessions whose processes were
     killed are completed first, up to the last second that they wrote.
     """
-    from twin_gait.live.journal import recover
-    from twin_gait.live.session_records import default_records
-
-    records = arguments.records or default_records()
+    records = arguments.records or live.session_records.default_records()
     if arguments.act not in (_clean, _complete):
-        for told in recover(records):
+        for told in live.journal.recover(records):
             print(f"twin-gait sessions: {told}", file=sys.stderr)
     status: int | None = arguments.act(arguments, records)
     return DONE if status is None else status
 
 
 def _list(arguments: argparse.Namespace, records: Path) -> None:
-    from twin_gait.live.session_records import list_sessions
-
-    entries = list_sessions(records, arguments.user)
+    entries = live.session_records.list_sessions(records, arguments.user)
     nobody = "no sessions" if arguments.user is None else f"no sessions of {arguments.user}"
     lines = [line_of(entry) for entry in entries] or [nobody]
     answer(arguments, lines, lambda: [asdict(item) for item in entries])
 
 
-def line_of(entry: SessionEntry) -> str:
+def line_of(entry: live.session_records.SessionEntry) -> str:
     """One line on a session: number, time, user, experiment, status, changes and folder."""
     who = entry.user or "(nobody named)"
     began = entry.began[:16].replace("T", " ")
@@ -77,10 +72,9 @@ def line_of(entry: SessionEntry) -> str:
 
 
 def _show(arguments: argparse.Namespace, records: Path) -> None:
-    from twin_gait.live.session_records import list_sessions, read_session
-
-    found = read_session(records, arguments.session)
-    print(next(line_of(item) for item in list_sessions(records) if item.id == arguments.session))
+    found = live.session_records.read_session(records, arguments.session)
+    entries = live.session_records.list_sessions(records)
+    print(next(line_of(item) for item in entries if item.id == arguments.session))
     for item in found["log"]:
         who = f" {item['user']}" if item["user"] else ""
         about = f"{item['subject']}: " if item["response"] == "refused" and item["subject"] else ""
@@ -88,12 +82,10 @@ def _show(arguments: argparse.Namespace, records: Path) -> None:
 
 
 def _export(arguments: argparse.Namespace, records: Path) -> None:
-    from twin_gait.files import write_atomically
-    from twin_gait.live.session_records import read_session
-
     if arguments.out is not None:
         options.check_file("--out", arguments.out, force=arguments.force)
-    text = json.dumps(read_session(records, arguments.session), indent=2, ensure_ascii=False) + "\n"
+    found = live.session_records.read_session(records, arguments.session)
+    text = json.dumps(found, indent=2, ensure_ascii=False) + "\n"
     if arguments.out is None:
         print(text, end="")
         return
@@ -102,27 +94,20 @@ def _export(arguments: argparse.Namespace, records: Path) -> None:
 
 
 def _delete(arguments: argparse.Namespace, records: Path) -> None:
-    from twin_gait.live.session_records import delete_session
-
-    delete_session(records, arguments.session)
+    live.session_records.delete_session(records, arguments.session)
     print(f"session {arguments.session} deleted; its run folders stay")
 
 
 def _complete(arguments: argparse.Namespace, records: Path) -> None:
-    from twin_gait.live.journal import complete
-    from twin_gait.runs.folders import journal_of
-
-    done = complete(journal_of(arguments.folder.expanduser().absolute()))
+    done = live.journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
     print("nothing had been simulated" if done is None else done)
 
 
 def _clean(arguments: argparse.Namespace, records: Path) -> int:
-    from twin_gait.runs.folders import abandoned, remove_abandoned
-
     folder = arguments.folder.expanduser()
     if not folder.is_dir():
         raise RunDirectoryError(f"{folder}: no such folder")
-    found = abandoned(folder)
+    found = folders.abandoned(folder)
     for path in found:
         size = sum(item.stat().st_size for item in path.rglob("*") if item.is_file())
         print(f"{path}  {size / 1e6:.1f} MB")
@@ -136,7 +121,7 @@ def _clean(arguments: argparse.Namespace, records: Path) -> int:
         print("nothing was removed (--yes removes them)")
         return FAILED
     for path in found:
-        remove_abandoned(path)
+        folders.remove_abandoned(path)
     return DONE
 
 

@@ -13,14 +13,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait import simulation
-from twin_gait.cli import options, terminal
+from twin_gait import live, simulation
+from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
+from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.files import private_files
+from twin_gait.runs.drawing import Draw, drawing_beside
+from twin_gait.runs.folders import staged_directory
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
-    from twin_gait.live.session import LiveSession
-    from twin_gait.runs.drawing import Draw
 
 _ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -43,7 +45,7 @@ def add_parser(commands: Any) -> None:
     add("--accuracy", action="store_true", help=text)
     options.add(parser, "--json")
 
-    parser = options.add_command(commands, "live", live)
+    parser = options.add_command(commands, "live", walk_live)
     add = parser.add_argument
     options.add_experiment(parser, seconds="until Ctrl-C")
     options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
@@ -61,14 +63,11 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     Simulate a preset or an experiment file and write a run directory.
     """
-    from twin_gait.runs.drawing import drawing_beside
-
     with drawing_beside(wanted=not arguments.no_pictures) as draw:
         return _simulate(arguments, draw)
 
 
 def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
-    from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
     from twin_gait.studies.accuracy import step_error
 
@@ -98,11 +97,10 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     if result.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
-        from twin_gait.cli.view import serve
         from twin_gait.runs.run_page import page_of, shown_run
 
         with contextlib.redirect_stdout(sys.stderr) if arguments.json else contextlib.nullcontext():
-            serve(page_of([shown_run(result, summary)]))
+            view.serve(page_of([shown_run(result, summary)]))
     if result.status is simulation.RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is simulation.RunStatus.FELL and arguments.fail_on_fall else DONE
@@ -144,7 +142,6 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     from twin_gait.measures import stride_count
     from twin_gait.report import walk_words
-    from twin_gait.report.walk_words import table_of_network
 
     for side, values in summary["sides"].items():
         found, counted = values.get("strides"), values.get("strides_counted")
@@ -163,14 +160,14 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         yield f"{line}, off the Koopman reference by {off} RMS" if off else line
     yield from walk_words.lines_of(walk_words.table_of_walk(summary))
     yield from filter(None, (walk_words.who_drives(summary), walk_words.carried_by_belt(summary)))
-    yield from walk_words.lines_of(table_of_network(summary))
+    yield from walk_words.lines_of(walk_words.table_of_network(summary))
     power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
     if life is not None:
         lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"
         yield f"battery: {power:.1f} W, {lasts} (stated: {summary['battery_life_stated_h']:g} h)"
 
 
-def live(arguments: argparse.Namespace) -> int:
+def walk_live(arguments: argparse.Namespace) -> int:
     """Simulate in real time, tuned in the browser.
 
     Simulate in real time, with a page in the browser that shows the gait and changes it: gait table, belt,
@@ -179,28 +176,23 @@ def live(arguments: argparse.Namespace) -> int:
     """
     import asyncio
 
-    from twin_gait.exceptions import ParameterError
     from twin_gait.experiment import LONGEST_RUN
-    from twin_gait.files import private_files
-    from twin_gait.live.can_link import leaves_machine
-    from twin_gait.live.protocol import LONGEST_NAME
-    from twin_gait.live.session import LiveSession
-    from twin_gait.live.session_records import default_records
 
     options.check_port(arguments.port)
-    if arguments.can and leaves_machine(arguments.can):
+    if arguments.can and live.can_link.leaves_machine(arguments.can):
         print(f"{arguments.can}: set points go out; no board that obeys them may hang on it", file=sys.stderr)
-    if len(arguments.user) > LONGEST_NAME or not arguments.user.isprintable():
-        raise ParameterError(f"--user: expected at most {LONGEST_NAME} printable characters")
+    longest = live.protocol.LONGEST_NAME
+    if len(arguments.user) > longest or not arguments.user.isprintable():
+        raise ParameterError(f"--user: expected at most {longest} printable characters")
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
     with private_files():
-        session = LiveSession(
+        session = live.session.LiveSession(
             loaded,
             arguments.out or default_folder(f"{loaded.experiment.name}-live"),
             user=arguments.user,
             force=arguments.force,
             pictures=not arguments.no_pictures,
-            records=None if arguments.no_record else default_records(),
+            records=None if arguments.no_record else live.session_records.default_records(),
             can=arguments.can,
             on_compile=terminal.note_compilation,
             on_step=terminal.note_step,
@@ -209,16 +201,15 @@ def live(arguments: argparse.Namespace) -> int:
     return _finish(session, interrupted and loaded.experiment.duration < LONGEST_RUN)
 
 
-async def _serve(session: LiveSession, experiment: Experiment, arguments: argparse.Namespace) -> bool:
+async def _serve(
+    session: live.session.LiveSession, experiment: Experiment, arguments: argparse.Namespace
+) -> bool:
     """Serve the pages until the run ends or somebody ends it; True in the second case.
 
     Ctrl-C, and what a terminal that closes or a system that stops sends, end it in order; a second one ends
     the program at once.
     """
     import asyncio
-
-    from twin_gait.cli.view import announce
-    from twin_gait.live.page import PERIOD, LivePage
 
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
 
@@ -229,16 +220,16 @@ async def _serve(session: LiveSession, experiment: Experiment, arguments: argpar
 
     for number in _ENDINGS:
         loop.add_signal_handler(number, end)
-    page = LivePage(session, experiment, port=arguments.port, user=arguments.user)
+    page = live.page.LivePage(session, experiment, port=arguments.port, user=arguments.user)
     try:
         await asyncio.to_thread(session.start)
-        announce(page.url, browser=not arguments.no_browser)
+        view.announce(page.url, browser=not arguments.no_browser)
         while session.news.alive and not ended.is_set():
             page.update()
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(ended.wait(), PERIOD)
+                await asyncio.wait_for(ended.wait(), live.page.PERIOD)
         page.update()
-        await asyncio.sleep(PERIOD)  # so that the pages hear how it ended
+        await asyncio.sleep(live.page.PERIOD)  # so that the pages hear how it ended
     finally:
         await page.close()
         terminal.note_step("the run directory")
@@ -247,11 +238,9 @@ async def _serve(session: LiveSession, experiment: Experiment, arguments: argpar
     return ended.is_set()
 
 
-def _finish(session: LiveSession, interrupted: bool) -> int:
+def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
     news = session.news
     if news.failure:
-        from twin_gait.exceptions import RunDirectoryError
-
         raise RunDirectoryError(news.failure)
     if news.summary:
         summary = news.summary

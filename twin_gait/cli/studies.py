@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from twin_gait import simulation, studies
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
+from twin_gait.runs.folders import check_target
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
@@ -112,7 +113,6 @@ def compare(arguments: argparse.Namespace) -> int:
     Simulate one wearer on the ground with several controllers and write a folder with one HTML page, its
     figure, and the numbers as CSV and JSON.
     """
-    from twin_gait.runs.folders import check_target
     from twin_gait.studies.compare import comparing, writing
 
     names = list(comparing.CONTROLLERS)
@@ -144,7 +144,6 @@ def tune(arguments: argparse.Namespace) -> int:
     report.
     """
     from twin_gait.report.tune import summary
-    from twin_gait.runs.folders import check_target
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.tune import Settings
 

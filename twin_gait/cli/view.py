@@ -8,17 +8,15 @@ import math
 import os
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from twin_gait import viewer
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from twin_gait.viewer.picture import PictureSize
+from twin_gait.files import write_atomically
 
 
 def add_parser(commands: Any) -> None:
@@ -44,7 +42,6 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of, read_shown_run
-    from twin_gait.viewer.animation import urdf_page
 
     _check(arguments)
     urdf = next((path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
@@ -53,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise ParameterError(f"{urdf}: is a URDF, and only runs can be shown side by side")
         if arguments.at is not None:
             raise ParameterError(f"--at: needs a run directory, and {urdf} is a URDF")
-        return _show(lambda: urdf_page(urdf, up_axis=arguments.up or "z"), arguments)
+        return _show(lambda: viewer.animation.urdf_page(urdf, up_axis=arguments.up or "z"), arguments)
     if arguments.up is not None:
         raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
     runs = [read_shown_run(path) for path in arguments.targets]
@@ -78,39 +75,35 @@ def _check(arguments: argparse.Namespace) -> None:
             options.check_file(option, path.expanduser(), force=arguments.force, form=form)
 
 
-def picture_size(text: str | None) -> PictureSize:
+def picture_size(text: str | None) -> viewer.picture.PictureSize:
     """Read a size such as ``1600x1000``; None stands for the default."""
-    from twin_gait.viewer.picture import DEFAULT_SIZE, LARGEST, SMALLEST, PictureSize
-
     if text is None:
-        return DEFAULT_SIZE
+        return viewer.picture.DEFAULT_SIZE
     found = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", text.strip())
     if found is None:
         raise ParameterError(f"--size: expected WIDTHxHEIGHT such as 1600x1000, got {text!r}")
-    size = PictureSize(int(found[1]), int(found[2]))
-    if not all(SMALLEST <= side <= LARGEST for side in size):
-        raise ParameterError(f"--size: expected {SMALLEST} to {LARGEST} pixels each way, got {text}")
+    least, most = viewer.picture.SMALLEST, viewer.picture.LARGEST
+    size = viewer.picture.PictureSize(int(found[1]), int(found[2]))
+    if not all(least <= side <= most for side in size):
+        raise ParameterError(f"--size: expected {least} to {most} pixels each way, got {text}")
     return size
 
 
 def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
     """Write the page, the picture, or both; without either, serve the page until Ctrl-C."""
-    from twin_gait.files import write_atomically
-    from twin_gait.viewer.picture import find_browser, take_picture
-
     at, dark, size = arguments.at, arguments.dark, picture_size(arguments.size)
     if arguments.out is None and arguments.png is None:
         words = [*([] if at is None else [f"t={at:.3f}"]), *(["theme=dark"] if dark else [])]
         fragment = f"#{'&'.join(words)}" if words else ""
         return serve(make(), arguments.port, fragment=fragment, browser=not arguments.no_browser)
     if arguments.png is not None:
-        find_browser()  # before the work, not after it
+        viewer.picture.find_browser()  # before the work, not after it
     page = make()
     if arguments.out is not None:
         write_atomically(arguments.out.expanduser(), page)
         print(arguments.out)
     if arguments.png is not None:
-        take_picture(page, arguments.png.expanduser(), time=at or 0.0, size=size, dark=dark)
+        viewer.picture.take_picture(page, arguments.png.expanduser(), time=at or 0.0, size=size, dark=dark)
         print(arguments.png)
     return DONE
 
@@ -119,10 +112,8 @@ def serve(page: str, port: int = options.FIRST_PORT, *, fragment: str = "", brow
     """Serve a page until Ctrl-C; gives the exit status."""
     import asyncio
 
-    from twin_gait.viewer.server import SceneServer
-
     async def serving() -> None:
-        server = SceneServer(page, first_port=port)
+        server = viewer.server.SceneServer(page, first_port=port)
         try:
             announce(f"{server.url}{fragment}", browser=browser)
             await asyncio.Event().wait()

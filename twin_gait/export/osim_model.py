@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from scipy.spatial.transform import Rotation
 
 from twin_gait.conventions import Convention
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, export_bodies
+from twin_gait.templates import templates_in
 from twin_gait.vocabulary import JointName, Side
 
 PELVIS = "pelvis"
@@ -30,10 +30,7 @@ def to_opensim(up_axis: str) -> np.ndarray:
 
 def render(template: str, **content: Any) -> str:
     """Fill one of ``templates``: OpenSim's files, which have the version that every OpenSim 4 reads."""
-    folder = FileSystemLoader(Path(__file__).with_name("templates"))
-    environment = Environment(
-        loader=folder, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = templates_in(Path(__file__).with_name("templates"), autoescape=True)
     environment.filters["numbers"] = _numbers
     return environment.get_template(template).render(content) + "\n"
 

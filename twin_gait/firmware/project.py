@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
@@ -27,6 +26,7 @@ from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace
 from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.templates import templates_in
 
 MANIFEST = "manifest.json"
 VECTORS = "vectors.csv"
@@ -41,13 +41,7 @@ RECORDS = {
     GAIT_CONTROLLER: units.GaitController,
     EXOSKELETON: units.Exoskeleton,
 }
-_FILES = Environment(
-    loader=FileSystemLoader(Path(__file__).with_name("project_files")),
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
+_FILES = templates_in(Path(__file__).with_name("project_files"), keep_trailing_newline=True)
 
 
 @dataclass(frozen=True)

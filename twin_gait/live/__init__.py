@@ -1,1 +1,5 @@
 """A gait that is simulated in real time and changed while it walks."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.files import finite_or_none
+from twin_gait.files import dump, finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.process import begin
-from twin_gait.live.protocol import dump
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.live.walk import LiveWalk
 from twin_gait.measures.leg_record import LegRecord, leg_record

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.live.loop import MOST_TRACES
 from twin_gait.live.process import LoopProcess
-from twin_gait.live.protocol import Event, Message, Response, dump
+from twin_gait.live.protocol import Event, Message, Response
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.runs.folders import journal_of
 from twin_gait.viewer.live_figure import Trace

@@ -15,16 +15,7 @@ from typing import Any
 from tornado.web import RequestHandler
 
 from twin_gait.experiment import Experiment
-from twin_gait.live.protocol import (
-    Action,
-    DoAction,
-    Event,
-    MessageRefused,
-    Response,
-    State,
-    id_of,
-    read_message,
-)
+from twin_gait.live import protocol
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
 from twin_gait.viewer.live_figure import LiveFigure
@@ -129,12 +120,14 @@ class Panel(GuardedSocket):
 
     def _refuse(self, reason: str) -> None:
         self.server.refused += 1
-        refused = Event(serial=0, response=Response.REFUSED, text=reason, tick=self.server.tick)
+        refused = protocol.Event(
+            serial=0, response=protocol.Response.REFUSED, text=reason, tick=self.server.tick
+        )
         self.tell(refused.to_dict(), key=reason)
 
     async def write_batch(self, batch: list[str]) -> None:
         """Write one message for the batch: a list of what was told."""
-        await self.write_or_leave(f"[{','.join(batch)}]", binary=False)
+        await self.write_or_leave(f"[{','.join(batch)}]")
 
 
 class LivePage(LiveServer):
@@ -151,7 +144,7 @@ class LivePage(LiveServer):
         self._scenario, self._modes = experiment.scenario, modes_of(experiment)
         self._walked_until = 0.0  # the last moment seen without a trip
         self._sides = tuple(map(str, experiment.leg.legs))
-        self._state: State | None = None
+        self._state: protocol.State | None = None
         self._short: dict[str, Any] = {}
         self._frame = ""  # the last one
         self._serial = self._told_at = 0
@@ -238,12 +231,14 @@ class LivePage(LiveServer):
     def hear(self, panel: Panel, text: str) -> None:
         """Make a message of the session of what a page says."""
         try:
-            message = read_message(text)
-        except MessageRefused as error:
-            self._session.book.emit(Response.REFUSED, str(error), id=id_of(text), user=self._user)
+            message = protocol.read_message(text)
+        except protocol.MessageRefused as error:
+            self._session.book.emit(
+                protocol.Response.REFUSED, str(error), id=protocol.id_of(text), user=self._user
+            )
             return
         self._session.submit(message.model_copy(update={"user": message.user or self._user}))
 
     def stop(self) -> None:
         """Stop the walk."""
-        self._session.submit(DoAction(id="stop", user=self._user, action=Action.STOP))
+        self._session.submit(protocol.DoAction(id="stop", user=self._user, action=protocol.Action.STOP))

@@ -21,9 +21,10 @@ from typing import IO, Any
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.files import dump
 from twin_gait.live.journal import Journals, complete_all
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
-from twin_gait.live.protocol import MessageRefused, dump
+from twin_gait.live.protocol import MessageRefused
 from twin_gait.live.realtime import undisturbed
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import build_problem

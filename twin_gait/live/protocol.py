@@ -269,11 +269,6 @@ class State(ToPage):
     version: int = PROTOCOL_VERSION  # of the protocol
 
 
-def dump(data: Mapping[str, Any]) -> str:
-    """A mapping as one line of JSON."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False)
-
-
 def checked(control: Control, value: Value) -> Value:
     """A value if the control can take it.
 

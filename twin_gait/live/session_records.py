@@ -22,7 +22,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.live.protocol import Event
+from twin_gait.live.protocol import Event, Response
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
@@ -72,7 +72,7 @@ class SessionRecorder:
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
-        self._put({"event": {**{name: getattr(event, name) for name in _LOGGED}, "at": _now()}})
+        self._put(_logged(event))
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
         """Record a version of the gait table and its first tick; one like the last is no new version."""
@@ -118,6 +118,10 @@ def _make(folder: Path) -> tuple[int, int]:
             descriptor = os.open(_file(folder, number), flags, 0o600)
             fcntl.flock(descriptor, fcntl.LOCK_EX)
             return number, descriptor
+
+
+def _logged(event: Event) -> dict[str, Any]:
+    return {"event": {**{name: getattr(event, name) for name in _LOGGED}, "at": _now()}}
 
 
 def _end(status: str, tick: int, summary: Mapping[str, Any], folders: Sequence[str]) -> dict[str, Any]:
@@ -182,14 +186,13 @@ def close_killed(
     entry of the session's log. Raises SessionError if the record cannot be written.
     """
     serial = max((item["serial"] for item in _read(folder, session)["log"]), default=0) + 1
-    note = dict.fromkeys(_LOGGED, "") | {"before": None, "value": None, "at": _now()}
-    event = {**note, "serial": serial, "tick": tick, "response": "note", "text": text}
+    note = Event(serial=serial, response=Response.NOTE, text=text, tick=tick)
     path = _file(folder, session)
     try:
         with path.open("r+b") as file:
             file.truncate(file.read().rfind(b"\n") + 1)  # a line that the kill has cut short goes
             file.seek(0, os.SEEK_END)
-            file.write((_line({"event": event}) + _line(_end(KILLED, tick, summary, folders))).encode())
+            file.write((_line(_logged(note)) + _line(_end(KILLED, tick, summary, folders))).encode())
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:

@@ -3,17 +3,9 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from twin_gait.checking import leaving, sense, stability, torques
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Finding, Rule, Severity, waive
-from twin_gait.checking.leaving import cannot_leave
-from twin_gait.checking.sense import (
-    equilibrium_beyond_limits,
-    unusual_damping_ratio,
-    unusual_gain,
-    unusual_stiffness,
-)
-from twin_gait.checking.stability import effective_damping, unstable
-from twin_gait.checking.torques import stiffness_not_served, torque_jump
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterError
@@ -26,14 +18,16 @@ from twin_gait.simulation.problem import Problem
 
 # Rules that k, b, θ0 and G can break, quick ones first; an error of one of them refuses a change. The phases
 # of the monitor's controls are all alike: there is nothing to leave, and no switch to jump at.
-GATE: tuple[Rule, ...] = (unstable, cannot_leave, torque_jump)
-GATE_OF_MONITOR: tuple[Rule, ...] = (unstable,)
+GATE: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
+GATE_OF_MONITOR: tuple[Rule, ...] = (stability.unstable,)
 # What these find is told after a change has been applied.
 TOLD: tuple[Rule, ...] = (
-    equilibrium_beyond_limits, unusual_gain, unusual_stiffness, unusual_damping_ratio, effective_damping,
-    stiffness_not_served,
+    sense.equilibrium_beyond_limits, sense.unusual_gain, sense.unusual_stiffness, sense.unusual_damping_ratio,
+    stability.effective_damping, torques.stiffness_not_served,
 )  # fmt: skip
-TOLD_OF_MONITOR: tuple[Rule, ...] = (equilibrium_beyond_limits, unusual_gain, effective_damping)
+TOLD_OF_MONITOR: tuple[Rule, ...] = (
+    sense.equilibrium_beyond_limits, sense.unusual_gain, stability.effective_damping,
+)  # fmt: skip
 
 Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
 Known = frozenset[Place]  # errors that are there already, and so are not the fault of a change

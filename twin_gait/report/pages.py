@@ -11,22 +11,18 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment
 
 from twin_gait import __version__
+from twin_gait.templates import templates_in
 
 TEMPLATES = Path(__file__).with_name("templates")
 
 
 @cache
 def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=lambda name: name is None or name.endswith((".html", ".svg")),
-        undefined=StrictUndefined,  # a number that a template asks for in vain is an error, not a gap
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    escaped = (".html", ".svg")
+    environment = templates_in(TEMPLATES, autoescape=lambda name: name is None or name.endswith(escaped))
     environment.filters["address"] = address
     return environment
 

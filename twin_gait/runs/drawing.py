@@ -15,7 +15,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from twin_gait.simulation.run import Run
@@ -48,12 +48,10 @@ def drawing_beside(*, wanted: bool = True) -> Iterator[Draw]:
     # Modules are found where this process finds them. In a session of its own, because Ctrl-C reaches every
     # process of a terminal, and only this one knows what to do about it.
     work = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _draw; _draw()"
-    streams: dict[str, Any] = {
-        "stdin": subprocess.PIPE,
-        "stdout": subprocess.DEVNULL,
-        "stderr": subprocess.DEVNULL,
-    }
-    process = subprocess.Popen([sys.executable, "-c", work], start_new_session=True, **streams)
+    process = subprocess.Popen(
+        [sys.executable, "-c", work], start_new_session=True,
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
 
     def draw(run: Run, folder: Path) -> Callable[[], None]:
         here = draw_here(run, folder)

@@ -49,11 +49,10 @@ def recorded_run(
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
     The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
-    Each change of a phase and each event has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
+    Each change of a phase has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
     [m] / [s], or the way that the belt has gone by a time. Raises ModelError if the URDF cannot be read,
     ViewerError if the log does not fit the model.
     """
-    moments = [*moments, *(event.time for event in about.get("events", ()))]
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Window()
     drives = shown_joints(log, model.sides[0])
@@ -66,10 +65,7 @@ def recorded_run(
         mode="recorded",
         view=scene.view,
         phases=motion.phase_names,
-        legs=[
-            leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
-            for side, leg in motion.legs.items()
-        ],
+        legs=[leg_entry(side, ["phase", *leg.curves]) for side, leg in motion.legs.items()],
         missing_meshes=scene.missing_meshes,
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
@@ -82,8 +78,6 @@ def recorded_run(
 def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, Any] | None:
     """The leg by whose strides two runs are compared, and when they begin in [s]; None without strides."""
     side = model.sides[0]
-    if motion.legs[side].phases is None:
-        return None
     names = [name for name in motion.phase_names if name != HOLD]
     events = leg_record(log, side, names, TICK).stride_events
     starts = events[~held_rows(log)[events]] * TICK
@@ -151,7 +145,7 @@ def _thinned(track: Track) -> Track:
 
 def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
     """Colour that switches with the phase, at the tick of the switch."""
-    if leg.phases is None or len(leg.phases.starts) < 2:
+    if len(leg.phases.starts) < 2:
         return
     colours = [rgb(phase_colour(motion.phase_names[code], int(code))) for code in leg.phases.codes]
     switches = leg.phases.starts[1:]
@@ -192,7 +186,7 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
         missing_meshes=scene.missing_meshes, joints=joint_entries(scene.figure),
         scene=packed(recorder.packed()),
     )  # fmt: skip
-    return recorded_page([page], mode="model")
+    return recorded_page([page])
 
 
 def counted(model: pin.Model) -> str:

@@ -67,10 +67,8 @@ def level(torque: float) -> int:
     ``torque`` in [N m]. Returned from ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is
     less than half a level.
     """
-    if not math.isfinite(torque):
-        return 0
-    size = min(LEVELS, round(LEVELS * min(abs(torque) / FULL_TORQUE, 1.0)))
-    return int(math.copysign(size, torque))
+    share = torque / FULL_TORQUE if math.isfinite(torque) else 0.0
+    return round(LEVELS * min(max(share, -1.0), 1.0))
 
 
 def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -> Shape:

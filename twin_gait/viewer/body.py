@@ -12,15 +12,7 @@ import numpy as np
 import pinocchio as pin
 import yaml
 
-from twin_gait.leg_model import SHOULDER_HEIGHT, LegJoints
-from twin_gait.leg_model.wearer import (
-    FOOT_HEIGHT,
-    FOOT_LENGTH,
-    FOREARM_LENGTH,
-    SHOULDER_BREADTH,
-    TRUNK_LENGTH,
-    UPPER_ARM_LENGTH,
-)
+from twin_gait.leg_model import SHOULDER_HEIGHT, LegJoints, wearer
 from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.viewer import shapes, surroundings
@@ -72,11 +64,11 @@ def draw_wearer(
     scale = girth(patient)
     for side, leg in legs.items():
         inside = _inside(figure, side, leg.hip, patient)
-        thigh = figure.segment(leg.hip, leg)
+        thigh = figure.segment(leg.hip)
         if leg.ankle is None:
             shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
         else:
-            shank = figure.segment(leg.knee, leg)
+            shank = figure.segment(leg.knee)
         at_knee, at_ankle = _KNEE_INSIDE * inside, _ANKLE_INSIDE * inside
         for joint, name, segment, upper, lower in (
             (leg.hip, "thigh", thigh, inside, at_knee),
@@ -149,7 +141,7 @@ def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, column
 
 def _foot(patient: Patient) -> Shape:
     """Foot in a frame at the ankle: x forward, z up, sole a foot height below."""
-    length, height = FOOT_LENGTH * patient.height, FOOT_HEIGHT * patient.height
+    length, height = wearer.FOOT_LENGTH * patient.height, wearer.FOOT_HEIGHT * patient.height
     rings = [
         ((share - 0.25) * length, (centre - 1.0) * height, 0.0, a * height, b * height)
         for share, centre, a, b in RINGS["foot"]
@@ -161,7 +153,7 @@ def _foot(patient: Patient) -> Shape:
 
 
 def _rings(table: Sequence[Sequence[float]], patient: Patient) -> list[tuple[float, ...]]:
-    length, scale = TRUNK_LENGTH * patient.height, girth(patient)
+    length, scale = wearer.TRUNK_LENGTH * patient.height, girth(patient)
     return [(share * length, scale * x, 0.0, scale * a, scale * b) for share, x, a, b in table]
 
 
@@ -174,7 +166,7 @@ def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.
 
     Returns where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
     """
-    axes, length = trunk_axes(figure), TRUNK_LENGTH * patient.height
+    axes, length = trunk_axes(figure), wearer.TRUNK_LENGTH * patient.height
     rings = np.array(_rings(RINGS["trunk"], patient))
     bottom, top = (share * length for share in _VEST)
     vest = band(rings[::-1], top, bottom, rings=6, columns=28)
@@ -264,9 +256,10 @@ class DrawnCrutches:
         self, window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
     ) -> None:
         """Draw them; the forearm points along the shaft. ``joint`` carries the shoulders."""
-        forearm, aside = FOREARM_LENGTH * patient.height, 0.5 * SHOULDER_BREADTH * patient.height
+        forearm = wearer.FOREARM_LENGTH * patient.height
+        aside = 0.5 * wearer.SHOULDER_BREADTH * patient.height
         # From shoulder to elbow and from there to the tip, in the sagittal plane in [m].
-        self._upper = UPPER_ARM_LENGTH * patient.height
+        self._upper = wearer.UPPER_ARM_LENGTH * patient.height
         self._lower = crutches.length * patient.height - self._upper
         self._outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
         self._joint, self._shoulders = joint, dict[Side, np.ndarray]()

@@ -2,12 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
@@ -22,16 +20,6 @@ _SHORTEST_SEGMENT = 0.02  # [m]
 _SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
 _ARC_CLEARANCE, _ARC_GAP = 0.036, 0.014  # of a torque's arrow around and beside its motor [m]
 _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
-
-
-class Motor(NamedTuple):
-    """Size of the motor of a joint."""
-
-    radius: float  # in [m]
-    length: float  # along the joint's axis in [m]
-    centre: np.ndarray  # in the frame of its link in [m], shape ``(3,)``
-    # joint that carries the link that it is drawn on: its own, or the one before if it stands there
-    link: str
 
 
 class Figure:
@@ -78,13 +66,11 @@ class Figure:
     def draw_visuals(self, visuals: Visuals) -> None:
         """Draw the visuals of the URDF."""
         for number, part in enumerate(visuals.parts):
-            *colour, opacity = part.colour
-            dark = max(colour) < 0.3
+            red, green, blue, opacity = part.colour
+            roughness = 0.8 if max(red, green, blue) < 0.3 else 0.42
+            # Of both sides, because it may have holes.
             material = Material(
-                colour=(colour[0], colour[1], colour[2]),
-                opacity=opacity,
-                roughness=0.8 if dark else 0.42,
-                two_sided=True,  # it may have holes
+                colour=(red, green, blue), opacity=opacity, roughness=roughness, two_sided=True
             )
             self.draw(part.joint, f"visual_{number}", part.shape, material)
 
@@ -96,7 +82,10 @@ class Figure:
         material = Material(colour=STICK_COLOUR, roughness=0.8)
         for name, tips in zip(map(str, self.model.names), ends, strict=True):
             sticks = [
-                shapes.moved(shapes.capsule(radius, float(np.linalg.norm(end))), along(end)) for end in tips
+                shapes.moved(
+                    shapes.capsule(radius, float(np.linalg.norm(end))), shapes.frame(end, at=0.5 * end)
+                )
+                for end in tips
             ]
             balls = [shapes.ellipsoid((1.5 * radius,) * 3, columns=16)] if name != FIXED_JOINT else []
             if sticks or balls:
@@ -111,29 +100,22 @@ class Figure:
         ends = [np.asarray(place.translation).copy() for place in places]
         return [end for end in ends if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT]
 
-    def segment(self, joint: str, leg: LegJoints) -> np.ndarray:
-        """From a joint of a leg to the next, or to the farthest frame that it carries.
+    def segment(self, joint: str) -> np.ndarray:
+        """From a joint to the next, or to the farthest frame that it carries.
 
         A bare last link is taken to be as long as the one before it. Returned in the frame of the joint in
         [m], shape ``(3,)``; never zero.
         """
-        names = [name for _, name in leg.items()]
         index = self.model.getJointId(joint)
-        frames = [frame for frame in self.model.frames if frame.parentJoint == index]
-        own = [np.asarray(frame.placement.translation) for frame in frames]
-        farthest = max(own, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
-        before = np.asarray(self.model.jointPlacements[index].translation)
-        candidates = [farthest, before, _SOME_SEGMENT]
-        if names.index(joint) + 1 < len(names):
-            following = self.model.getJointId(names[names.index(joint) + 1])
-            candidates.insert(0, np.asarray(self.model.jointPlacements[following].translation))
-        return next(end.copy() for end in candidates if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT)
+        before = np.asarray(self.model.jointPlacements[index].translation).copy()
+        bare = before if np.linalg.norm(before) > _SHORTEST_SEGMENT else _SOME_SEGMENT
+        return max(self._ends(index), key=np.linalg.norm, default=bare)
 
-    def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Motor:
-        """Size of the motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
+    def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Disc:
+        """The motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
 
         That one stands on the link before, parallel to the axes of both joints and about neither. Without one
-        it has the ``default_radius`` in [m].
+        it has the ``default_radius`` in [m]. Returned on the joint, or on the one before.
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
@@ -148,23 +130,22 @@ class Figure:
             # The other leg's motor may lie on the same axis, but not here.
             if _off_axis(centre, axis) < _COAXIAL:
                 if abs(float(centre @ axis)) < 2.0 * disc.length:
-                    found.append(Motor(disc.radius, disc.length, centre, joint))
+                    found.append(disc._replace(joint=joint, centre=centre, axis=axis))
             elif disc.joint == parent != FIXED_JOINT:
                 before = self.axis(parent)
                 if abs(float(disc.axis @ before)) > 0.99 and _off_axis(own, before) > _COAXIAL:
-                    beside.append(Motor(disc.radius, disc.length, own, parent))
-        default = Motor(default_radius, default_radius, np.zeros(3), joint)
+                    beside.append(disc)
+        default = Disc(joint, np.zeros(3), axis, default_radius, default_radius)
         return max(found or beside, key=lambda motor: motor.radius, default=default)
 
-    def draw_cover(self, joint: str, motor: Motor, material: Material) -> str:
+    def draw_cover(self, joint: str, motor: Disc, material: Material) -> str:
         """Draw the cover of a motor, whose colour shows the phase."""
         cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
-        own = motor.link == joint
-        placement = shapes.frame(self.axis(motor.link), at=motor.centre)
-        name = "motor_cover" if own else f"motor_cover_{joint.replace('/', '_')}"
-        return self.draw(motor.link, name, shapes.moved(cover, placement), material)
+        placement = shapes.frame(self.axis(motor.joint), at=motor.centre)
+        name = "motor_cover" if motor.joint == joint else f"motor_cover_{joint.replace('/', '_')}"
+        return self.draw(motor.joint, name, shapes.moved(cover, placement), material)
 
-    def draw_arc(self, joint: str, motor: Motor, outward: float) -> dict[int, str]:
+    def draw_arc(self, joint: str, motor: Disc, outward: float) -> dict[int, str]:
         """Draw the arrows that show the torque of a motor, all hidden.
 
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
@@ -177,7 +158,7 @@ class Figure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        middle = before.act(motor.centre) if motor.link == joint else motor.centre
+        middle = before.act(motor.centre) if motor.joint == joint else motor.centre
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
         placement = shapes.translation(middle + (0.5 * motor.length + _ARC_GAP) * face)
@@ -235,11 +216,3 @@ class Figure:
 def _off_axis(point: np.ndarray, axis: np.ndarray) -> float:
     """Distance of a point from an axis through the origin in [m]."""
     return float(np.linalg.norm(point - (point @ axis) * axis))
-
-
-def along(direction: np.ndarray) -> np.ndarray:
-    """Placement that turns z into a direction and puts the origin half way along it.
-
-    ``direction`` from start to end in [m], shape ``(3,)``. Returns homogeneous transform, shape ``(4, 4)``.
-    """
-    return shapes.frame(direction, at=0.5 * direction)

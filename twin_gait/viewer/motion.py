@@ -44,7 +44,7 @@ class PhaseSpells(NamedTuple):
 class LegMotion:
     """One leg over time."""
 
-    phases: PhaseSpells | None  # its phases, or None if the log has none
+    phases: PhaseSpells
     # angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so on, the
     # parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal forces of foot and
     # crutch in [N] as ``force`` and ``crutch``; each with the frames and the points between them that its
@@ -90,11 +90,11 @@ def read_motion(
     if n_rows == 0:
         raise ViewerError("the log has no row that can be shown; run the simulation again")
     clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
-    names = phase_names(log, model.sides)
+    names = tuple(log[f"{model.sides[0]}_phase"].cat.categories)
     if held_rows(log).any():
         names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
-    changes = [one.starts for one in spells.values() if one is not None]
+    changes = [one.starts for one in spells.values()]
     rows = _rows_to_show(
         clock, frames_per_second, np.concatenate([*changes, np.asarray(moments, dtype=float)])
     )
@@ -112,15 +112,6 @@ def read_motion(
     columns = {str(name): values.to_numpy() for name, values in shown.select_dtypes("number").items()}
     modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock) if MODE in log else None
     return Motion(clock[rows] - clock[0], q[rows], legs, names, columns, modes)
-
-
-def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
-    """Names of the phases in a log, in the order of its gait table if the log knows it."""
-    names: dict[str, None] = {}
-    for column in (log[f"{side}_phase"] for side in sides if f"{side}_phase" in log):
-        categorical = isinstance(column.dtype, pd.CategoricalDtype)
-        names |= dict.fromkeys(map(str, column.cat.categories if categorical else column.unique()))
-    return tuple(names)
 
 
 def frame_rate(duration: float) -> float:
@@ -141,7 +132,8 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
 def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
     """Coordinates of the model for every row, shape ``(n, nv)``."""
     columns, _ = state_columns(model)
-    absent = [name for name in ("time_s", *columns) if name not in log.columns]
+    phases = (f"{side}_phase" for side in model.sides)
+    absent = [name for name in ("time_s", *columns, *phases) if name not in log.columns]
     if absent:
         raise ViewerError(f"the log has no column {absent[0]!r}; is it a log of {model.urdf_path.name}?")
     return log[columns].to_numpy(dtype=float)
@@ -157,13 +149,10 @@ def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarr
     return np.unique(np.minimum(rows, len(clock) - 1))
 
 
-def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells | None:
-    column = log.get(f"{side}_phase")
-    if column is None:
-        return None
-    position = {name: index for index, name in enumerate(names)}
-    codes = np.array([position.get(str(name), -1) for name in column], dtype=int)
-    codes[held_rows(log)] = position.get(HOLD, -1)
+def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
+    column = log[f"{side}_phase"]
+    codes = column.cat.set_categories(list(names)).cat.codes.to_numpy(dtype=int, copy=True)
+    codes[held_rows(log)] = len(names) - 1
     if (codes < 0).any():
         unknown = str(column.iloc[int(np.argmax(codes < 0))])
         raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
@@ -177,8 +166,8 @@ def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
 
 def held_rows(log: pd.DataFrame) -> np.ndarray:
     """Rows after a trip, in which the phase no longer says what the legs do; shape ``(n,)``."""
-    state = log.get("safety_state")
-    return np.zeros(len(log), dtype=bool) if state is None else state.to_numpy() == SafetyState.HOLD.code
+    held: np.ndarray = log["safety_state"].to_numpy() == SafetyState.HOLD.code
+    return held
 
 
 def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:

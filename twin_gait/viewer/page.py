@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from twin_gait import palette
+from twin_gait.files import dump
 from twin_gait.measures.outcome import RunEvent
+from twin_gait.templates import templates_in
 from twin_gait.viewer.arrows import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.viewer.commands import rgb
 from twin_gait.viewer.surroundings import FLOOR
@@ -187,12 +187,11 @@ def _notes(missing_meshes: Sequence[str]) -> list[str]:
     return [f"Mesh not found: {_unicode(Path(name).name)}{more}." for name in missing_meshes[:1]]
 
 
-def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") -> str:
+def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
     """A page that holds everything it needs.
 
     ``runs``: one run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
-    both through :func:`packed`. A model has a scene and ``joints`` instead of frames; ``mode``: ``recorded``,
-    or ``model`` for one model.
+    both through :func:`packed`. A model, which stands alone, has a scene and ``joints`` instead of frames.
     """
     folder = viewer_folder()
     bundle = packed(_bundle())
@@ -202,7 +201,7 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
         policy=RECORDED_POLICY,
         title=" | ".join(run["title"] for run in runs),
         notice=notice.replace("--", "- -"),
-        data=embedded_json({"mode": mode, "runs": list(runs)}),
+        data=embedded_json({"mode": runs[0]["mode"], "runs": list(runs)}),
         packed_bundle=bundle,
     )
 
@@ -229,30 +228,26 @@ def packed(content: bytes) -> str:
 
 def packed_json(data: Any) -> str:
     """The same of data that JSON can hold."""
-    return packed(json.dumps(data, separators=(",", ":"), allow_nan=False).encode("ascii"))
+    return packed(dump(data).encode("ascii"))
 
 
 def embedded_json(data: Mapping[str, Any]) -> str:
     """JSON that can stand inside a script element: no text of it can end the element."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c")
+    return dump(data).replace("<", "\\u003c")
 
 
 def _fill(**content: str) -> str:
     """Fill the template; what is no plain text in it is marked so there."""
-    pages = Environment(
-        loader=FileSystemLoader(PAGE_FOLDER),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
-    return pages.get_template("page.html").render(
-        script=_inside_script("\n".join(scripts)),
-        alarm=palette.EVENT_COLOUR,
-        alarm_on_dark=palette.EVENT_ON_DARK,
-        **content,
+    return (
+        templates_in(PAGE_FOLDER, autoescape=True)
+        .get_template("page.html")
+        .render(
+            script=_inside_script("\n".join(scripts)),
+            alarm=palette.EVENT_COLOUR,
+            alarm_on_dark=palette.EVENT_ON_DARK,
+            **content,
+        )
     )
 
 

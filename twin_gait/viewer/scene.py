@@ -11,7 +11,7 @@ import numpy as np
 from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes
-from twin_gait.viewer.arrows import arc_state, arrow_state, draw_arrow
+from twin_gait.viewer.arrows import arc_state, arrow_state
 from twin_gait.viewer.body import LEFT
 from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure
@@ -78,7 +78,7 @@ class Scene:
         self.legs[side], self.covers[side], self.arcs[side] = leg, [], {}
         for name, joint in leg.items():
             if name in drives:
-                length = float(np.linalg.norm(self.figure.segment(joint, leg)))
+                length = float(np.linalg.norm(self.figure.segment(joint)))
                 motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
                 self.covers[side].append(self.figure.draw_cover(joint, motor, material))
                 self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward)
@@ -91,7 +91,7 @@ class Scene:
             ends = [end for _, end in spans[1:]] + [math.inf]
             for number, (span, following) in enumerate(zip(spans[:MOST_STRIDES], ends, strict=False)):
                 frames = np.flatnonzero((motion.times >= span[0]) & (motion.times <= span[1]))
-                if leg.phases is None or len(frames) < FEWEST_POINTS:
+                if len(frames) < FEWEST_POINTS:
                     continue
                 points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
                 shape = trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
@@ -101,10 +101,6 @@ class Scene:
                     self.apply({(path, "visible"): False})
                     self.trails.append(StrideTrail(path, span[1], following))
 
-    def draw_arrow(self, side: Side) -> None:
-        """Draw the arrow of the ground force on a foot, hidden."""
-        self.arrows[side] = draw_arrow(self._window, str(side))
-
     def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
         """End of the leg that leaves the trail: the middle of the sole, or the end of its last segment."""
         leg = self.legs[side]
@@ -112,7 +108,7 @@ class Scene:
             point = np.mean([self.figure.frame_point(q, frame) for frame in leg.contact_frames], axis=0)
             return np.asarray(np.maximum(point, [-np.inf, -np.inf, LOWEST_TRAIL]))
         last = leg.items()[-1][1]
-        return self.figure.world_point(q, last, self.figure.segment(last, leg))
+        return self.figure.world_point(q, last, self.figure.segment(last))
 
     def _force_state(self, side: Side, motion: Motion, frame: int) -> State:
         """Arrow of the force of the ground on a foot, in the axes of the ground."""
@@ -120,9 +116,7 @@ class Scene:
         if side not in self.arrows or any(name not in motion.columns for name in names):
             return {}
         force = np.nan_to_num([motion.columns[name][frame] for name in names])
-        # A log of an earlier version does not know where the sole is pressed.
-        places = motion.columns.get(f"{side}_foot_pressure_place")
-        share = 0.5 if places is None else float(places[frame])
+        share = float(motion.columns[f"{side}_foot_pressure_place"][frame])
         ends = [self.figure.frame_point(motion.q[frame], name) for name in self.legs[side].contact_frames]
         along, left, _ = (ends[0] + share * (ends[-1] - ends[0])) @ self.ground
         return arrow_state(self.arrows[side], force, np.array([along, left, 0.0]))
@@ -137,10 +131,9 @@ class Scene:
                 state |= {} if torques is None else arc_state(arc, float(torques[frame]))
         for side, leg in motion.legs.items():
             state |= self._force_state(side, motion, frame)
-            if leg.phases is not None:
-                code = leg.phases.at(time)
-                colour = rgb(phase_colour(motion.phase_names[code], code))
-                state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
+            code = leg.phases.at(time)
+            colour = rgb(phase_colour(motion.phase_names[code], code))
+            state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
         for path, begin, end in self.trails:
             state[path, "visible"] = begin <= time < end
         for element in self.elements:
@@ -163,14 +156,12 @@ class StrideTrail(NamedTuple):
     end: float  # time at which the next one is, in [s]
 
 
-def strides(phases: PhaseSpells | None, duration: float) -> list[tuple[float, float]]:
+def strides(phases: PhaseSpells, duration: float) -> list[tuple[float, float]]:
     """Strides from one entry into the first phase of the table to the next.
 
-    ``phases``: phases of a leg, or None if they are not known; ``duration`` of the motion in [s]. Returns
-    start and end of each complete stride in [s].
+    ``phases``: phases of a leg; ``duration`` of the motion in [s]. Returns start and end of each complete
+    stride in [s].
     """
-    if phases is None:
-        return []
     entries = [float(start) for start, code in zip(*phases, strict=True) if code == 0 and start > 0.0]
     return [(start, end) for start, end in pairwise(entries) if end <= duration]
 

@@ -189,10 +189,10 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
             self.ws_connection.stream.close()
         await self.outbox.ended()
 
-    async def write_or_leave(self, content: str | bytes, *, binary: bool) -> bool:
+    async def write_or_leave(self, content: str | bytes) -> bool:
         """Write to the page; one that has gone is no error. Returns whether the page is still there."""
         try:
-            await self.write_message(content, binary=binary)
+            await self.write_message(content, binary=isinstance(content, bytes))
         except (WebSocketClosedError, StreamClosedError):
             self.close()
             return False
@@ -324,5 +324,5 @@ class SceneSocket(GuardedSocket):
     async def write_batch(self, batch: list[bytes]) -> None:
         """Write, and wait until it is drawn."""
         self._drawn.clear()
-        if await self.write_or_leave(b"".join(batch), binary=True):
+        if await self.write_or_leave(b"".join(batch)):
             await self._drawn.wait()

@@ -11,13 +11,13 @@ import pinocchio as pin
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import ChairParameters, CrutchParameters, Patient
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.arrows import FORCE_ROOT
+from twin_gait.viewer.arrows import FORCE_ROOT, draw_arrow
 from twin_gait.viewer.body import DrawnCrutches, DrawnRopes, draw_harness, draw_wearer
 from twin_gait.viewer.commands import Window, set_transform
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
+from twin_gait.vocabulary import JointName, Side, Surroundings
 
 _BAR_ABOVE_HEAD = 0.08  # [m]
 _TO_CRUTCHES = 0.12  # from the hips to the middle of wearer and crutches [m]
@@ -28,8 +28,7 @@ class Setting(TypedDict, total=False):
     """What is drawn with a leg model.
 
     Attributes:
-        around: What stands around it. None guesses it from the model: with a guided pelvis it stands on a
-            treadmill, one leg alone hangs on a bench.
+        around: What stands around it; a treadmill if nothing is said.
         patient: The wearer, or None.
         slope: By which the treadmill rises forwards in [rad].
         ropes: Whether a harness holds the wearer; on the ground it does if nothing is said.
@@ -37,7 +36,7 @@ class Setting(TypedDict, total=False):
         chair: Behind the wearer, or None.
     """
 
-    around: Surroundings | None
+    around: Surroundings
     patient: Patient | None
     slope: float
     ropes: bool
@@ -65,7 +64,7 @@ def build_scene(
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
     top, bottom = _extent(scene.figure, model.legs)
-    height, around = top - bottom, setting.get("around") or _around(model)
+    height, around = top - bottom, setting.get("around", Surroundings.TREADMILL)
     if around is Surroundings.STAND:
         _surround_bench_leg(window, scene, model.legs, top, bottom)
         return scene
@@ -84,17 +83,11 @@ def build_scene(
         surroundings.draw_treadmill(window, slope)
     for side, leg in model.legs.items():
         if leg.contact_frames:
-            scene.draw_arrow(side)
+            scene.arrows[side] = draw_arrow(window, str(side))
     scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
     if patient is not None and len(model.legs) > 1:
         _equip_walker(window, scene, patient, trunk, setting | {"around": around})
     return scene
-
-
-def _around(model: LegModel) -> Surroundings:
-    if model.pelvis is not PelvisGuide.FIXED:
-        return Surroundings.TREADMILL
-    return Surroundings.STAND if len(model.legs) == 1 else Surroundings.FLOOR
 
 
 def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
@@ -166,7 +159,7 @@ def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, floa
     for leg in legs.values():
         last = leg.items()[-1][1]
         tops.append(float(figure.world_point(neutral, leg.hip)[2]))
-        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last, leg))[2]))
+        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last))[2]))
     return max(tops), min(bottoms)
 
 

@@ -1,29 +1,45 @@
-"""``twin-gait identify``."""
+"""``twin-gait bench`` and ``identify``: the joint test bench, and the friction that logs of one give."""
 
 from __future__ import annotations
 
 import argparse
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from twin_gait import identification as of
-from twin_gait import parameters
-from twin_gait.cli import options
+from twin_gait import parameters, simulation, studies
+from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, answer, progress_bar
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.vocabulary import JointName
 
+if TYPE_CHECKING:
+    from twin_gait.studies.campaign import CampaignResult
+    from twin_gait.worlds.bench_joint import BenchJoint
+
+_PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
+_CAMPAIGN_CHOICES = (
+    ("--protocol", ("drop", "two-way"), "drop", _PROTOCOL),
+    ("--load-angle", ("corrected", "printed"), "corrected", "form of (2.8)"),
+    ("--current-loop", ("pi", "ideal"), "pi", "of figure 2.13, or perfect (pi)"),
+)
+_CAMPAIGN_NUMBERS = (
+    ("--friction-ratio", 1.0, "S", "true friction over table 3.1 (1)"),
+    ("--friction-ripple-Nm", 0.3, "NM", "friction that repeats with the gear (0.3)"),
+    ("--lever-m", 0.30, "M", "from the axis to the weight (0.30)"),
+    ("--longest", 20.0, "S", "when a fall that sticks is ended (20)"),
+)
 PRINTED_MODELS = 5
 SUFFIXES = (".log", ".csv", ".txt", ".tsv", ".dat")
+_LOSS = "weighing of residuals: Huber's for logs and where outliers stand alone, else least squares"
 _CHOICES = (
     ("--joint", ("hip", "knee"), None, "whose motor and gear it is (for currents)"),
     ("--processing", ("zero_phase", "thesis", "none"), None, "smoothing of the logs"),
     ("--current", ("measured", "target"), None, "which current drives (measured)"),
-    (
-        *("--loss", ("auto", "huber", "linear"), "auto"),
-        "weighing of residuals: Huber's for logs and where outliers stand alone, else least squares",
-    ),
+    ("--loss", ("auto", "huber", "linear"), "auto", _LOSS),
 )
 _NUMBERS = (
     ("--cutoff-Hz", None, "F", "of the zero-phase filter (40)"),
@@ -39,8 +55,20 @@ _LOAD_ANGLE = "F b cos(θ - 90°), or F b cos θ as the thesis prints it"
 
 
 def add_parser(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = options.add_command(commands, "identify", run)
+    """Add the commands to the parser."""
+    about = "Simulate the joint test bench of the thesis. All data that it writes are synthetic."
+    parser = commands.add_parser("bench", help="simulate the joint test bench", description=about)
+    actions = parser.add_subparsers(
+        dest="action", required=True, parser_class=type(parser), metavar="campaign"
+    )
+    campaign = options.add_command(actions, "campaign", run_campaign_command)
+    campaign.add_argument("--joint", choices=("knee", "hip"), required=True, help="whose motor and friction")
+    campaign.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
+    options.add_choices(campaign, _CAMPAIGN_CHOICES)
+    options.add_numbers(campaign, _CAMPAIGN_NUMBERS)
+    options.add(campaign, "--seed")
+
+    parser = options.add_command(commands, "identify", identify)
     add = parser.add_argument
     add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files")
     options.add_out(parser, "DIR", "folder to make", required=True)
@@ -63,7 +91,61 @@ def add_parser(commands: Any) -> None:
     options.add(parser, "--seed", "--no-pictures", "--json")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def bench_of(arguments: argparse.Namespace) -> BenchJoint:
+    """The bench as the options describe it, without a controller."""
+    from twin_gait import worlds as world
+
+    law = world.BENCH_FRICTION[arguments.joint].scaled(arguments.friction_ratio)
+    bench = world.bench_joint(
+        JointName(arguments.joint),
+        friction=world.BenchFriction(law=law, ripple=arguments.friction_ripple_Nm),
+        link=world.LinkParameters(lever=arguments.lever_m, load_angle=world.LoadAngle(arguments.load_angle)),
+    )
+    return replace(bench, drive=replace(bench.drive, loop=world.CurrentLoop(arguments.current_loop)))
+
+
+def run_campaign_command(arguments: argparse.Namespace) -> int:
+    """Five weights, nine tests each, as log files.
+
+    Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the true
+    friction.
+    """
+    out = arguments.out
+    campaign = studies.Campaign(
+        joint=JointName(arguments.joint),
+        protocol=studies.Protocol(arguments.protocol),
+        seed=arguments.seed,
+        bench=bench_of(arguments),
+        longest=arguments.longest,
+    )
+    if out.exists():
+        raise RunDirectoryError(f"{out}: exists; choose another --out")
+    with terminal.watched(str(campaign.protocol), "test") as watch:
+        result = studies.run_campaign(campaign, out, **watch)
+    print("\n".join(report_campaign(result)))
+    if result.status is simulation.RunStatus.INTERRUPTED:
+        return terminal.interrupted("the logs so far are kept")
+    return DONE
+
+
+def report_campaign(result: CampaignResult) -> Iterator[str]:
+    """Results in a few lines."""
+    tests = result.tests
+    yield f"{result.status}: {len(tests)} synthetic logs in {result.directory}"
+    if not tests:
+        return
+    fastest = max(test["highest_velocity_rad_per_s"] for test in tests)
+    slowest = min(test["lowest_velocity_rad_per_s"] for test in tests)
+    yield f"  joint velocity {slowest:.2f} to {fastest:.2f} rad/s"
+    stops = sum(test["stop_s"] is not None for test in tests)
+    if stops:
+        yield f"  {stops} reached the stop, {len(tests) - stops} stuck or still on their way"
+    diverged = [test["file"] for test in tests if test["status"] == "diverged"]
+    if diverged:
+        yield f"  diverged: {', '.join(diverged)}"
+
+
+def identify(arguments: argparse.Namespace) -> int:
     """Identify the friction of a joint from logs.
 
     Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each file is
@@ -72,7 +154,6 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.identification.writing import IDENTIFICATION, write_identification
     from twin_gait.runs.folders import check_target
-    from twin_gait.vocabulary import JointName
 
     chosen = make_options(arguments)
     check_target(arguments.out, IDENTIFICATION, force=arguments.force)
@@ -124,7 +205,7 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
     loss = of.Loss(arguments.loss)
     return of.IdentificationOptions(
         columns=of.LogColumns(names=names, units=units),
-        bench=_bench(arguments),
+        bench=_bench_of_logs(arguments),
         processing=of.ProcessingOptions(**processing),
         fit=of.FitOptions(loss=loss, physical=arguments.physical, seed=arguments.seed),
         models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
@@ -132,7 +213,7 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
     )
 
 
-def _bench(arguments: argparse.Namespace) -> Any:
+def _bench_of_logs(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
     from twin_gait.worlds import LoadAngle
 
