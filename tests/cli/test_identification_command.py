@@ -266,3 +266,14 @@ def test_a_mass_that_the_files_overrule_is_said(tmp_path, capsys):
     assert (
         "warning: --mass 7 is overruled by what knee_0.log (1 kg) and 1 more says" in capsys.readouterr().out
     )
+
+
+def test_a_law_that_would_drive_the_joint_is_left_out_of_the_parameter_files(tmp_path, capsys):
+    time = 0.01 * np.arange(400)
+    velocity = 2.0 * np.sin(2.0 * np.pi * 0.4 * time)
+    torque = 3.0 * np.tanh(20.0 * velocity) - 0.2 * velocity  # less friction the faster it is
+    log = write_log(tmp_path / "arm.csv", {"t": time, "dq2": velocity, "tau2": torque})
+    asked = ("--joint", "knee", "--model", "asymmetric", "--no-pictures", "--out", tmp_path / "out")
+    assert call(log, *COLUMNS, *asked) == DONE
+    assert "no plant.yaml: asymmetric, as fitted, would drive the joint" in capsys.readouterr().out
+    assert not (tmp_path / "out" / "plant.yaml").exists()
