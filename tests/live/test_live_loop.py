@@ -97,7 +97,7 @@ def test_messages_are_read_as_they_were_meant():
         ('{"kind": "do", "id": "1", "action": "explode"}', "action: input should be 'walk', 'pause'"),
         (
             '{"kind": "do", "id": "1", "action": "push", "values": [1]}',
-            "values: input should be a valid dict",
+            "values: expected keys and values",
         ),
         (
             '{"kind": "do", "id": "1", "action": "push", "values": {"torque": {}}}',

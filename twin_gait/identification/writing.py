@@ -13,7 +13,6 @@ import pandas as pd
 from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
-from twin_gait.exceptions import ParameterError
 from twin_gait.files import plain, write_atomically, write_json
 from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.figures import draw_fits, draw_residuals
@@ -178,7 +177,7 @@ def _parameter_laws(result: Identification) -> dict[str, tuple[str, parameters.F
         for file, entries in PARAMETER_FILES.items():
             if file not in found and item.name in entries:
                 values = item.fit.model.parameters(item.fit.x)
-                with contextlib.suppress(ParameterError):
+                with contextlib.suppress(ValueError):  # pydantic's, of a law that would drive the joint
                     found[file] = (item.name, section_of(entries[item.name])(**values).convert())
     return found
 

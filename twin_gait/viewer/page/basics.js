@@ -21,7 +21,7 @@
 //    modes: SPELLS or null}, SPELLS being {starts: [s], codes: [n]}
 // where times are those of frames, and a series has the frames and what lies between them (steps from point to point),
 // and the commands of meshcat's viewer, each after its length in four bytes, lowest first.
-// That of a model holds `scene` and `joints`, see twin_gait/viewer/urdf_page.py.
+// That of a model holds `scene` and `joints`.
 //
 // Live messages, binary: one command of meshcat's viewer in msgpack, or several of them each after its length
 // as above. Beside meshcat's own kinds there are two:
