@@ -265,5 +265,5 @@ def test_a_request_to_stop_ends_the_run_with_what_there_is():
 
 
 def test_the_name_of_a_preset_is_no_experiment():
-    with pytest.raises(ParameterError, match="expected an Experiment, got 'bench_leg'; see load_experiment"):
+    with pytest.raises(ParameterError, match="expected an Experiment, got 'bench_leg'; load_experiment"):
         simulate("bench_leg")

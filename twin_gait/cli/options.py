@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 PROCESSORS = os.cpu_count() or 1
 FIRST_PORT = 7000
+_ENDINGS = {"csv", "parquet", "mot", "sto", "log", "asc", "html", "png", "jpg", "jpeg", "svg", "pdf"}
 _FLAG: dict[str, Any] = {"action": "store_true"}
 _PORT = f"first port to try ({FIRST_PORT}; 0: any)"
 SEED = "of every random draw (0)"
@@ -173,9 +174,6 @@ def workers_of(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
     return int(arguments.workers)
-
-
-_ENDINGS = {"csv", "parquet", "mot", "sto", "log", "asc", "html", "png", "jpg", "jpeg", "svg", "pdf"}
 
 
 def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from twin_gait.control import SafetyState
 from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Convention
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait.signals import DEVICE_SIGNALS
@@ -18,7 +19,6 @@ from twin_gait.runs.log_files import LogTable, read_table
 from twin_gait.vocabulary import JointName, Side
 
 TIME = "time"
-SAFETY_STATE = "safety_state"  # above 0 while the legs are held
 _TIME_COLUMNS = ("time_s", "time", "Time", "t")
 _UNIT_ENDINGS = {"_rad": RADIANS, "_deg": DEGREES, "[rad]": RADIANS, "[deg]": DEGREES, "(deg)": DEGREES}
 
@@ -72,9 +72,9 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
 
 def _before_a_hold(table: LogTable) -> LogTable:
     """A log of this package up to a trip of the monitor, from which on no guard moves the legs."""
-    if SAFETY_STATE not in table:
+    if "safety_state" not in table:
         return table
-    held = np.flatnonzero(table.numbers(SAFETY_STATE) > 0.0)
+    held = np.flatnonzero(table.numbers("safety_state") == SafetyState.HOLD.code)
     return replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
 
 

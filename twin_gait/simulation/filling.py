@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from twin_gait.control import gait_controller as ccu
 from twin_gait.control.controller import Controller, Plan, require_whole_numbers
 from twin_gait.control.joint_board import BoardState, Limits, Rates
-from twin_gait.control.supervisor import ModeCommand, Supervisor
+from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
 from twin_gait.core.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 from twin_gait.core.contact import Point
@@ -244,7 +244,11 @@ def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
     return Supervisor(
         program=_padded(program),
         modes=[
-            ModeCommand(table.member_index(mode.posture), float(mode.walk), float(mode.step))
+            ModeCommand(
+                NO_POSTURE if mode.posture is None else table.phase_index(mode.posture),
+                float(mode.walk),
+                float(mode.step),
+            )
             for mode in modes.phases.values()
         ],
         hold=modes.phase_index(modes.hold),

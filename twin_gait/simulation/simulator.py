@@ -1,5 +1,6 @@
 """Simulate an experiment: the one entry, and it touches no disk."""
 
+import reprlib
 import time
 import warnings
 from collections import Counter, defaultdict
@@ -61,7 +62,10 @@ def simulate(
         MeasurementError: If, without a safety monitor, the state machine is handed something not finite.
     """
     if not isinstance(experiment, Experiment):
-        raise ParameterError(f"simulate: expected an Experiment, got {experiment!r}; see load_experiment")
+        raise ParameterError(
+            f"simulate: expected an Experiment, got {reprlib.repr(experiment)}; "
+            "load_experiment(NAME).experiment is one"
+        )
     engine = engine_of(build_problem(experiment, controller), on_compile)
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
