@@ -4,10 +4,9 @@ Inside this package hip flexion, knee flexion and ankle dorsiflexion are positiv
 A convention leads into it and back; it sits at the edge, where files are read and written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
@@ -19,16 +18,13 @@ RADIANS, DEGREES = "rad", "deg"
 
 @dataclass(frozen=True, kw_only=True)
 class Convention:
-    r"""Names, signs and zeros of joint angles in another program.
-
-    An angle :math:`\varphi` there is :math:`\theta = s \varphi + \theta_0` here.
+    """Names and signs of joint angles in another program.
 
     Attributes:
         name: What it is called on the command line.
         description: Whose it is, and where that is written.
         columns: Name of the column of each joint of each side; empty where the user chooses them.
-        signs: s of each joint, 1 or -1; 1 where it is not named.
-        offsets: θ0 of each joint in [rad]; 0 where it is not named.
+        signs: Of each joint, 1 or -1; 1 where it is not named.
         unit: Of columns that do not state theirs, ``rad`` or ``deg``; None if it must be asked for.
     """
 
@@ -36,40 +32,17 @@ class Convention:
     description: str
     columns: Mapping[tuple[Side, JointName], str] = field(default_factory=dict)
     signs: Mapping[JointName, float] = field(default_factory=dict)
-    offsets: Mapping[JointName, float] = field(default_factory=dict)
     unit: str | None = None
 
-    def to_house(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
-        """Turn an angle of that program into one of this package.
-
-        Args:
-            angle: In [rad], any shape.
-
-        Returns:
-            In [rad]; flexion and dorsiflexion positive.
-        """
-        return np.asarray(self.signs.get(joint, 1.0) * angle + self.offsets.get(joint, 0.0))
-
-    def from_house(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
-        """Turn an angle of this package into one of that program.
-
-        Args:
-            angle: In [rad], flexion and dorsiflexion positive, any shape.
-
-        Returns:
-            In [rad], as that program counts it.
-        """
-        return np.asarray(self.signs.get(joint, 1.0) * (angle - self.offsets.get(joint, 0.0)))
+    def turned(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
+        """An angle of that program, in [rad] and any shape, as this package counts it, or the other way."""
+        return np.asarray(self.signs.get(joint, 1.0) * angle)
 
 
 _OPENSIM_COLUMNS = {
     (side, joint): f"{name}_{str(side)[0]}"
     for side in Side
-    for joint, name in (
-        (JointName.HIP, "hip_flexion"),
-        (JointName.KNEE, "knee_angle"),
-        (JointName.ANKLE, "ankle_angle"),
-    )
+    for joint, name in zip(JointName, ("hip_flexion", "knee_angle", "ankle_angle"), strict=True)
 }
 
 HOUSE = Convention(
@@ -100,10 +73,8 @@ CORC_X2 = Convention(
         "JointPositions_1 to _4; knee flexion negative (0 to -120 deg)"
     ),
     columns={
-        (side, joint): f"JointPositions_{number}"
-        for number, (side, joint) in enumerate(
-            ((side, joint) for side in Side for joint in (JointName.HIP, JointName.KNEE)), start=1
-        )
+        place: f"JointPositions_{number}"
+        for number, place in enumerate(product(Side, (JointName.HIP, JointName.KNEE)), start=1)
     },
     signs={JointName.KNEE: -1.0},
     unit=RADIANS,

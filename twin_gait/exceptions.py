@@ -4,8 +4,6 @@ Each message is one line: what was expected, what came, and the way out. The com
 :class:`TwinGaitError` into that one line and an exit status; library users catch the base class.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 
@@ -79,8 +77,6 @@ class MissingOptionalDependency(TwinGaitError, ImportError):
 
     def __init__(self, package: str, extra: str, feature: str) -> None:
         """Compose the message that names the feature, the package and the install command."""
-        self.package = package
-        self.extra = extra
         super().__init__(
             f"{feature} needs {package}, which is not installed: pip install 'twin-gait[{extra}]'"
         )

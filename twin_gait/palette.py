@@ -6,8 +6,6 @@ stance is cold and swing warm. People with any common colour blindness can tell 
 The plain names are for figures with a legend of their own. Nothing heavy is imported here.
 """
 
-from __future__ import annotations
-
 from twin_gait.vocabulary import FIRST_SWING, HOLD, STAND, GaitPhase, JointName, Side
 
 __all__ = [
@@ -47,7 +45,7 @@ VERMILLION = "#D55E00"
 REDDISH_PURPLE = "#CC79A7"
 GREY = "#7F7F7F"
 
-PHASE_COLOURS: dict[GaitPhase, str] = {
+PHASE_COLOURS: dict[str, str] = {
     GaitPhase.EARLY_STANCE: BLUE,
     GaitPhase.MIDDLE_STANCE: SKY_BLUE,
     GaitPhase.LATE_STANCE: BLUISH_GREEN,
@@ -104,5 +102,4 @@ def phase_colour(phase: str, position: int = 0) -> str:
     Returns:
         Colour as ``#RRGGBB``.
     """
-    known = {str(name): colour for name, colour in PHASE_COLOURS.items()} | _OTHER_PHASES
-    return known.get(phase, _FURTHER_COLOURS[position % len(_FURTHER_COLOURS)])
+    return (PHASE_COLOURS | _OTHER_PHASES).get(phase, _FURTHER_COLOURS[position % len(_FURTHER_COLOURS)])

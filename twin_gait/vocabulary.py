@@ -1,7 +1,5 @@
 """The words of the field that every other room shares: phases of gait, joints, sides."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 
@@ -27,6 +25,15 @@ PRE_SWING = "pre_swing"
 # behind, and sitting down.
 SIT, LEAN, RISE, STRAIGHTEN, REACH_BACK, LOWER = "sit", "lean", "rise", "straighten", "reach_back", "lower"
 HOLD = "hold"  # what is shown in place of a phase after a trip of the safety monitor
+
+
+class Coded(StrEnum):
+    """Words whose numbers are their places."""
+
+    @property
+    def code(self) -> int:
+        """Number in a record and in the log."""
+        return list(type(self)).index(self)
 
 
 class JointName(StrEnum):

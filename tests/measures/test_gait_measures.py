@@ -33,7 +33,6 @@ from twin_gait.measures.strides import (
     over_strides,
     step_times,
     stride_extremes,
-    stride_lengths,
     walks,
 )
 from twin_gait.runs.log_files import read_table
@@ -45,10 +44,6 @@ from twin_gait.vocabulary import JointName, Side
 def test_strides_of_two_seconds_are_sixty_steps_a_minute():
     assert cadence(np.array([1.9, 2.1])) == pytest.approx(60.0)
     assert math.isnan(cadence(np.zeros(0)))
-
-
-def test_stride_is_as_long_as_the_way_of_the_belt():
-    assert_allclose(stride_lengths(np.array([1.5, 2.0]), 0.4), [0.6, 0.8])
 
 
 def test_step_runs_from_the_other_foots_last_strike():
@@ -198,7 +193,7 @@ def test_measures_survive_a_motion_file(walk, tmp_path, unit, rounding, conventi
     strides = leg_record(walk, Side.LEFT, list(walk["left_phase"].cat.categories), TICK).strides()
     for joint, name in ((JointName.HIP, "hip_flexion_l"), (JointName.KNEE, "knee_angle_l")):
         angle = motion.numbers(name)
-        back = convention.to_house(joint, np.radians(angle) if unit == "deg" else angle)
+        back = convention.turned(joint, np.radians(angle) if unit == "deg" else angle)
         before = walk[f"left_{joint}_angle_rad"].to_numpy()
         assert_allclose(measures(back, strides), measures(before, strides), rtol=0.0, atol=rounding)
 

@@ -370,7 +370,9 @@ def test_the_gait_is_the_wearers_and_the_devices_can_be_had(walk):
     assert abs(wearers - devices) > 0.1
     assert summary["sides"]["left"]["rmse_knee_by_contact_deg"] == pytest.approx(wearers, rel=1e-12)
     assert summary["interaction"]["left_knee"]["rmse_of_device_deg"] == pytest.approx(devices, rel=1e-12)
-    record = leg_record(walk.log, Side.LEFT, walk.table.phase_names, TICK, steady=(walk.experiment.steady,))
+    record = leg_record(
+        walk.log, Side.LEFT, walk.table.phase_names, TICK, steady=(walk.experiment.scenario.steady,)
+    )
     extremes = np.degrees(
         stride_extremes(walk.log["left_knee_wearer_angle_rad"].to_numpy(), record.strides())
     )

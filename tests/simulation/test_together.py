@@ -27,7 +27,7 @@ from twin_gait.simulation.simulator import (
     blocks_of,
     simulate_together,
 )
-from twin_gait.studies.batch import READ_IN_BRIEF, SUMMARY_COLUMNS, Base, flat_summary
+from twin_gait.studies.batch import READ_IN_BRIEF, SUMMARY_COLUMNS, changed, flat_summary, with_document
 
 PLACES = ("left_hip", "left_knee", "right_hip", "right_knee")
 FALLING = {
@@ -144,8 +144,8 @@ def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
     [(1, 2.0), (7, 0.5), pytest.param(33, 2.0, marks=pytest.mark.slow)],
 )
 def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
-    base = Base.of(walk)
-    asked = [base.changed(row, "episode") for row in unlike(count, count, longest)]
+    base = with_document(walk)
+    asked = [changed(base, row, "episode") for row in unlike(count, count, longest)]
     found = dict(simulate_together(asked))
     assert sorted(found) == list(range(count))
     for place, run in found.items():
@@ -158,10 +158,10 @@ def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
 @pytest.mark.parametrize(("workers", "count"), [(1, 70), (2, 400)])
 def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
     rows = unlike(count, 5, 0.15)
-    base = Base.of(walk)
+    base = with_document(walk)
     order = np.random.default_rng(workers).permutation(len(rows))
     table = simulate_batch(walk, [rows[place] for place in order], workers=workers).table
-    alone = pd.DataFrame([flat_summary(simulate(base.changed(rows[place], "episode"))) for place in order])
+    alone = pd.DataFrame([flat_summary(simulate(changed(base, rows[place], "episode"))) for place in order])
     for name in alone.columns:
         same = (table[name] == alone[name]) | (table[name].isna() & alone[name].isna())
         assert same.all(), name

@@ -425,10 +425,10 @@ class Bowl:
 @pytest.fixture
 def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     walks = Bowl()
-    monkeypatch.setattr(stages, "walk_all", walks)
+    monkeypatch.setattr(stages.walks, "walk_all", walks)
     monkeypatch.setattr(stages, "build_problem", lambda walked: None)
     monkeypatch.setattr(stages, "compile_ahead", lambda walked, total, on_compile: None)
-    monkeypatch.setattr(stages, "quick_errors", lambda walked: ())
+    monkeypatch.setattr(stages.walks, "quick_errors", lambda walked: ())
     return walks
 
 
@@ -464,7 +464,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
         return bowl(walks, *rest, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stages, "walk_all", noted)
+        patch.setattr(stages.walks, "walk_all", noted)
         tune(experiment, Settings(generations=1))
     nominal, corners = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
@@ -481,7 +481,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
 def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stages, "quick_errors", lambda walked: ("unstable",))
+        patch.setattr(stages.walks, "quick_errors", lambda walked: ("unstable",))
         result = tune(experiment, Settings(generations=2))
     assert all(item.table == editable_document(experiment.table) for item in result.ranked)
     assert len({item.cost for item in result.generations}) == 1

@@ -186,8 +186,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(stages, "FINALISTS", 1)
         # Alone, which the loop of lanes is proven to equal.
         patch.setattr(simulator, "FEWEST_IN_ALL", math.inf)
-        patch.setattr(stages, "robust_cases", lambda item: (NOMINAL, LOW))
-        for module in (stages, outcome):
+        patch.setattr(stages.walks, "robust_cases", lambda item: (NOMINAL, LOW))
+        for module in (stages.walks, outcome):
             patch.setattr(module, "SEARCH_CASES", (NOMINAL, LOW))
         result = tune(experiment, SETTINGS)
         assert result is not None

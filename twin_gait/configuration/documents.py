@@ -14,8 +14,7 @@ import yaml
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.readers import section_of
 from twin_gait.experiment import Experiment
-from twin_gait.gait.modes import ModeTable
-from twin_gait.gait.table import GaitTable
+from twin_gait.gait import GaitTable, ModeTable
 from twin_gait.parameters.quantities import Parameters
 
 

@@ -1,10 +1,10 @@
 """Experiments as YAML: the section of an experiment, with its gait table, and its conversion to SI."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic import create_model
 
@@ -19,15 +19,16 @@ from twin_gait.parameters.quantities import declarations
 from twin_gait.worlds import world_kinds, world_of
 
 
-class Converted(NamedTuple):
-    """A mapping and the experiment that it was turned into."""
+@dataclass(frozen=True)
+class LoadedExperiment:
+    """An experiment and the resolved mapping that it came from."""
 
-    document: Mapping[str, Any]
-    experiment: Experiment
+    experiment: Experiment  # the experiment
+    document: dict[str, Any]  # everything resolved, units as typed
 
 
 def experiment_from_mapping(
-    data: dict[str, Any], source: str, folder: Path, like: Converted | None = None
+    data: dict[str, Any], source: str, folder: Path, like: LoadedExperiment | None = None
 ) -> Experiment:
     """Turn a resolved mapping (presets merged, table inline) into an experiment.
 
@@ -59,7 +60,7 @@ def experiment_from_mapping(
     return converting(source, "", lambda: Experiment(**found))
 
 
-def _known(data: Mapping[str, Any], like: Converted) -> dict[str, Any]:
+def _known(data: Mapping[str, Any], like: LoadedExperiment) -> dict[str, Any]:
     """Sections that are the very same as in another mapping, as they were converted there."""
     return {
         item.key: getattr(like.experiment, item.name)

@@ -4,15 +4,15 @@ What holds for both sides of a wearer stands under ``both``; ``left`` and ``righ
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, create_model
 
-from twin_gait.configuration import table_inheritance
+from twin_gait.configuration import table_inheritance, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
+from twin_gait.configuration.experiment_file import LoadedExperiment as LoadedExperiment
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.gait_table_file import (
     gait_table_from_mapping,
@@ -21,18 +21,7 @@ from twin_gait.configuration.gait_table_file import (
     packaged_mode_tables,
 )
 from twin_gait.configuration.readers import SIDES, section_of
-from twin_gait.configuration.validation import (
-    assign,
-    converting,
-    descriptions,
-    merge,
-    packaged,
-    parse_assignments,
-    read_yaml,
-    short,
-    validate,
-    yaml_files,
-)
+from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -78,16 +67,8 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
     changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
     path = table_inheritance.gait_table_path(str(name), folder, "people", "person")
     data = read_yaml(path)
-    converting(str(path), "", validate(_PersonFile, data, str(path)).convert)
+    converting(str(path), "", validation.validate(_PersonFile, data, str(path)).convert)
     return merge({key: item for key, item in data.items() if key not in _HEADER}, changes)
-
-
-@dataclass(frozen=True)
-class LoadedExperiment:
-    """An experiment and the resolved mapping that it came from."""
-
-    experiment: Experiment  # the experiment
-    document: dict[str, Any]  # everything resolved, units as typed
 
 
 def presets() -> dict[str, str]:
@@ -111,7 +92,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     path, where = _find(source)
     data = _resolve_preset(read_yaml(path), path)
     changes = []
-    for keys, value in parse_assignments(settings):
+    for keys, value in validation.parse_assignments(settings):
         if keys in (["table"], ["modes"]):
             data[str(keys[0])] = value
         elif keys == ["patient"] and names_a_person(value):
@@ -125,7 +106,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     if changes:
         where = f"{where} with --set"
     for keys, value in changes:
-        document = assign(document, keys, value)
+        document = validation.assign(document, keys, value)
     return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
 
 
@@ -173,7 +154,7 @@ def _brought() -> dict[str, Path]:
         folders = getattr(load_plugin(entry), "__path__", ())
         if not folders:
             raise ParameterError(f"{words(entry)}: expected a package with presets; repair or uninstall it")
-        found |= yaml_files(Path(folders[0]))
+        found |= validation.yaml_files(Path(folders[0]))
     return found
 
 
@@ -204,7 +185,8 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     if named:
         data = {**data, "patient": _person(data["patient"], path, str(path))}
     if name is None and "extends" in data:
-        problem = f"gait tables extend each other; an experiment has preset: {short(data['extends'])}"
+        extended = validation.short(data["extends"])
+        problem = f"gait tables extend each other; an experiment has preset: {extended}"
         raise ParameterFileError(path, "extends", problem)
     if name is None:
         return data

@@ -1,7 +1,5 @@
 """Gait tables, and tables of operating modes, as YAML: units in the keys there, SI in the tables."""
 
-from __future__ import annotations
-
 from difflib import get_close_matches
 from functools import lru_cache, partial
 from pathlib import Path
@@ -9,23 +7,13 @@ from typing import Any, Literal
 
 from pydantic import Field, create_model
 
+from twin_gait.configuration import validation
 from twin_gait.configuration.readers import section_of, type_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
-from twin_gait.configuration.validation import (
-    Strict,
-    converting,
-    merge,
-    packaged,
-    read_yaml,
-    refuse_two_units,
-    short,
-    validate,
-)
+from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
-from twin_gait.gait import table
+from twin_gait.gait import GaitTable, Mode, ModeTable, table
 from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
-from twin_gait.gait.modes import Mode, ModeTable
-from twin_gait.gait.table import GaitTable
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
@@ -104,7 +92,7 @@ def gait_table_from_mapping(
 
     ``source``: file name for messages. ``name``: of the table if the file gives none.
     """
-    refuse_two_units(data, source)
+    validation.refuse_two_units(data, source)
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
     phases = {phase: _phase_of(entry.phases, phase, joints, source) for phase in entry.phases}
@@ -178,9 +166,8 @@ def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: 
         if kind in ("all", "any") and isinstance(inner, list) and inner:
             guards = tuple(_guard(part, joints, members, words) for part in inner)
             return AllOf(guards=guards) if kind == "all" else AnyOf(guards=guards)
-    raise GaitTableError(
-        f"guard {short(item)}: expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
-    )
+    expected = "expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
+    raise GaitTableError(f"guard {validation.short(item)}: {expected}")
 
 
 class ModeTableFile(_TableFile):

@@ -16,18 +16,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, WrapValidator, crea
 
 from twin_gait.configuration.validation import Count, Number, Strict, merge
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.quantities import (
-    AsInFile,
-    Declaration,
-    Inline,
-    Named,
-    Notation,
-    Parameters,
-    Range,
-    UnitInside,
-    Word,
-    declarations,
-)
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import Declaration, Parameters, Word, declarations, is_mapping
 
 _PLAIN = {float: Number, int: Count}
 
@@ -57,7 +47,7 @@ class Section(Strict):
         for item in declarations(self.parameters):
             for key in self.model_fields_set.intersection(item.keys):
                 value = getattr(self, key)
-                if value is not MISSING and not item.mark(AsInFile):
+                if value is not MISSING and not item.mark(quantities.AsInFile):
                     found[item.name] = value
         return found
 
@@ -76,12 +66,12 @@ class Section(Strict):
         found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if named else {}
         for item in declarations(cls.parameters):
             value, word = getattr(parameters, item.name), item.mark(Word)
-            if item.mark(Inline):
+            if item.mark(quantities.Inline):
                 found |= _written(item, value)
             elif word:
                 section = {} if value is None else _written(item, value)
                 found[item.key] = {"kind": word.without if value is None else word.kind, **section}
-            elif value is not None and not item.mark(AsInFile):
+            elif value is not None and not item.mark(quantities.AsInFile):
                 found[next(iter(item.keys))] = _written(item, value)
         return found
 
@@ -91,7 +81,7 @@ def _written(item: Declaration, value: Any) -> Any:
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
-        end = next(iter(item.unit.factors)) if item.unit and item.mark(UnitInside) else ""
+        end = next(iter(item.unit.factors)) if item.unit and item.mark(quantities.UnitInside) else ""
         return {
             f"{name}_{end}" if end and not isinstance(inner, Mapping) else str(name): _written(item, inner)
             for name, inner in value.items()
@@ -168,8 +158,8 @@ def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
 def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any], Callable[[Any], Any]]:
     """Fields of a mapping, each with a unit of its own if the mapping has none, and what reads them."""
     names, inner = get_args(kind)
-    named = item.mark(Named)
-    inside = item.unit is not None and item.mark(UnitInside) and not _is_mapping(inner)
+    named = item.mark(quantities.Named)
+    inside = item.unit is not None and item.mark(quantities.UnitInside) and not is_mapping(inner)
     ends = item.unit.factors if item.unit is not None and inside else {"": factor}
     keys = {
         f"{name}_{end}" if end else str(name): (name, unit)
@@ -191,22 +181,17 @@ def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any
     return fields, read
 
 
-def _is_mapping(kind: Any) -> bool:
-    origin = get_origin(kind)
-    return isinstance(origin, type) and issubclass(origin, Mapping)
-
-
 def _type(item: Declaration, kind: Any, factor: float) -> Any:
     """Type of a value in a file, validated as the value in SI."""
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
     if get_origin(kind) is tuple:
-        notation = item.mark(Notation)
+        notation = item.mark(quantities.Notation)
         text: Any = Annotated[str, AfterValidator(notation.read)] if notation else str
         return tuple[text, ...]
     if get_origin(kind) in (Union, types.UnionType):
         return _one_of(get_args(kind))
-    if _is_mapping(kind):
+    if is_mapping(kind):
         fields, read = _by_name(item, kind, factor)
         model = create_model(f"{item.name}_by_name", __base__=Strict, **fields)
         return Annotated[model, AfterValidator(read)]
@@ -252,10 +237,10 @@ def _section(parameters: type[Any]) -> Any:
         fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
     defaults, inline = {}, {}
     for item in declarations(parameters):
-        if item.mark(Inline):
+        if item.mark(quantities.Inline):
             more, inline[item.name] = _by_name(item, item.kind, 1.0)
             fields |= more
-        elif not item.mark(AsInFile) and item.key not in base.model_fields:
+        elif not item.mark(quantities.AsInFile) and item.key not in base.model_fields:
             fields |= {key: _field(item, factor) for key, factor in item.keys.items()}
             if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.mark(Word):
                 defaults[next(iter(item.keys))] = _written(item, item.default)
@@ -272,7 +257,7 @@ def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
         said = _limits(item.range.in_unit(factor))
     if isinstance(default, (bool, int, float, str)) and default not in (math.inf, -math.inf):
         plain = factor == 1.0 or isinstance(default, str)
-        said["default"] = default if plain else _rounded(float(default) / factor)
+        said["default"] = default if plain else rounded(float(default) / factor)
     if default is MISSING and not item.optional and len(item.keys) == 1:
         return kind, Field(description=item.meaning or None, json_schema_extra=said or None)
     null = math.inf if item.range is not None and item.range.endless else MISSING
@@ -281,12 +266,12 @@ def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
     )
 
 
-def _limits(bounds: Range) -> dict[str, Any]:
+def _limits(bounds: quantities.Range) -> dict[str, Any]:
     """A range in the words of JSON Schema."""
     ends = {"exclusiveMinimum" if bounds.above else "minimum": bounds.least, "maximum": bounds.most}
-    return {name: _rounded(end) for name, end in ends.items() if math.isfinite(end)}
+    return {name: rounded(end) for name, end in ends.items() if math.isfinite(end)}
 
 
-def _rounded(value: float) -> float:
+def rounded(value: float) -> float:
     """A number without what a change of its unit adds to its last digits."""
     return float(f"{value:.12g}")

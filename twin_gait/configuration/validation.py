@@ -112,34 +112,23 @@ def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]
     return assignments
 
 
-def assign(mapping: Mapping[str, Any], path: Sequence[str | int], value: Any) -> dict[str, Any]:
-    """Set one value deep inside a mapping."""
-    changed = dict(mapping)
-    place: Any = changed
-    for position, step in enumerate(path[:-1]):
-        if isinstance(step, str) and isinstance(place, dict):
-            inner = place.get(step)
-            inner = inner if isinstance(inner, (dict, list)) else {}
-        else:
-            inner = _element(place, step, path[: position + 1])
-        place[step] = copy.copy(inner)  # only what lies on the path; the rest is shared and stays as it is
-        place = place[step]
-    last = path[-1]
-    if isinstance(last, str) and isinstance(place, dict):
-        merged = merge(place, {last: value})
-        place.clear()
-        place.update(merged)
-    else:
-        _element(place, last, path)
-        place[last] = value
-    return changed
+def assign(place: Any, path: Sequence[str | int], value: Any, depth: int = 0) -> Any:
+    """A mapping, or at some ``depth`` of the path what lies there, with one value set deep inside it.
 
-
-def _element(place: Any, step: str | int, path: Sequence[str | int]) -> Any:
+    What lies on the path is copied; the rest is shared and stays as it is.
+    """
+    step, ends = path[depth], depth == len(path) - 1
+    if isinstance(step, str) and isinstance(place, dict):
+        if ends:
+            return merge(place, {step: value})
+        inner = place.get(step)
+        inner = inner if isinstance(inner, (dict, list)) else {}
+        return {**place, step: assign(inner, path, value, depth + 1)}
     if isinstance(place, list) and isinstance(step, int) and step < len(place):
-        return place[step]
-    shown = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
-    raise ParameterError(f"--set {shown}: there is no such place")
+        changed = list(place)
+        changed[step] = value if ends else assign(place[step], path, value, depth + 1)
+        return changed
+    raise ParameterError(f"--set {_dotted(path[: depth + 1])}: there is no such place")
 
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
@@ -161,7 +150,10 @@ class Strict(BaseModel):
         known = _keys(cls)
         for name in data if isinstance(data, Mapping) else ():
             if name not in known and name not in cls.model_fields:
-                problem = unknown_key(str(name), known, _nearest(str(name), cls))
+                near = " or ".join(repr(str(key)) for key in _nearest(str(name), cls))
+                problem = (
+                    f"unknown key; {f'did you mean {near}? ' if near else ''}allowed: {', '.join(known)}"
+                )
                 raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
         return data
 
@@ -287,12 +279,6 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
         raise ParameterFileError(source, key, text) from error
 
 
-def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
-    """Say that there is no such key, and which may have been meant."""
-    hint = f"did you mean {' or '.join(repr(str(key)) for key in near)}? " if near else ""
-    return f"unknown key; {hint}allowed: {', '.join(known)}"
-
-
 def _nearest(name: str, model: type[BaseModel]) -> list[str]:
     """Keys that may have been meant: of this place, or below it, where they have the name as a word.
 
@@ -348,7 +334,7 @@ def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
     return tuple(kept)
 
 
-def _dotted(location: tuple[Any, ...]) -> str:
+def _dotted(location: Sequence[Any]) -> str:
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
     return "".join(parts).removeprefix(".")
 

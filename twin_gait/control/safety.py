@@ -1,23 +1,13 @@
 """Causes of a trip and what is noted of it."""
 
-from enum import StrEnum
 from typing import NamedTuple
 
 from twin_gait.gait.table import TICK
-from twin_gait.vocabulary import JointName, Side
-
-
-class Coded(StrEnum):
-    """Words whose numbers are their places."""
-
-    @property
-    def code(self) -> int:
-        """Number in the log, of a cause also in :mod:`twin_gait.core.safety`."""
-        return list(type(self)).index(self)
+from twin_gait.vocabulary import Coded, JointName, Side
 
 
 class TripCause(Coded):
-    """Why the monitor tripped."""
+    """Why the monitor tripped; ``code`` is also its number in :mod:`twin_gait.core.safety`."""
 
     NONE = "none"
     ENCODER_MISSING = "encoder_missing"

@@ -6,13 +6,13 @@ from enum import StrEnum
 from typing import Annotated
 
 from twin_gait import parameters
-from twin_gait.control.controller import Controller
+from twin_gait.control import Controller, PathParameters
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
-from twin_gait.control.controllers.position import PathParameters
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.quantities import SHARE, Parameters, Range, Ratio, Time, Torque, require
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds import BENCH_FRICTION
 
 DELAYS = Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
 
@@ -46,10 +46,7 @@ class ControlParameters(Parameters):
     assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
     path: PathParameters = field(default_factory=PathParameters)
     friction_model: Mapping[JointName, parameters.FrictionParameters] = field(
-        default_factory=lambda: {
-            JointName.HIP: parameters.HIP_FRICTION,
-            JointName.KNEE: parameters.KNEE_FRICTION,
-        }
+        default_factory=BENCH_FRICTION.copy
     )
     inertia_compensation: Annotated[Ratio, SHARE] = 0.0
     target_torque: Mapping[JointName, Torque] = field(

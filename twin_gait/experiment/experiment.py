@@ -13,10 +13,9 @@ from twin_gait.leg_model import Bodies, LegModel
 from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters, require
 from twin_gait.parameters.quantities import WHOLE, AsInFile, Notation, Parameters, Range, Time, Word
 from twin_gait.vocabulary import JointName, PelvisGuide
+from twin_gait.worlds import LegSource, Scenario, World
 from twin_gait.worlds.bracing import brace_world, carries
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
-from twin_gait.worlds.scenario import Scenario
-from twin_gait.worlds.world import LegSource, World
 
 
 class Engine(StrEnum):
@@ -210,11 +209,6 @@ class Experiment(Parameters):
     def n_ticks(self) -> int:
         """Length of the run in ticks."""
         return round(self.duration / TICK)
-
-    @property
-    def steady(self) -> tuple[float, float]:
-        """From when to when in [s] the legs are to walk evenly."""
-        return self.scenario.steady
 
     def build_world(self) -> World:
         """Build the world and its rigid bodies; ModelError or ParameterError if something does not fit."""

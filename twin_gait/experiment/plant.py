@@ -10,6 +10,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters.quantities import NOT_NEGATIVE, Acceleration, Parameters, Ratio
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,18 +31,8 @@ class PlantParameters(Parameters):
     friction_ratio: Annotated[Mapping[JointName, Ratio], NOT_NEGATIVE] = field(
         default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
     )
-    friction: Mapping[JointName, parameters.FrictionLaw] = field(
-        default_factory=lambda: {
-            JointName.HIP: parameters.HIP_FRICTION,
-            JointName.KNEE: parameters.KNEE_FRICTION,
-        }
-    )
-    actuators: Mapping[JointName, parameters.ActuatorParameters] = field(
-        default_factory=lambda: {
-            JointName.HIP: parameters.HIP_ACTUATOR,
-            JointName.KNEE: parameters.KNEE_ACTUATOR,
-        }
-    )
+    friction: Mapping[JointName, parameters.FrictionLaw] = field(default_factory=lambda: {**BENCH_FRICTION})
+    actuators: Mapping[JointName, parameters.ActuatorParameters] = field(default_factory=BENCH_ACTUATORS.copy)
     battery: parameters.BatteryParameters = field(default_factory=parameters.BatteryParameters)
     electronics: parameters.ElectronicsParameters = field(default_factory=parameters.ElectronicsParameters)
     stops: parameters.StopParameters = field(default_factory=parameters.StopParameters)

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.control import TripCause
-from twin_gait.control.safety import SafetyState
+from twin_gait.control import SafetyState, TripCause
 from twin_gait.core.can_codec import pack_frame
 from twin_gait.exceptions import MissingOptionalDependency
 from twin_gait.experiment import Experiment

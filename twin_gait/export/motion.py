@@ -13,6 +13,7 @@ from twin_gait.conventions import DEGREES, RADIANS, Convention
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.measures.leg_record import wearer_column
+from twin_gait.parameters import require
 from twin_gait.vocabulary import JointName, Side
 
 
@@ -29,8 +30,7 @@ def export_motion(
     the wearer move against it. Raises ParameterError if the convention has no column names of its own, or the
     unit is another.
     """
-    if unit not in (DEGREES, RADIANS):
-        raise ParameterError(f"unit: expected {DEGREES} or {RADIANS}, got {unit!r}")
+    require(unit in (DEGREES, RADIANS), "unit", f"{DEGREES} or {RADIANS}", unit)
     columns = {"time": log["time_s"].to_numpy(dtype=float)}
     columns |= joint_angles(log, convention, unit, device=device)
     write_storage(path, columns, in_degrees=unit == DEGREES)
@@ -50,25 +50,23 @@ def joint_angles(
             name, column = convention.columns.get((side, joint)), wearer_column(own, side, joint, "angle_rad")
             if name is None or column not in log:
                 continue
-            angle = convention.from_house(joint, log[column].to_numpy(dtype=float))
+            angle = convention.turned(joint, log[column].to_numpy(dtype=float))
             columns[name] = np.degrees(angle) if unit == DEGREES else angle
     return columns
 
 
 def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: bool) -> None:
     """Write a .mot or .sto file of columns, ``time`` first, with all digits."""
-    rows = np.column_stack(list(columns.values()))
+    table = pd.DataFrame(columns)
     header = [
         path.stem,
         "version=1",
-        f"nRows={len(rows)}",
+        f"nRows={len(table)}",
         f"nColumns={len(columns)}",
         f"inDegrees={'yes' if in_degrees else 'no'}",
-        "endheader",
-        "\t".join(columns),
+        "endheader\n",
     ]
-    lines = ["\t".join(map(repr, row)) for row in rows.tolist()]
-    write_atomically(path, "\n".join([*header, *lines]) + "\n")
+    write_atomically(path, "\n".join(header) + table.to_csv(sep="\t", index=False, lineterminator="\n"))
 
 
 def export_csv(log: pd.DataFrame, path: Path) -> None:

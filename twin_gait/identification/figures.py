@@ -63,13 +63,9 @@ def _draw_laws(axes: Axes, samples: Samples, models: Sequence[IdentifiedModel], 
 def _grid(velocity: np.ndarray, reach: float) -> np.ndarray:
     """Speeds at which laws are drawn: denser near zero, and in the directions that were measured."""
     half = reach * np.linspace(0.0, 1.0, 600) ** 2
-    parts: list[np.ndarray] = []
-    if (velocity < 0.0).mean() > 0.005:
-        parts.append(-half[:0:-1])
-    parts.append(np.zeros(1))
-    if (velocity > 0.0).mean() > 0.005:
-        parts.append(half[1:])
-    return np.concatenate(parts)
+    measured = [way for way in (-1.0, 1.0) if (np.sign(velocity) == way).mean() > 0.005]
+    grid = np.concatenate([-half[:0:-1], half])
+    return grid[np.isin(np.sign(grid), [0.0, *measured])]
 
 
 def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:

@@ -9,29 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
+from twin_gait.identification import diagnostics, statistics
 from twin_gait.identification.bench import BenchSetup, ProcessingOptions
-from twin_gait.identification.diagnostics import (
-    drift_warnings,
-    file_warnings,
-    fit_warnings,
-    processing_warnings,
-    sample_warnings,
-)
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.laws import MODELS
 from twin_gait.identification.processing import process_log
 from twin_gait.identification.reading import LogColumns, read_log
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests, thinned
-from twin_gait.identification.statistics import (
-    CrossValidation,
-    Goodness,
-    Uncertainty,
-    cross_validate,
-    folds_of,
-    goodness,
-    uncertainty,
-)
+from twin_gait.identification.statistics import CrossValidation, Goodness, Uncertainty
 
 ONE_WAY = 0.02  # share of the samples below which a direction was not measured
 
@@ -70,24 +56,18 @@ def _ratio(excess: float, coulomb: float) -> float:
 _RULES: Mapping[tuple[str, str], _Rule] = {
     ("asymmetric", "coulomb_viscous_tanh"): lambda b, e: ([b[0], b[1], b[1], 0.0], [1.0 / e[0]]),
     ("asymmetric_stribeck", "asymmetric"): lambda b, e: ([0.0, *b], [e[0], 10.0 * e[0], 2.0, 1.0]),
-    ("asymmetric_stribeck", "stribeck"): lambda b, e: (
-        [b[0], b[1], b[2], b[2], 0.0],
-        [_ABRUPT * e[0], *e, 1.0],
-    ),
+    ("asymmetric_stribeck", "stribeck"): lambda b, e: ([*b, b[2], 0.0], [_ABRUPT * e[0], *e, 1.0]),
     ("load_dependent", "coulomb_viscous_tanh"): lambda b, e: ([b[0], b[1], 0.0], [1.0 / e[0]]),
     ("temperature_dependent", "coulomb_viscous_tanh"): lambda b, e: ([*b, 0.0, 0.0], [1.0 / e[0]]),
     ("load_temperature_dependent", "load_dependent"): lambda b, e: ([*b, 0.0, 0.0], [e[0]]),
-    ("load_temperature_dependent", "temperature_dependent"): lambda b, e: (
-        [b[0], b[1], 0.0, b[2], b[3]],
-        [e[0]],
-    ),
+    ("load_temperature_dependent", "temperature_dependent"): lambda b, e: ([*b[:2], 0.0, *b[2:]], [e[0]]),
     ("dahl", "coulomb_viscous"): lambda b, e: ([*b], [_STIFF]),
     ("lugre", "dahl"): lambda b, e: ([b[0], 0.0, b[1]], [e[0], 1.0, 1.0]),
     ("lugre", "stribeck"): lambda b, e: ([b[1], 0.0, b[2]], [_STIFF, _ratio(b[0], b[1]), e[0]]),
     ("lugre_asymmetric", "lugre"): lambda b, e: ([b[0], b[1], b[2], b[2], 0.0], [*e, 2.0, 1.0]),
     ("lugre_asymmetric", "asymmetric_stribeck"): lambda b, e: (
-        [b[1], 0.0, b[2], b[3], b[4]],
-        [_STIFF, _ratio(b[0], b[1]), e[1], e[2], e[3]],
+        [b[1], 0.0, *b[2:]],
+        [_STIFF, _ratio(b[0], b[1]), *e[1:]],
     ),
 }
 
@@ -186,7 +166,7 @@ def identify_tests(
     samples = thinned(joined, MOST_SAMPLES)
     models, skipped = _possible(find_models(options.models), samples)
     _check_number(samples, models)
-    folds = folds_of(tests, samples) if options.cross_validation else {}
+    folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done = len(models) * (1 + len(folds)), itertools.count(1)
     fits: dict[str, Fit] = {}
     for model in models:
@@ -197,7 +177,7 @@ def identify_tests(
     for fit in fits.values():
         validations = []
         for by, labels in folds.items():
-            validations.append(cross_validate(fit, samples, by, labels))
+            validations.append(statistics.cross_validate(fit, samples, by, labels))
             progress(next(done), total)
         found.append(_assess(fit, samples, validations, options.fit.seed))
     return Identification(
@@ -208,9 +188,9 @@ def identify_tests(
         options=options,
         warnings=(
             *flipped,
-            *processing_warnings(options.processing),
-            *file_warnings(tests, options.bench, samples, len(joined), skipped),
-            *sample_warnings(samples),
+            *diagnostics.processing_warnings(options.processing),
+            *diagnostics.file_warnings(tests, options.bench, samples, len(joined), skipped),
+            *diagnostics.sample_warnings(samples),
         ),
     )
 
@@ -269,12 +249,13 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel]) -> None:
 
 
 def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
-    values, known = fit.residuals(samples), uncertainty(fit, samples, seed)
+    values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
+    doubts = (*diagnostics.fit_warnings(fit, known, samples), *diagnostics.drift_warnings(values, samples))
     return IdentifiedModel(
         fit=fit,
-        goodness=goodness(samples.torque[samples.used], values, fit.model.size),
+        goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
         uncertainty=known,
         validations=tuple(validations),
         residuals=values,
-        warnings=(*fit_warnings(fit, known, samples), *drift_warnings(values, samples)),
+        warnings=doubts,
     )

@@ -8,7 +8,6 @@ into what is reported.
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numba
@@ -292,11 +291,18 @@ def _bristles(
     return np.asarray(sliding + rest + left * (samples.torque[origin] - rest[..., origin]))
 
 
+def _compiled(loop: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+    """A loop as machine code, made when it is first called."""
+    compiled: Callable[..., np.ndarray] = bind(loop, ON_BITS, numba.njit)
+    return compiled
+
+
 def _column(values: np.ndarray | None) -> np.ndarray:
     assert values is not None  # models that need a column are offered only where it is
     return values
 
 
+@_compiled
 def bristle_deflection(
     velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
 ) -> np.ndarray:
@@ -309,7 +315,12 @@ def bristle_deflection(
     [s]. ``fresh``: where a test starts; true at the first sample. ``level``: h of
     :func:`twin_gait.core.friction_models.bristle_rate` in [N m]. ``stiffness``: σ0 in [N m] / [rad].
     """
-    return np.asarray(_loop()(velocity, period, fresh, level, stiffness))
+    deflection = np.empty(len(velocity))
+    z = 0.0
+    for i in range(len(velocity)):
+        z = 0.0 if fresh[i] else bristle_step(velocity[i], z, level[i], stiffness, period[i])
+        deflection[i] = z
+    return deflection
 
 
 def remembered_start(
@@ -326,23 +337,3 @@ def remembered_start(
 def _start_of(fresh: np.ndarray) -> np.ndarray:
     """Index of the first sample of the test of each sample."""
     return np.asarray(np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), 0)))
-
-
-@lru_cache(maxsize=1)
-def _loop() -> Callable[..., np.ndarray]:
-    compiled: Callable[..., np.ndarray] = bind(_deflections, ON_BITS, numba.njit)
-    return compiled
-
-
-def _deflections(
-    velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
-) -> np.ndarray:
-    deflection = np.empty(len(velocity))
-    z = 0.0
-    for i in range(len(velocity)):
-        if fresh[i]:
-            z = 0.0
-        else:
-            z = bristle_step(velocity[i], z, level[i], stiffness, period[i])
-        deflection[i] = z
-    return deflection

@@ -6,19 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from twin_gait.exceptions import ParameterFileError
+from twin_gait.identification import signals
 from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.plausibility import FEWEST, clean
 from twin_gait.identification.reading import Log, Quantity
 from twin_gait.identification.samples import FrictionTest
-from twin_gait.identification.signals import (
-    decimate,
-    forward_difference,
-    hard_stop,
-    moving_average,
-    soft_stop,
-    widened,
-    zero_phase,
-)
+from twin_gait.identification.signals import decimate, moving_average, zero_phase
+from twin_gait.parameters.quantities import taken_from
 
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
 WINDOW = 10  # samples of the thesis's moving average
@@ -62,16 +56,14 @@ def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) 
     elif bench is not None:
         test = _balance(log, bench, options, slowest)
     else:
-        raise ParameterFileError(
-            log.source, "friction_torque", "no such column; name one with --columns friction_torque=NAME"
-        )
-    used = {"used": int(test.used.sum())}
-    return replace(test, counts={**counts, **test.counts, **used}, notes=notes)
+        text = "no such column; name one with --columns friction_torque=NAME"
+        raise ParameterFileError(log.source, "friction_torque", text)
+    return replace(test, counts={**counts, **test.counts, "used": int(test.used.sum())}, notes=notes)
 
 
 def _series(log: Log, options: ProcessingOptions, slowest: float) -> FrictionTest:
     """A plain series of velocity and friction torque."""
-    velocity = _needed(log, Quantity.VELOCITY, "such as --columns velocity=NAME")
+    velocity = _needed(log, Quantity.VELOCITY)
     torque = log.columns[Quantity.FRICTION_TORQUE]
     for name, values in ((Quantity.VELOCITY, velocity), (Quantity.FRICTION_TORQUE, torque)):
         if np.ptp(values) == 0.0:
@@ -109,24 +101,22 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: f
             "file so (knee_2.5kg_1.log)"
         )
         raise ParameterFileError(log.source, "mass", text)
-    _needed(log, Quantity.TIME, "such as --columns time=NAME")
+    _needed(log, Quantity.TIME)
     options = replace(options, cutoff=_rate(log, options)[1])  # a slow log allows less
     motion = _motion(log, bench, mass, options)
     inertial = bench.inertia(mass) * motion.acceleration
     torque = motion.motor_torque + motion.load - inertial
-    stopped = _stopped(motion, torque, inertial, options)
+    stopped = _stopped(motion, torque, inertial, options.cutoff)
     standing = ~stopped & (np.abs(motion.velocity) < slowest)
-    turning = ~stopped & ~standing & _turning(motion, options)
+    filtered = options.processing is Processing.ZERO_PHASE
+    turning = ~stopped & ~standing & filtered & _turning(motion, options.cutoff)
     rejected = {"stop": stopped, "standstill": standing, "reversal": turning}
-    return FrictionTest(
+    return taken_from(
+        FrictionTest,
+        motion,
         name=Path(log.source).name,
-        velocity=motion.velocity,
         torque=torque,
         used=motion.settled & ~stopped & ~standing & ~turning,
-        time=motion.time,
-        angle=motion.angle,
-        load=motion.load,
-        temperature=motion.temperature,
         mass=mass,
         counts={
             "after_decimation": len(torque),
@@ -142,9 +132,10 @@ def _stated_mass(log: Log) -> float | None:
     return log.mass if column is None else float(np.median(column))
 
 
-def _needed(log: Log, quantity: Quantity, advice: str) -> np.ndarray:
+def _needed(log: Log, quantity: Quantity, other: str = "") -> np.ndarray:
     if quantity not in log.columns:
-        raise ParameterFileError(log.source, quantity, f"no such column; name it, {advice}")
+        text = f"no such column; name it, such as --columns {quantity}=NAME{other}"
+        raise ParameterFileError(log.source, quantity, text)
     return log.columns[quantity]
 
 
@@ -176,7 +167,7 @@ def _current(log: Log, columns: dict[Quantity, np.ndarray], options: ProcessingO
     if options.current is not None:
         order = [Quantity(f"{options.current}_current")]
     found = next((quantity for quantity in order if quantity in columns), order[0])
-    _needed(log, found, f"such as --columns {found}=NAME, or friction_torque=NAME if that is known")
+    _needed(log, found, ", or friction_torque=NAME if that is known")
     return columns[found]
 
 
@@ -186,7 +177,7 @@ def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
     Zero phase: angle, current and load through the same filter; velocity and acceleration from the angle.
     The thesis: decimated signals, the velocity alone averaged, and so late against current and load.
     """
-    _needed(log, Quantity.ANGLE, "such as --columns angle=NAME")
+    _needed(log, Quantity.ANGLE)
     rate, cutoff = _rate(log, options)
     if rate < _SLOWEST:
         text = (
@@ -215,15 +206,15 @@ def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
         speed = columns.get(Quantity.VELOCITY)
         speed = np.gradient(raw, 1.0 / rate) if speed is None else speed
         velocity = moving_average(decimate(speed, step), WINDOW)
-        acceleration = forward_difference(velocity, step / rate)
+        acceleration = signals.forward_difference(velocity, step / rate)
         load = bench.load_torque(decimate(angle, step), mass)
-        settled = ~widened(~decimate(recorded, step), guard)
+        settled = ~signals.widened(~decimate(recorded, step), guard)
         settled[: guard - 1] = settled[-1:] = False
     else:
         velocity = np.gradient(angle, 1.0 / rate)
         acceleration = decimate(np.gradient(velocity, 1.0 / rate), step)
         velocity, load = decimate(velocity, step), decimate(smooth(bench.load_torque(raw, mass)), step)
-        settled = ~widened(~recorded, guard)
+        settled = ~signals.widened(~recorded, guard)
         settled[:guard] = settled[-guard:] = False
         settled = decimate(settled, step)
     return _Motion(
@@ -239,15 +230,13 @@ def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
     )
 
 
-def _turning(motion: _Motion, options: ProcessingOptions) -> np.ndarray:
+def _turning(motion: _Motion, cutoff: float) -> np.ndarray:
     """Samples so near a fast reversal that the filter mixes friction of both directions.
 
     The friction torque that comes out of a filter is the filtered friction, not the friction at the filtered
     velocity; the two part where the law bends within the filter's reach, 1/cutoff.
     """
-    if options.processing is not Processing.ZERO_PHASE:
-        return np.zeros(len(motion.velocity), dtype=bool)
-    return np.asarray(np.abs(motion.velocity) < REVERSAL_REACH * np.abs(motion.acceleration) / options.cutoff)
+    return np.asarray(np.abs(motion.velocity) < REVERSAL_REACH * np.abs(motion.acceleration) / cutoff)
 
 
 def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndarray:
@@ -260,13 +249,11 @@ def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndar
     return np.asarray(np.maximum.reduceat(acceleration, np.arange(0, len(angle), step)))
 
 
-def _stopped(
-    motion: _Motion, torque: np.ndarray, inertial: np.ndarray, options: ProcessingOptions
-) -> np.ndarray:
+def _stopped(motion: _Motion, torque: np.ndarray, inertial: np.ndarray, cutoff: float) -> np.ndarray:
     """Samples at a hard or a soft stop."""
-    hard = hard_stop(motion.angle, motion.impact, int(RATE / options.cutoff))
+    hard = signals.hard_stop(motion.angle, motion.impact, int(RATE / cutoff))
     kept = motion.settled & ~hard
     if kept.any():
-        signals = (motion.angle, motion.velocity, torque, inertial)
-        hard[kept] |= soft_stop(*(values[kept] for values in signals))
+        told = (motion.angle, motion.velocity, torque, inertial)
+        hard[kept] |= signals.soft_stop(*(values[kept] for values in told))
     return hard

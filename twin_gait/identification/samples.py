@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
@@ -77,24 +77,18 @@ class Samples:
 def join_tests(tests: Sequence[FrictionTest]) -> Samples:
     """Lay tests end to end; a quantity that one of them lacks is left out."""
 
-    def joined(column: Callable[[FrictionTest], np.ndarray | None]) -> np.ndarray | None:
-        columns = [column(test) for test in tests]
-        present = [values for values in columns if values is not None]
-        return np.concatenate(present) if len(present) == len(columns) else None
+    def joined(column: str) -> Any:
+        columns = [getattr(test, column) for test in tests]
+        return None if any(values is None for values in columns) else np.concatenate(columns)
 
-    fresh = np.concatenate([_fresh(test) for test in tests])
-    period = joined(lambda test: None if test.time is None else np.diff(test.time, prepend=test.time[:1]))
+    number = np.repeat(np.arange(len(tests)), [len(test) for test in tests])
+    fresh, time = np.concatenate([_fresh(test) for test in tests]), joined("time")
     return Samples(
-        velocity=np.concatenate([test.velocity for test in tests]),
-        torque=np.concatenate([test.torque for test in tests]),
-        used=np.concatenate([test.used for test in tests]),
-        test=np.repeat(np.arange(len(tests)), [len(test) for test in tests]),
+        test=number,
         fresh=fresh,
-        period=None if period is None else np.where(fresh, 0.0, period),
-        time=joined(lambda test: None if test.time is None else test.time - test.time[:1]),
-        angle=joined(lambda test: test.angle),
-        load=joined(lambda test: test.load),
-        temperature=joined(lambda test: test.temperature),
+        period=None if time is None else np.where(fresh, 0.0, np.diff(time, prepend=time[:1])),
+        time=None if time is None else time - time[np.searchsorted(number, number)],
+        **{name: joined(name) for name in ("velocity", "torque", "used", "angle", "load", "temperature")},
     )
 
 

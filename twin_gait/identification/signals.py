@@ -110,6 +110,4 @@ def _usual_torque(torque: np.ndarray, speed: np.ndarray, present: float) -> floa
 
 def widened(mask: np.ndarray, by: int) -> np.ndarray:
     """Mask that also covers so many samples before and after."""
-    if not mask.any() or by < 1:
-        return mask
     return np.asarray(binary_dilation(mask, iterations=by))

@@ -13,15 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from twin_gait.identification.fitting import (
-    MAD_TO_SIGMA,
-    Fit,
-    huber_weights,
-    jacobian,
-    refit,
-    residuals,
-    rows_of,
-)
+from twin_gait.identification import fitting
+from twin_gait.identification.fitting import Fit
 from twin_gait.identification.laws import LOGARITHMIC
 from twin_gait.identification.samples import FrictionTest, Samples
 
@@ -105,7 +98,7 @@ def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> Cr
         out = folds == label
         inside, outside = _without(samples, out), _without(samples, ~out)
         if outside.used.any() and inside.used.sum() > 2 * fit.model.size:
-            left.append(refit(fit, inside).residuals(outside))
+            left.append(fitting.refit(fit, inside).residuals(outside))
     errors = np.concatenate([*left, np.empty(0)])
     rmse = math.sqrt(float(errors @ errors) / len(errors)) if left else math.nan
     return CrossValidation(by=by, folds=len(left), rmse=rmse)
@@ -142,8 +135,8 @@ class Uncertainty:
 def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     """Estimate intervals of the parameters of a fit from its samples, by draws of a seed."""
     model = fit.model
-    rows = rows_of(model, samples)  # more than were fitted would promise too much
-    values, matrix = residuals(model, fit.x, rows), jacobian(model, fit.x, rows)
+    rows = fitting.rows_of(model, samples)  # more than were fitted would promise too much
+    values, matrix = fit.residuals(rows), fitting.jacobian(model, fit.x, rows)
     free = np.setdiff1d(np.arange(model.size), fit.at_bound)
     scale = np.sqrt((matrix[:, free] ** 2).sum(axis=0))
     free, scale = free[scale > 0.0], scale[scale > 0.0]
@@ -155,7 +148,8 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
         unknown = dict.fromkeys(model.names, (-math.inf, math.inf))
         errors = dict.fromkeys(model.names, math.inf)
         return Uncertainty(unknown, np.full((len(model.names),) * 2, math.nan), errors, by, number)
-    steps = _draws(unit, values, huber_weights(values, fit.threshold), block, number, seed) / scale
+    weights = fitting.huber_weights(values, fit.threshold)
+    steps = _draws(unit, values, weights, block, number, seed) / scale
     steps = steps[_telling(steps)]
     draws = np.tile(fit.x, (len(steps), 1))
     draws[:, free] += steps
@@ -204,7 +198,7 @@ def _telling(steps: np.ndarray) -> np.ndarray:
     If many do, the parameter is not determined, and they all count.
     """
     size = np.abs(steps - np.median(steps, axis=0))
-    far = (size > _FAR * MAD_TO_SIGMA * np.median(size, axis=0)).any(axis=1)
+    far = (size > _FAR * fitting.MAD_TO_SIGMA * np.median(size, axis=0)).any(axis=1)
     return ~far if far.mean() <= _MOST_FAR else np.ones(len(steps), dtype=bool)
 
 

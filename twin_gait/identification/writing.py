@@ -21,6 +21,7 @@ from twin_gait.identification.statistics import DRAWS, LEVEL
 from twin_gait.report.canvas import readable, write_figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds import BENCH_FRICTION
 
 DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
@@ -30,10 +31,6 @@ REPORT_FILE = "report.html"
 SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _LISTED_SAMPLES = 100_000
-_TABLE: Mapping[JointName, parameters.FrictionLaw] = {
-    JointName.HIP: parameters.HIP_FRICTION,
-    JointName.KNEE: parameters.KNEE_FRICTION,
-}
 # Models that a simulation takes, with the law whose keys are their parameters.
 PARAMETER_FILES: Mapping[str, Mapping[str, type[parameters.FrictionLaw]]] = {
     PLANT_FILE: {
@@ -187,9 +184,9 @@ def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: J
 
     The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
     """
-    found = {**_TABLE, joint: law}
+    found = {**BENCH_FRICTION, joint: law}
     laws = {str(name): section_of(type(item)).document(item) for name, item in found.items()}
-    ratios = {str(name): 1.0 if name is joint else 0.5 for name in _TABLE}
+    ratios = {str(name): 1.0 if name is joint else 0.5 for name in BENCH_FRICTION}
     section = {"plant": {"friction": laws, "friction_ratio": ratios}}
     if file == COMPENSATOR_FILE:
         section = {"control": {"friction_model": laws}}

@@ -64,15 +64,13 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
 
 
 def _axis(joint: pin.JointModel, name: str) -> tuple[bool, np.ndarray]:
-    kind = joint.shortname().removeprefix("JointModel")
-    coordinate = {"X": [1.0, 0.0, 0.0], "Y": [0.0, 1.0, 0.0], "Z": [0.0, 0.0, 1.0]}
-    if kind in ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"):
-        return kind[0] == "P", np.array(coordinate[kind[-1]])
-    if kind == "RevoluteUnboundedUnaligned":  # its axis has no other name in Python
-        return False, np.asarray(joint.createData().S).ravel()[3:]
-    if kind in ("RevoluteUnaligned", "PrismaticUnaligned"):
-        return kind.startswith("P"), np.asarray(joint.extract().axis)
-    raise ModelError(f"joint {name!r} is a {kind}; expected a revolute or prismatic joint")
+    """Whether a joint slides, and its axis."""
+    motion = np.asarray(joint.createData().S).ravel() if joint.nv == 1 else np.zeros(6)
+    along, about = np.split(motion, 2)
+    if along.any() == about.any():
+        kind = joint.shortname().removeprefix("JointModel")
+        raise ModelError(f"joint {name!r} is a {kind}; expected a revolute or prismatic joint")
+    return bool(along.any()), along if along.any() else about
 
 
 def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint]:

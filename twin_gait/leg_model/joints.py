@@ -64,7 +64,5 @@ class LegJoints(Parameters):
 
     def items(self) -> list[tuple[JointName, str]]:
         """Joints that exist, from proximal to distal."""
-        pairs = [(JointName.HIP, self.hip), (JointName.KNEE, self.knee)]
-        if self.ankle is not None:
-            pairs.append((JointName.ANKLE, self.ankle))
-        return pairs
+        names = zip(JointName, (self.hip, self.knee, self.ankle), strict=True)
+        return [(joint, name) for joint, name in names if name is not None]

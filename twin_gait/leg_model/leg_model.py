@@ -6,19 +6,19 @@ have one degree of freedom, so ``q`` and ``v`` and all that is returned have sha
 torques act on the joints.
 """
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.exceptions import ModelError, ParameterError
+from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import joints
 from twin_gait.leg_model.assembly import Assembly
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
+from twin_gait.parameters.quantities import FINITE, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
@@ -65,12 +65,9 @@ class LegModel:
             ModelError: If the URDF cannot be read or lacks a joint or frame.
             ParameterError: If a parameter is out of range.
         """
-        if not math.isfinite(gravity):
-            raise ParameterError(f"gravity: expected a finite number, got {gravity}")
-        if up_axis not in ("y", "z"):
-            raise ParameterError(f"up_axis: expected 'y' or 'z', got {up_axis!r}")
-        if not legs:
-            raise ParameterError("legs: expected at least one leg, got none")
+        FINITE.require("gravity", gravity)
+        require(up_axis in ("y", "z"), "up_axis", "'y' or 'z'", up_axis)
+        require(bool(legs), "legs", "at least one leg", legs)
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = pelvis, patient
         self.up_axis = up_axis
@@ -86,8 +83,8 @@ class LegModel:
         self.model = assembly.model
         self.data = self.model.createData()
 
-    def _joint_id(self, name: str) -> int:
-        return int(self.model.getJointId(name))
+    def _place_of(self, name: str) -> int:
+        return int(self.model.joints[self.model.getJointId(name)].idx_v)
 
     @property
     def nv(self) -> int:
@@ -103,10 +100,10 @@ class LegModel:
         """Position of a joint in ``q``, ``v`` and ``tau``; a ModelError if the leg has no such joint."""
         if side not in self.legs:
             raise ModelError(f"{self.urdf_path}: the model has no {side} leg; it has {', '.join(self.legs)}")
-        for name, urdf_name in self.legs[side].items():
-            if name is joint:
-                return int(self.model.joints[self._joint_id(urdf_name)].idx_v)
-        raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}")
+        name = dict(self.legs[side].items()).get(joint)
+        if name is None:
+            raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}")
+        return self._place_of(name)
 
     @property
     def pelvis_index(self) -> int | None:
@@ -124,9 +121,7 @@ class LegModel:
         return self._guide_index(joints.PITCH_JOINT)
 
     def _guide_index(self, name: str) -> int | None:
-        if name not in joints.GUIDES[self.pelvis]:
-            return None
-        return int(self.model.joints[self._joint_id(name)].idx_v)
+        return self._place_of(name) if name in joints.GUIDES[self.pelvis] else None
 
     @property
     def trunk_joint(self) -> str | None:

@@ -176,7 +176,7 @@ def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
 
 def _records(shown: Run, first: int) -> list[LegRecord]:
     """Both legs, with the time of even walking counted from the first tick."""
-    begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.steady)
+    begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.scenario.steady)
     steady = ((begin, end),) if shown.experiment.modes is None else shown.steady
     names = shown.table.phase_names
     return [leg_record(shown.log, side, names, TICK, steady=steady) for side in shown.sides]

@@ -49,7 +49,6 @@ from .strides import step_times as step_times
 from .strides import stride_bounds as stride_bounds
 from .strides import stride_count as stride_count
 from .strides import stride_extremes as stride_extremes
-from .strides import stride_lengths as stride_lengths
 from .strides import stride_times as stride_times
 from .strides import swing_shares as swing_shares
 from .strides import symmetry_index as symmetry_index

@@ -1,7 +1,5 @@
 """What arms and crutches do for a walk, and how far the trunk leans."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

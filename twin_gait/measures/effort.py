@@ -13,8 +13,6 @@ A torque sensor between gear and frame would read it. The weight and inertia of 
 it, as they are in such a sensor.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -63,7 +61,7 @@ def load(values: np.ndarray, continuous: float) -> Load:
     """
     if len(values) == 0:
         return Load(math.nan, math.nan, math.nan)
-    rms = float(np.sqrt(np.mean(values * values)))
+    rms = root_mean_square(values)
     return Load(float(np.max(np.abs(values))), rms, rms / continuous)
 
 

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.measures.strides import last_before
+
 # A foot is loaded from a rise above the first to a fall below the second, so that a force that trembles about
 # either is one contact. Force plates are read at 20 N in the field; that half of it is the end is our choice.
 CONTACT_FORCE, RELEASE_FORCE = 20.0, 10.0  # [N]
@@ -130,12 +132,6 @@ def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarra
 
 def scuffs(contacts: FootContacts) -> np.ndarray:
     """Further contacts in swing; those in stance are bounces. Returns ticks, shape ``(n,)``, integers."""
-    touches = [touch for touch in contacts.further_contacts if _is_in_swing(contacts, touch)]
-    return np.array(touches, dtype=int)
-
-
-def _is_in_swing(contacts: FootContacts, tick: int) -> bool:
-    """Whether the foot left the ground last, rather than landed."""
-    last_off = max(contacts.toe_offs[contacts.toe_offs < tick], default=-1)
-    last_strike = max(contacts.heel_strikes[contacts.heel_strikes < tick], default=-1)
-    return bool(last_off > last_strike)
+    touches = contacts.further_contacts
+    left = last_before(contacts.toe_offs, touches) > last_before(contacts.heel_strikes, touches)
+    return np.asarray(touches[left])

@@ -1,7 +1,5 @@
 """The columns of one leg that gait measures read, taken out of a log once."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass

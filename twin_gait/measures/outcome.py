@@ -17,8 +17,6 @@ applies counts:
 - *walked*: none of these.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from operator import itemgetter

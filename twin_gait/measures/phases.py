@@ -3,8 +3,6 @@
 Phases are the indices of a gait table, one a tick.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -71,14 +69,14 @@ def entry_lags(entries: np.ndarray, heel_strikes: np.ndarray, tick: float) -> np
     ``heel_strikes``: ticks of the strikes, shape ``(m,)``. Returns lag of every strike in [s], positive if
     the phase began before the foot landed; NaN for a strike without an entry. Shape ``(m,)``.
     """
-    lags = np.full(len(heel_strikes), np.nan)
-    if len(entries) == 0:
-        return lags
-    for number, strike in enumerate(heel_strikes):
-        entry = entries[np.argmin(np.abs(entries - strike))]
-        if heel_strikes[np.argmin(np.abs(heel_strikes - entry))] == strike:
-            lags[number] = (strike - entry) * tick
-    return lags
+    if len(entries) == 0 or len(heel_strikes) == 0:
+        return np.full(len(heel_strikes), np.nan)
+    entry = _nearest(entries, heel_strikes)
+    return np.where(_nearest(heel_strikes, entry) == heel_strikes, (heel_strikes - entry) * tick, np.nan)
+
+
+def _nearest(events: np.ndarray, ticks: np.ndarray) -> np.ndarray:
+    return np.asarray(events[np.abs(events - ticks[:, None]).argmin(axis=1)])
 
 
 def usual_phases(phases: np.ndarray, bounds: np.ndarray, n_phases: int) -> np.ndarray:

@@ -17,8 +17,6 @@ subjects, every 2 % of the cycle from heel contact to the next. Duration and spe
 those that public copies of the table carry (105.3 steps a minute).
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Sequence
@@ -30,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.parameters.quantities import POSITIVE, require
 from twin_gait.vocabulary import JointName
 
@@ -176,8 +175,7 @@ def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:
     """
     if len(cycles) == 0:
         return math.nan
-    difference = (cycles.mean(axis=0) - reference)[:-1]
-    return float(np.sqrt(np.mean(difference * difference)))
+    return root_mean_square((cycles.mean(axis=0) - reference)[:-1])
 
 
 def gait_profile_score(scores: Sequence[float]) -> float:

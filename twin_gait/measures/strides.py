@@ -7,13 +7,13 @@ unless a caller says otherwise. Terms as in D. A. Winter: The biomechanics and m
 foot, a step from a heel strike of the other foot to one of this foot.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+
+from twin_gait.measures.effort import root_mean_square
 
 SKIPPED_STRIDES = 2  # at the start of a walk, in which it settles
 
@@ -38,6 +38,11 @@ def stride_count(counted: int, found: int) -> str:
     """
     text = f"{counted} stride" + ("" if counted == 1 else "s")
     return text if counted == found else f"{text} (the first {found - counted} of {found} settle)"
+
+
+def last_before(events: np.ndarray, ticks: np.ndarray) -> np.ndarray:
+    """The last of ascending ``events`` before each of some ticks, in their shape; -1 where there is none."""
+    return np.append(-1, events)[np.searchsorted(events, ticks)]
 
 
 def walks(bounds: np.ndarray) -> np.ndarray:
@@ -103,12 +108,9 @@ def swing_shares(bounds: np.ndarray, toe_offs: np.ndarray) -> np.ndarray:
     ``bounds``: strides from heel strike to heel strike; ``toe_offs``: ticks, shape ``(m,)``. Returns shares
     in [0, 1], shape ``(n_strides,)``; NaN for a stride without a toe-off.
     """
-    shares = np.full(len(bounds), np.nan)
-    for number, (start, end) in enumerate(bounds):
-        inside = toe_offs[(toe_offs > start) & (toe_offs < end)]
-        if len(inside):
-            shares[number] = (end - inside[-1]) / (end - start)
-    return shares
+    start, end = bounds.T
+    last = last_before(toe_offs, end)
+    return np.where(last > start, (end - last) / (end - start), np.nan)
 
 
 def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -128,11 +130,7 @@ def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
     ``PERCENT``, shape ``(101,)``, same unit. Returns the error in the unit of the curves; NaN without
     strides.
     """
-    if len(cycles) == 0:
-        return math.nan
-    # The sample at 100 % belongs to the next stride.
-    difference = (cycles - reference)[:, :-1]
-    return float(np.sqrt(np.mean(difference * difference)))
+    return root_mean_square((cycles - reference)[:, :-1])  # the sample at 100 % belongs to the next stride
 
 
 class ErrorParts(NamedTuple):
@@ -204,17 +202,7 @@ def cadence(stride_times: np.ndarray) -> float:
 
     ``stride_times`` in [s], shape ``(n,)``. Returns cadence in steps a minute; NaN without strides.
     """
-    if len(stride_times) == 0:
-        return float("nan")
-    return float(2.0 * SECONDS_PER_MINUTE / np.mean(stride_times))
-
-
-def stride_lengths(stride_times: np.ndarray, speed: float) -> np.ndarray:
-    """Way that the belt goes in each stride, which is the stride's length at a steady place on it.
-
-    ``stride_times`` in [s]; ``speed`` of the belt in [m] / [s]. Returns lengths in [m].
-    """
-    return np.asarray(speed * stride_times)
+    return 2.0 * SECONDS_PER_MINUTE / finite_mean(stride_times)
 
 
 def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> np.ndarray:
@@ -225,13 +213,8 @@ def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> n
     ascending order, shape ``(n,)``; ``other_strikes`` of the other foot, shape ``(m,)``; ``tick``: sampling
     period in [s]. Returns durations in [s], shape ``(k,)`` with k at most n.
     """
-    durations = []
-    for number, strike in enumerate(strikes):
-        before = other_strikes[other_strikes < strike]
-        last = strikes[number - 1] if number > 0 else -1
-        if len(before) and before[-1] > last:
-            durations.append((strike - before[-1]) * tick)
-    return np.array(durations)
+    begin, last = last_before(other_strikes, strikes), np.append(-1, strikes[:-1])
+    return np.asarray((strikes - begin)[begin > last] * tick)
 
 
 def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, strides: np.ndarray) -> float:

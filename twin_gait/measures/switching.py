@@ -12,8 +12,6 @@ the spring gains. The rest is the motion: the torque on the joint is :math:`-k(\
 the leg receives this work with the other sign.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -15,8 +15,6 @@ On a belt, over whole strides of a steady walk, the ground takes what a guide of
 so that a walk whose feet brake on the mean is driven by the belt.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -264,14 +262,12 @@ def _pressure(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> dict[s
 def _joints(log: pd.DataFrame, side: Side, bounds: np.ndarray) -> dict[str, float]:
     """Of the wearer's joints, driven or not."""
     hip, knee, ankle = (wearer_column(log.columns, side, joint, "angle_rad") for joint in JointName)
-    lowest = ankle_range = math.nan
-    if len(bounds):
-        lowest = float(strides.stride_extremes(log[hip].to_numpy(), bounds)[:, 0].mean())
-    if len(bounds) and ankle in log:
-        ankle_range = float(np.ptp(strides.stride_extremes(log[ankle].to_numpy(), bounds), axis=1).mean())
+    ankle_range = math.nan
+    if ankle in log:
+        ankle_range = _mean(np.ptp(strides.stride_extremes(log[ankle].to_numpy(), bounds), axis=1))
     return {
         "ankle_range": ankle_range,
-        "hip_lowest": lowest,
+        "hip_lowest": _mean(strides.stride_extremes(log[hip].to_numpy(), bounds)[:, 0]),
         **knee_shape(mean_stride(log[knee].to_numpy(), bounds)),
     }
 
@@ -330,9 +326,7 @@ def walk_power(
 ) -> WalkPower:
     """Add up who drives a walk."""
     legs = tuple(legs)
-    belt, wearer = (
-        sum(values) for values in zip(*((leg.belt_power, leg.wearer_power) for leg in legs), strict=True)
-    )
+    belt, wearer = sum(leg.belt_power for leg in legs), sum(leg.wearer_power for leg in legs)
     motors = sum(sum(leg.motor_power.values()) for leg in legs)
     force, power = log["guide_force_N"].to_numpy(), 0.0
     holding = mean_over(force, bounds)

@@ -10,7 +10,7 @@ from typing import Annotated
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Coded, JointName, Side
 
 CCU = "ccu"  # the central control unit
 BOARD_JOINTS = (JointName.HIP, JointName.KNEE)  # the frames of the DBC file are those of TWIN's boards
@@ -36,17 +36,12 @@ class ImpedancePlace(StrEnum):
     CCU = "ccu"  # in the central unit, from measurements that came over the bus; it carries torques
 
 
-class OutageKind(StrEnum):
+class OutageKind(Coded):
     """What keeps a node off the bus; ``code`` is its number in :mod:`twin_gait.core.can_bus`."""
 
     SILENCE = "silence"  # a broken wire: of the branch of a node, or of the bus
     REBOOT = "reboot"  # the node is off for a time, forgets, and begins its cycle anew
     BUS_OFF = "bus_off"  # its controller takes itself off the bus
-
-    @property
-    def code(self) -> int:
-        """Number of the kind in a record."""
-        return list(OutageKind).index(self)
 
 
 @dataclass(frozen=True, kw_only=True)

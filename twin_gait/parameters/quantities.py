@@ -252,7 +252,7 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
         else:
             break
     numbers = kind
-    while get_origin(numbers) is Annotated or _is_mapping(numbers):
+    while get_origin(numbers) is Annotated or is_mapping(numbers):
         marks += get_args(numbers)[1:] if get_origin(numbers) is Annotated else ()
         numbers = get_args(numbers)[0 if get_origin(numbers) is Annotated else -1]
     unit = next((mark for mark in marks if isinstance(mark, Unit)), None)
@@ -264,11 +264,12 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
     return Declaration(item.name, kind, optional, default, unit, bounds, key, meaning, tuple(marks))
 
 
-def _is_mapping(kind: Any) -> bool:
+def is_mapping(kind: Any) -> bool:
+    """Whether a type is one of mappings."""
     return isinstance(get_origin(kind), type) and issubclass(get_origin(kind), Mapping)
 
 
-_ENTRY = re.compile(r"^(\w+): (.*)$")
+_ENTRY = re.compile(r"^    (\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)  # and the lines that go on with it
 _ROLE = re.compile(r":\w+:`~?([^`]+)`")
 
 
@@ -276,17 +277,8 @@ def _meanings(parameters: Any) -> dict[str, str]:
     """Meaning of each field: the section ``Attributes`` of the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for kind in reversed(parameters.__mro__):
-        lines = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")[2].splitlines()
-        name = ""
-        for line in lines:
-            entry = _ENTRY.match(line[4:]) if line.startswith("    ") and line[4:5] != " " else None
-            if entry:
-                name = entry.group(1)
-                found[name] = entry.group(2)
-            elif name and line.startswith("        "):
-                found[name] += f" {line.strip()}"
-            else:
-                name = ""
+        section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")[2]
+        found |= {name: re.sub(r"\n +", " ", text) for name, text in _ENTRY.findall(section)}
     return {name: _ROLE.sub(r"`\1`", text) for name, text in found.items()}
 
 

@@ -5,8 +5,6 @@ machine, tick by tick in the order of the engines: measure, then advance both le
 that lacks a signal which a guard reads is refused.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,22 +15,10 @@ from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
+from twin_gait.gait import TICK, GaitTable, compile_guards
+from twin_gait.gait import signals as declared
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
-from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import (
-    ANGLE,
-    LOAD,
-    OTHER,
-    OTHER_TIME,
-    TIME,
-    TIME_IN_PHASE,
-    VELOCITY,
-    Scope,
-    all_signal_names,
-    part_of,
-    signal_of,
-)
-from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.gait.signals import ANGLE, LOAD, OTHER, OTHER_TIME, TIME, VELOCITY, Scope, signal_of
 from twin_gait.parameters import SensorParameters
 from twin_gait.replay.recording import Recording
 from twin_gait.vocabulary import Side
@@ -146,7 +132,7 @@ OTHER_PHASE = f"{OTHER}phase"
 
 def needed_signals(table: GaitTable) -> dict[str, list[str]]:
     """Signals that the guards of a table read, and which transitions read them; off the compiled guards."""
-    program, names = compile_guards(table), all_signal_names(table.joints)
+    program, names = compile_guards(table), declared.all_signal_names(table.joints)
     needed: dict[str, dict[str, None]] = {}
     for item, rule in zip(table.transitions, program.transitions, strict=True):
         label = f"{item.source} → {item.target} ({item.cause})"
@@ -161,15 +147,16 @@ def needed_signals(table: GaitTable) -> dict[str, list[str]]:
     return {signal: list(readers) for signal, readers in needed.items()}
 
 
-_HEARD = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)  # without which no log is replayed
+# Without which no log is replayed.
+_HEARD = (declared.ANGLE, declared.VELOCITY, declared.LOAD, declared.TIME_IN_PHASE)
 
 
 def assumed_signals(recording: Recording, table: GaitTable) -> dict[str, float]:
     """Signals that guards read and nothing recorded, with what they stay at in the unit of the table."""
-    declared = {name: signal_of(name) for name in needed_signals(table) if name != OTHER_PHASE}
+    needed = {name: signal_of(name) for name in needed_signals(table) if name != OTHER_PHASE}
     return {
         name: signal.first / signal.unit.factor
-        for name, signal in declared.items()
+        for name, signal in needed.items()
         if signal not in _HEARD and name not in recording.device
     }
 
@@ -189,15 +176,15 @@ def _lacking(recording: Recording, signal: str, body_weight: float | None) -> st
         return "the log has one leg: add --mirror to make the other one of it, or take another table"
     if signal == OTHER_PHASE:
         return ""
-    declared = signal_of(signal)
-    if declared is LOAD:
+    said = signal_of(signal)
+    if said is declared.LOAD:
         lacking = [side for side in recording.sides if side not in recording.loads]
         if lacking:
             return f"the log has no {lacking[0]}_foot_normal_force_N: name it in --columns"
         return "" if body_weight else "the weight is not known: add --total-mass KG"
-    if declared.column and signal not in recording.device:
-        return f"the log has no {declared.column}: name it in --columns"
-    joint = part_of(signal.removeprefix(OTHER)) if declared.scope is Scope.JOINT else ""
+    if said.column and signal not in recording.device:
+        return f"the log has no {said.column}: name it in --columns"
+    joint = declared.part_of(signal.removeprefix(OTHER)) if said.scope is Scope.JOINT else ""
     for side, joints in recording.angles.items():
         if joint and joint not in joints:
             return f"the log has no angle of the {side} {joint}: name its column in --columns"

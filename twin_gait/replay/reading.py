@@ -1,7 +1,5 @@
 """From the columns of a log file to a recording: which column is what, in which unit and sign."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,6 +12,7 @@ from twin_gait.control import SafetyState
 from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Convention
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait.signals import DEVICE_SIGNALS
+from twin_gait.parameters import require
 from twin_gait.replay.recording import Recording, at_ticks
 from twin_gait.runs.log_files import LogTable, read_table
 from twin_gait.vocabulary import JointName, Side
@@ -51,11 +50,9 @@ class LogFormat:
         for quantity in self.columns:
             if quantity not in QUANTITIES:
                 raise ParameterError(f"columns: no quantity {quantity!r}; there are {', '.join(QUANTITIES)}")
-        if self.units not in (None, RADIANS, DEGREES):
-            raise ParameterError(f"units: expected rad or deg, got {self.units!r}")
+        require(self.units in (None, RADIANS, DEGREES), "units", "rad or deg", self.units)
         for joint, offset in self.offsets.items():
-            if not math.isfinite(offset):
-                raise ParameterError(f"offset of the {joint}: expected a finite angle, got {offset}")
+            require(math.isfinite(offset), f"offset of the {joint}", "a finite angle", offset)
 
 
 def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording:
@@ -66,8 +63,7 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
     message names file, column and the way out. Of a run whose legs were held, what comes before it.
     """
-    log_format = log_format or LogFormat()
-    return _Reader(_before_a_hold(read_table(path)), log_format).recording()
+    return _Reader(_before_a_hold(read_table(path)), log_format or LogFormat()).recording()
 
 
 def _before_a_hold(table: LogTable) -> LogTable:
@@ -105,18 +101,15 @@ class _Reader:
         angles = self._angles(convention)
         loads, phases, device = {}, {}, {}
         for side in angles:
-            load = self._column(f"{side}_foot_normal_force", f"{side}_foot_normal_force_N")
-            if load is not None:
+            if load := self._column(f"{side}_foot_normal_force", f"{side}_foot_normal_force_N"):
                 loads[side] = table.numbers(load)
-            phase = self._column(f"{side}_phase", f"{side}_phase")
-            if phase is not None:
+            if phase := self._column(f"{side}_phase", f"{side}_phase"):
                 phases[side] = table.words(phase)
         for key, signal in _OF_DEVICE.items():
-            column = self._column(key, signal.column)
-            if column is not None:
+            if column := self._column(key, signal.column):
                 turns = signal.column.endswith("_rad")
                 device[signal.name] = self._radians(convention, column) if turns else table.numbers(column)
-        return at_ticks(table.source, time, angles, loads, phases, device)
+        return at_ticks(Recording(table.source, 0.0, angles, loads, phases, device), time)
 
     def _column(self, quantity: str, *usual: str) -> str | None:
         """The column that was named for a quantity, or else the first of its usual ones that there is."""
@@ -135,7 +128,7 @@ class _Reader:
         if not convention.columns and not log_format.columns:
             text = f"{convention.name} has no column names of its own: give --columns right_knee_angle=NAME,…"
             raise ParameterFileError(source, "convention", text)
-        return replace(convention, offsets=log_format.offsets) if log_format.offsets else convention
+        return convention
 
     def _angles(self, convention: Convention) -> dict[Side, dict[str, np.ndarray]]:
         angles: dict[Side, dict[str, np.ndarray]] = {}
@@ -145,10 +138,10 @@ class _Reader:
             if convention.name == HOUSE.name:
                 # The controller saw the measured angle; a log of another device may have degrees.
                 usual = [f"{side}_{joint}_measured_angle_rad", *usual, f"{key}_deg"]
-            column = self._column(key, *usual)
-            if column is not None:
-                values = self._radians(convention, column)
-                angles.setdefault(side, {})[str(joint)] = convention.to_house(joint, values)
+            if column := self._column(key, *usual):
+                values = convention.turned(joint, self._radians(convention, column))
+                zero = self.log_format.offsets.get(joint, 0.0)
+                angles.setdefault(side, {})[str(joint)] = values + zero
         if not angles:
             asked = ", ".join(convention.columns.values()) or "the given columns"
             way_out = "name the columns with --columns, or choose one of --convention"

@@ -68,33 +68,24 @@ class Recording:
         )
 
 
-def at_ticks(
-    source: str,
-    time: np.ndarray,
-    angles: Mapping[Side, Mapping[str, np.ndarray]],
-    loads: Mapping[Side, np.ndarray],
-    phases: Mapping[Side, np.ndarray],
-    device: Mapping[str, np.ndarray],
-) -> Recording:
+def at_ticks(samples: Recording, time: np.ndarray) -> Recording:
     """Bring samples of any rate to ticks of 1 ms.
 
     Samples that lie on the ticks are kept bit for bit. Others are interpolated by PCHIP, a cubic that neither
     overshoots nor leaves corners, so that the velocity estimate sees no steps; a phase holds until the next
-    sample. ``source``: where they come from, for messages; ``time`` of the samples in [s], finite and
-    ascending, shape ``(n,)``; ``angles`` of each joint of each leg in [rad], finite, shape ``(n,)`` each;
-    ``loads``: normal force of the feet in [N], finite, shape ``(n,)`` each; ``phases``: phases by name, shape
-    ``(n,)`` each; ``device``: signals of the device by name in SI, finite, shape ``(n,)`` each. Raises
-    ParameterFileError if there are too few samples, times that do not ascend, a gap of more than
-    ``LONGEST_GAP`` and ``GAP_ROWS`` usual rows, a length beyond an hour, or if an angle or a load cannot be
-    one in that unit and sign.
+    sample. ``samples``: a walk, finite, one value an instant in place of a tick; ``time`` of the instants in
+    [s], finite and ascending, shape ``(n,)``. Raises ParameterFileError if there are too few samples, times
+    that do not ascend, a gap of more than ``LONGEST_GAP`` and ``GAP_ROWS`` usual rows, a length beyond an
+    hour, or if an angle or a load cannot be one in that unit and sign.
     """
+    source = samples.source
     _check_time(source, time)
-    _check_angles(source, angles)
-    for side, load in loads.items():
+    _check_angles(source, samples.angles)
+    for side, load in samples.loads.items():
         if np.abs(load).max() > LARGEST_LOAD:
             text = f"is loaded with {np.abs(load).max():.3g} N; expected newtons"
             raise ParameterFileError(source, f"{side} foot", text)
-    recorded = Recording(source, float(time[0]), angles, loads, phases, device)
+    recorded = replace(samples, start=float(time[0]))
     grid = time[0] + np.arange(round((time[-1] - time[0]) / TICK) + 1) * TICK
     if len(grid) == len(time) and np.abs(time - grid).max() <= SAME_INSTANT:
         return recorded

@@ -1,7 +1,5 @@
 """Replay a recorded walk, or healthy walking from the literature, through a gait table."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,16 +15,7 @@ from twin_gait.experiment import Experiment, PlantParameters
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.reference import (
-    CYCLE,
-    KILOMETRES_PER_HOUR,
-    WINTER_CYCLE_TIME,
-    WINTER_JOINTS,
-    WINTER_SPEED,
-    normative_angle,
-    reference_curve,
-    reference_cycle_time,
-)
+from twin_gait.measures import reference
 from twin_gait.parameters import Patient
 from twin_gait.parameters.quantities import POSITIVE, Mass, Parameters, Speed, Time
 from twin_gait.replay.machine import Replay, replay
@@ -59,17 +48,17 @@ def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
     ``winter`` for the means of Winter (1991) at natural cadence; ``strides``: how many. Raises ParameterError
     if there is no such walk, or the regression does not reach the speed.
     """
-    curve: Callable[[JointName, np.ndarray], np.ndarray] = normative_angle
-    joints: tuple[JointName, ...] = WINTER_JOINTS
-    speed, cycle_time = WINTER_SPEED, WINTER_CYCLE_TIME
+    curve: Callable[[JointName, np.ndarray], np.ndarray] = reference.normative_angle
+    joints: tuple[JointName, ...] = reference.WINTER_JOINTS
+    speed, cycle_time = reference.WINTER_SPEED, reference.WINTER_CYCLE_TIME
     if name != WINTER:
         speed, height = _speed(name), Patient().height
-        curve = partial(reference_curve, speed=speed, height=height)
-        joints, cycle_time = tuple(JointName), reference_cycle_time(speed, height)
+        curve = partial(reference.reference_curve, speed=speed, height=height)
+        joints, cycle_time = tuple(JointName), reference.reference_cycle_time(speed, height)
     time = np.arange(round(strides * cycle_time / TICK)) * TICK
     angles = {}
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
-        percent = CYCLE * np.mod(time / cycle_time + lead, 1.0)
+        percent = reference.CYCLE * np.mod(time / cycle_time + lead, 1.0)
         angles[side] = {str(joint): curve(joint, percent) for joint in joints}
     return NormativeWalk(Recording(name, 0.0, angles, {}, {}), speed, cycle_time)
 
@@ -77,7 +66,7 @@ def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
 def _speed(name: str) -> float:
     kind, _, text = name.partition("@")
     try:
-        speed = float(text) / KILOMETRES_PER_HOUR
+        speed = float(text) / reference.KILOMETRES_PER_HOUR
     except ValueError:
         speed = math.nan
     if kind != KOOPMAN or not math.isfinite(speed):

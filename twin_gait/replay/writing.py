@@ -1,7 +1,5 @@
 """What a replay tells and leaves behind in a folder: strides, agreement with recorded phases, a picture."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
@@ -20,16 +18,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
 from twin_gait.palette import BLACK, JOINT_COLOURS
 from twin_gait.replay.machine import Replay, assumed_signals
-from twin_gait.report.canvas import (
-    draw_phase_bars,
-    flexion,
-    phase_handles,
-    put_legend,
-    readable,
-    save,
-    shade_phases,
-    style_panel,
-)
+from twin_gait.report import canvas
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
 from twin_gait.vocabulary import JointName, Side
@@ -38,9 +27,9 @@ from twin_gait.vocabulary import JointName, Side
 class Agreement(NamedTuple):
     """Replayed against recorded phases of one leg."""
 
-    recorded: tuple[str, ...]  # names of the rows: the phases of the table, then further names of the log
-    replayed: tuple[str, ...]  # names of the columns: the phases of the table
-    confusion: np.ndarray  # ticks in each pair of phases, shape ``(n_recorded, n_replayed)``, integers
+    # ticks in each pair of phases: rows are recorded ones, those of the table first, then further names of
+    # the log; columns are replayed ones
+    confusion: pd.DataFrame
     # for each phase of the table, the time in [s] by which the replay enters it later than the record, for
     # every recorded entry; NaN for one that the replay has no partner for
     lags: dict[str, np.ndarray]
@@ -48,16 +37,17 @@ class Agreement(NamedTuple):
     @property
     def equal_share(self) -> float:
         """Share of the ticks with equal phases."""
-        return float(np.trace(self.confusion) / self.confusion.sum())
+        ticks = self.confusion.to_numpy()
+        return float(np.trace(ticks) / ticks.sum())
 
     def phase_share(self, phase: str) -> float:
         """Share of the ticks recorded in a phase that the replay spends in it too.
 
         Returned in [0, 1]; NaN if it was not recorded.
         """
-        index = self.recorded.index(phase)
-        total = self.confusion[index].sum()
-        return float(self.confusion[index, index] / total) if total else float("nan")
+        row = self.confusion.loc[phase].to_dict()
+        total = sum(row.values())
+        return row[phase] / total if total else float("nan")
 
 
 def agreement(result: Replay) -> dict[Side, Agreement]:
@@ -76,14 +66,13 @@ def _compare(replayed: np.ndarray, recorded: np.ndarray, names: tuple[str, ...])
     further = sorted(set(recorded.tolist()) - set(names))
     rows = (*names, *further)
     codes = pd.Index(rows).get_indexer(recorded)
-    confusion = np.zeros((len(rows), len(names)), dtype=int)
-    np.add.at(confusion, (codes, replayed), 1)
+    counts = pd.crosstab(recorded, np.array(names)[replayed])
     lags = {
         # entry_lags counts a phase that begins before the event as positive; a late replay is positive here.
         name: 0.0 - entry_lags(_entries(replayed, index), _entries(codes, index), TICK)
         for index, name in enumerate(names)
     }
-    return Agreement(rows, names, confusion, lags)
+    return Agreement(counts.reindex(index=rows, columns=names, fill_value=0), lags)
 
 
 def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
@@ -115,12 +104,10 @@ def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
 
 def stride_phases(phases: np.ndarray) -> list[StridePhases]:
     """Split a leg's phases into strides. ``phases``: index of the phase at each tick, shape ``(n,)``."""
-    entries = phase_entries(phases, 0)
-    entries = entries[entries > 0]
     spells = phase_spells(phases)
     return [
         StridePhases(int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
-        for start, end in pairwise(entries)
+        for start, end in pairwise(_entries(phases, 0))
     ]
 
 
@@ -177,11 +164,8 @@ def _switches(result: Replay, side: Side) -> list[dict[str, Any]]:
 def _agreement(compared: Agreement) -> dict[str, Any]:
     return {
         "equal_share": compared.equal_share,
-        "phase_share": {name: finite_or_none(compared.phase_share(name)) for name in compared.replayed},
-        "confusion_ticks": {
-            name: dict(zip(compared.replayed, row.tolist(), strict=True))
-            for name, row in zip(compared.recorded, compared.confusion, strict=True)
-        },
+        "phase_share": {name: finite_or_none(compared.phase_share(name)) for name in compared.lags},
+        "confusion_ticks": compared.confusion.to_dict("index"),
         "entry_lags_s": {
             name: [finite_or_none(lag) for lag in lags.tolist()] for name, lags in compared.lags.items()
         },
@@ -200,7 +184,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
         write_json(staging / SUMMARY_FILE, summarise_replay(result))
         if pictures:
             (staging / FIGURE).parent.mkdir()
-            save(replay_figure(result), staging / FIGURE)
+            canvas.save(replay_figure(result), staging / FIGURE)
 
 
 def _phases_csv(result: Replay) -> str:
@@ -257,19 +241,19 @@ def replay_figure(result: Replay) -> Figure:
         mine = [item for item in result.switches if item.side is side and item.tick >= first]
         switches = [(float(time[item.tick - first]), item.cause) for item in mine]
         for axes, joint in zip(panels[:-1, column], joints, strict=True):
-            shade_phases(axes, time, strips[side][0][1], names)
+            canvas.shade_phases(axes, time, strips[side][0][1], names)
             for instant, _ in switches:
                 axes.axvline(instant, color="0.45", linewidth=0.7, linestyle=(0, (2, 2)))
             angle = np.degrees(recording.angles[side][joint][first:])
             colour = JOINT_COLOURS[JointName(joint)] if joint in set(JointName) else BLACK
             lines += axes.plot(time, angle, color=colour, label=f"{joint} angle")
-            style_panel(axes, "", flexion(joint) if column == 0 else "")
+            canvas.style_panel(axes, "", canvas.flexion(joint) if column == 0 else "")
         _draw_strips(panels[-1, column], time, strips[side], names)
         _label_causes(panels[0, column], switches, float(time[-1] - time[0]))
         panels[0, column].set_title(f"{side} leg", pad=LABEL_MARGIN + LETTER * longest)
         panels[-1, column].set_xlabel("time [s]")
     occurring = np.concatenate([phases for rows in strips.values() for _, phases in rows])
-    put_legend(figure, lines, phase_handles(names, occurring))
+    canvas.put_legend(figure, lines, canvas.phase_handles(names, occurring))
     return figure
 
 
@@ -285,7 +269,7 @@ def _strips(result: Replay, side: Side, names: Sequence[str]) -> list[tuple[str,
 def _draw_strips(
     axes: Axes, time: np.ndarray, strips: Sequence[tuple[str, np.ndarray]], names: Sequence[str]
 ) -> None:
-    draw_phase_bars(axes, time, strips, names, height=0.8, linewidth=0)
+    canvas.draw_phase_bars(axes, time, strips, names, height=0.8, linewidth=0)
     axes.set_ylim(0.5 - len(strips), 0.5)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
@@ -298,7 +282,7 @@ def _label_causes(axes: Axes, switches: Sequence[tuple[float, str]], span: float
     for instant, cause in switches:
         last = max(instant, last + 2.0 * CLOSE * span)
         axes.annotate(
-            readable(cause),
+            canvas.readable(cause),
             xy=(instant, 1.0),
             xytext=(last, 1.06),
             xycoords=transform,

@@ -213,7 +213,7 @@ class Run:
     @property
     def steady(self) -> Spans:
         """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold."""
-        first, last = self.experiment.steady
+        first, last = self.experiment.scenario.steady
         if self.trip is not None:
             last = min(last, self.trip.time)
         spans, modes = ALWAYS, self.experiment.modes

@@ -5,19 +5,16 @@ Memory does not grow with the length of a batch but for the rows of its table (6
 columns that the row is made of.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
 
-from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.experiment_file import Converted, experiment_from_mapping
+from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
 from twin_gait.configuration.experiments import names_a_person, person_document
 from twin_gait.configuration.validation import assign, converting, parse_assignment
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
@@ -92,18 +89,10 @@ Flat = dict[str, float | str | bool | None]
 
 # Ends of the names of the columns of a log that :func:`flat_summary` reads, beside time and phases.
 READ_IN_BRIEF = (
-    "_angle_rad",
-    "_motor_command_torque_Nm",
-    "_motor_torque_Nm",
-    "_target_current_A",
-    "_measured_current_A",
-    "_foot_normal_force_N",
-    "_foot_clearance_m",
-    "battery_power_W",
-    "kinetic_energy_J",
-    "potential_energy_J",
+    "_angle_rad", "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
+    "_foot_normal_force_N", "_foot_clearance_m", "battery_power_W", "kinetic_energy_J", "potential_energy_J",
     "_work_J",
-)
+)  # fmt: skip
 
 # Columns of a flat summary with their types, by what has them: the run, each leg, each joint.
 _RUN = {
@@ -159,12 +148,13 @@ def simulate_batch(
     ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
     ParameterError if the workers make no sense.
     """
-    base = Base.of(experiment)
+    base = with_document(experiment)
     for index, override in enumerate(overrides):
-        base.changed(override, f"episode {index}")
+        changed(base, override, f"episode {index}")
     try:
+        experiment_of = partial(changed, base)
         rows = run_episodes(
-            base.changed, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
+            experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
         )
     except JobFailed as error:
         raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
@@ -176,39 +166,31 @@ def simulate_batch(
     return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
 
 
-class Base(NamedTuple):
+def with_document(experiment: Experiment) -> LoadedExperiment:
     """An experiment with its document, which takes longer to write than to change."""
-
-    experiment: Experiment
-    document: dict[str, Any]
-
-    @classmethod
-    def of(cls, experiment: Experiment) -> Base:
-        """Write the document of an experiment."""
-        return cls(experiment, experiment_document(experiment))
-
-    def changed(self, override: Override, source: str = "override") -> Experiment:
-        """See :func:`overridden`."""
-        document = self.document
-        for key, value in override.items():
-            plain = value.item() if isinstance(value, np.generic) else value
-            if key == "patient" and names_a_person(plain):
-                plain = converting(source, "patient", partial(person_document, plain))
-                document = {**document, "patient": None}  # nothing of the one before is left underneath
-            document = _assigned(document, key, plain, source)
-        like = Converted(self.document, self.experiment)
-        return experiment_from_mapping(document, source, Path(), like)
+    return LoadedExperiment(experiment, experiment_document(experiment))
 
 
-def overridden(experiment: Experiment, override: Override, source: str = "override") -> Experiment:
+def changed(base: LoadedExperiment, override: Override, source: str = "override") -> Experiment:
+    """As :func:`overridden`, for many changes of one experiment."""
+    document = base.document
+    for key, value in override.items():
+        plain = value.item() if isinstance(value, np.generic) else value
+        if key == "patient" and names_a_person(plain):
+            plain = converting(source, "patient", partial(person_document, plain))
+            document = {**document, "patient": None}  # nothing of the one before is left underneath
+        document = _assigned(document, key, plain, source)
+    return experiment_from_mapping(document, source, Path(), base)
+
+
+def overridden(experiment: Experiment, override: Override) -> Experiment:
     """The experiment with some values changed, as ``--set`` changes them.
 
     ``override``: values by keys of its document, joined by dots, list positions in brackets; a quantity may
     be given in any unit that its file may. A mapping is laid over what is there. A ``patient`` may be
-    exchanged by name; the gait table is changed below ``table.``, not exchanged by name. ``source``: what
-    messages begin with.
+    exchanged by name; the gait table is changed below ``table.``, not exchanged by name.
     """
-    return Base.of(experiment).changed(override, source)
+    return changed(with_document(experiment), override)
 
 
 def flat_summary(run: Run) -> Flat:
@@ -239,7 +221,8 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
     try:
         path, rest = parse_assignment(f"{key}=")
         if rest is None:
-            return assign(document, path, value)
+            assigned: dict[str, Any] = assign(document, path, value)
+            return assigned
     except ParameterError as error:
         raise ParameterFileError(source, str(key), "there is no such place; join names by dots") from error
     raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")

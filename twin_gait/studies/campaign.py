@@ -10,25 +10,14 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
-from twin_gait import __version__
+from twin_gait import __version__, worlds
 from twin_gait.files import write_atomically, write_json
 from twin_gait.parameters import quantities
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.simulation.bench_joint import LOG_COLUMNS, BenchRun, BenchVariation, simulate_bench
-from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation import LOG_COLUMNS, BenchRun, BenchVariation, RunStatus, simulate_bench
 from twin_gait.studies.jobs import Watch, run_jobs
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds.bench_joint import (
-    BENCH_FRICTION,
-    HORIZONTAL,
-    LOWEST_VELOCITIES,
-    BenchFriction,
-    BenchJoint,
-    CosinePath,
-    DutyControl,
-    TorqueControl,
-    bench_joint,
-)
+from twin_gait.worlds import BENCH_FRICTION, HORIZONTAL, BenchJoint, DutyControl, TorqueControl
 
 WEIGHTS = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3
 TESTS_PER_WEIGHT = 9
@@ -109,7 +98,8 @@ class Campaign(quantities.Parameters):
         """The bench to start from, with a friction ripple of 0.3 N m (assumed: some teeth have more)."""
         if self.bench is not None:
             return self.bench
-        return bench_joint(self.joint, friction=BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3))
+        friction = worlds.BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3)
+        return worlds.bench_joint(self.joint, friction=friction)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +148,7 @@ def _drop(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float
         amplitude=amplitude,
         frequency=FREQUENCY,
         transparency_gain=gain,
-        lowest_velocity=LOWEST_VELOCITIES[campaign.joint],
+        lowest_velocity=worlds.LOWEST_VELOCITIES[campaign.joint],
     )
     test = replace(_loaded(campaign, mass, control), duration=campaign.longest, rest_at_stop=REST_AT_STOP)
     return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, test
@@ -175,7 +165,7 @@ def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, fl
         friction_compensation_gain=0.0,
         stiffness=way.stiffness,
         damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * armature),
-        path=CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
+        path=worlds.CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
     )
     test = replace(_loaded(campaign, mass, control), duration=way.cycles * way.period)
     return {"peak_speed_rad_per_s": speed, "period_s": way.period, "cycles": float(way.cycles)}, test

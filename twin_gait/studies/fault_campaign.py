@@ -12,6 +12,7 @@ import pandas as pd
 from twin_gait.exceptions import JobFailed, ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
+from twin_gait.parameters.quantities import DEGREE
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.jobs import Watch
@@ -19,7 +20,6 @@ from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind
 
-_DEGREE = math.pi / 180.0
 FIRST_TIME = 1.0  # [s]: the gait is under way
 # As the table of outcomes lists them: best first.
 OUTCOMES = (Outcome.WALKED, Outcome.HELD, Outcome.STALLED, Outcome.HUNG, Outcome.FELL, Outcome.DIVERGED)
@@ -27,9 +27,9 @@ REST = 2.0  # [s] after the last fault, to see the outcome
 
 # Smallest and largest magnitude that is drawn, in SI units; from hardly noticeable to gross.
 MAGNITUDES = {
-    FaultKind.ENCODER_JUMP: (0.5 * _DEGREE, 30.0 * _DEGREE),
-    FaultKind.ENCODER_OFFSET: (0.5 * _DEGREE, 20.0 * _DEGREE),
-    FaultKind.ENCODER_DRIFT: (2.0 * _DEGREE, 100.0 * _DEGREE),
+    FaultKind.ENCODER_JUMP: (0.5 * DEGREE, 30.0 * DEGREE),
+    FaultKind.ENCODER_OFFSET: (0.5 * DEGREE, 20.0 * DEGREE),
+    FaultKind.ENCODER_DRIFT: (2.0 * DEGREE, 100.0 * DEGREE),
     FaultKind.MOTOR_STUCK: (5.0, 100.0),
     FaultKind.CONTROLLER_RUNAWAY: (20.0, 2000.0),
     FaultKind.SUPPLY_DIP: (2.0, 25.0),

@@ -3,8 +3,6 @@
 Sweeps, tuning, batches, fault campaigns and the studies of the gallery all use it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -326,15 +326,9 @@ class TorqueControl(quantities.Parameters):
 
 
 # Drives of the joints on the bench.
-BENCH_ACTUATORS: Mapping[JointName, parameters.ActuatorParameters] = {
-    JointName.KNEE: KNEE_ACTUATOR,
-    JointName.HIP: HIP_ACTUATOR,
-}
+BENCH_ACTUATORS = {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
 # Friction of the joints on the bench, table 3.1 of the thesis.
-BENCH_FRICTION: Mapping[JointName, parameters.FrictionParameters] = {
-    JointName.KNEE: parameters.KNEE_FRICTION,
-    JointName.HIP: parameters.HIP_FRICTION,
-}
+BENCH_FRICTION = {JointName.HIP: parameters.HIP_FRICTION, JointName.KNEE: parameters.KNEE_FRICTION}
 # L of the 24 V winding from the data sheet. That of the 36 V winding scales with the square of K_t, as its R
 # does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
 BENCH_INDUCTANCE: Mapping[JointName, float] = {

@@ -4,18 +4,17 @@ import math
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
-from enum import StrEnum
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.quantities import DEGREE, NOT_NEGATIVE, require
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Coded, JointName, Side
 
 FOOT = "foot"
 _SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=(\S+))?")
 _MAGNITUDE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)([A-Za-z/]*)")
 
 
-class FaultKind(StrEnum):
+class FaultKind(Coded):
     """What breaks; ``code`` is its number in :mod:`twin_gait.core.faults`."""
 
     ENCODER_FREEZE = "encoder_freeze"
@@ -30,21 +29,12 @@ class FaultKind(StrEnum):
     SUPPLY_DIP = "supply_dip"
 
     @property
-    def code(self) -> int:
-        """Number of the kind in the array of faults."""
-        return list(FaultKind).index(self)
-
-    @property
-    def standard_magnitude(self) -> float:
-        """Magnitude in SI units where none is given; 0 for a kind without one."""
-        return _MAGNITUDES.get(self, (0.0, {}))[0]
-
-    @property
     def units(self) -> dict[str, float]:
         """Units in which a magnitude may be given, with their factors to SI; SI first."""
         return _MAGNITUDES.get(self, (0.0, {}))[1]
 
 
+# Magnitude in SI units where none is given, and the units that it may have; not of a kind without one.
 _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
     FaultKind.ENCODER_JUMP: (10.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
     FaultKind.ENCODER_OFFSET: (5.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
@@ -92,7 +82,7 @@ class Fault:
     @property
     def strength(self) -> float:
         """Magnitude in SI units; 0 for a kind without one."""
-        return self.kind.standard_magnitude if self.magnitude is None else self.magnitude
+        return _MAGNITUDES.get(self.kind, (0.0, {}))[0] if self.magnitude is None else self.magnitude
 
     def __str__(self) -> str:
         """The fault in its notation; reading it gives an equal fault."""

@@ -1,7 +1,5 @@
 """Walking on the floor with a free trunk and two crutches, with or without a harness on a rail or a chair."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

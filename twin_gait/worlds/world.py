@@ -1,7 +1,5 @@
 """What every world has in common: a model, what acts on it, and where it starts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

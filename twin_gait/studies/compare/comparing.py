@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from twin_gait.control import AssistanceParameters
 from twin_gait.exceptions import JobFailed, ParameterError
 from twin_gait.experiment import ControlMode, Experiment
-from twin_gait.parameters import HEAVIEST_WEARER
+from twin_gait.parameters import HEAVIEST_WEARER, require
 from twin_gait.simulation import Run
 from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.compare.measures import Measures, run_measures
@@ -162,8 +162,7 @@ def _check(experiment: Experiment, seeds: int) -> None:
         )
     if experiment.patient is None:
         raise ParameterError("patient: nobody wears the device; name somebody with --patient")
-    if seeds < 1:
-        raise ParameterError(f"seeds: expected 1 or more, got {seeds}")
+    require(seeds >= 1, "seeds", "1 or more", seeds)
 
 
 def varied(experiment: Experiment, seed: int) -> Experiment:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
@@ -16,24 +16,15 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
+from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
 from twin_gait.configuration.documents import content_hash
-from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import load_experiment, resolved_document
-from twin_gait.configuration.validation import (
-    Count,
-    Number,
-    Strict,
-    assign,
-    converting,
-    parse_assignments,
-    read_yaml,
-    validate,
-)
+from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import versions
 from twin_gait.simulation.problem import build_problem
-from twin_gait.studies.batch import SUMMARY_COLUMNS, Base
+from twin_gait.studies.batch import SUMMARY_COLUMNS, changed, with_document
 from twin_gait.studies.jobs import sources_hash
 
 MOST_EPISODES = 10_000_000
@@ -194,7 +185,7 @@ def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
     path = Path(path).expanduser()
     if path.is_dir():
         raise ParameterError(f"{path}: expected a sweep specification (YAML), got a folder")
-    return sweep_from_mapping(read_yaml(path), str(path), path.parent, path.stem, settings)
+    return sweep_from_mapping(validation.read_yaml(path), str(path), path.parent, path.stem, settings)
 
 
 def sweep_from_mapping(
@@ -235,8 +226,8 @@ def _experiment(
         loaded = load_experiment(beside if beside.is_file() else given, assignments)
         return loaded.experiment, loaded.document
     document = dict(given)
-    for keys, value in parse_assignments(assignments):
-        document = assign(document, keys, value)
+    for keys, value in validation.parse_assignments(assignments):
+        document = validation.assign(document, keys, value)
     return experiment_from_mapping(document, f"{source}: experiment", folder), document
 
 
@@ -285,14 +276,15 @@ def experiment_of_episode(spec: str, number: int) -> Experiment:
     """
     sweep, base = _laid_out(spec)
     draws = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
-    seeded = {**base.document, "seed": int(draws.generate_state(1, np.uint64)[0])}
-    return base._replace(document=seeded).changed(sweep.design[number], f"episode {number}")
+    seed = {"seed": int(draws.generate_state(1, np.uint64)[0])}
+    seeded = replace(base, document=base.document | seed)
+    return changed(seeded, sweep.design[number], f"episode {number}")
 
 
 @lru_cache(maxsize=1)
-def _laid_out(spec: str) -> tuple[Sweep, Base]:
+def _laid_out(spec: str) -> tuple[Sweep, LoadedExperiment]:
     sweep = sweep_from_mapping(json.loads(spec), "the sweep", Path())
-    return sweep, Base.of(sweep.experiment)
+    return sweep, with_document(sweep.experiment)
 
 
 def check_episode(spec: str, number: int) -> None:

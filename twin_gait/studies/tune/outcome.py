@@ -16,8 +16,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import GaitTable
-from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
-from twin_gait.measures.strides import PERCENT, normalise_strides
+from twin_gait.measures import KILOMETRES_PER_HOUR, PERCENT, normalise_strides, reference_curve
 from twin_gait.report.canvas import write_pictures
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory

@@ -15,6 +15,7 @@ import numpy as np
 
 from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
+from twin_gait.configuration.sections import rounded
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable
@@ -31,7 +32,6 @@ DAMPINGS = (5.0, 80.0)  # [N m s] / [rad], for tables that give no ratio
 ANGLE_REACH = 12.0  # [deg] to either side of the start
 THRESHOLD_REACH = 6.0  # [deg] to either side of the start
 BLENDING_MS = (15.0, 120.0)
-_SIGNIFICANT = 12  # digits that survive the way from degrees to radians and back
 
 
 @dataclass(frozen=True)
@@ -130,15 +130,11 @@ def _in_degrees(entry: Mapping[str, float]) -> dict[str, float]:
     """Impedance with stiffness and equilibrium in degrees."""
     known = {
         **entry,
-        "stiffness_Nm_per_deg": _tidy(entry["stiffness_Nm_per_rad"] / _PER_DEGREE),
-        "equilibrium_deg": _tidy(entry["equilibrium_rad"] * _PER_DEGREE),
+        "stiffness_Nm_per_deg": rounded(entry["stiffness_Nm_per_rad"] / _PER_DEGREE),
+        "equilibrium_deg": rounded(entry["equilibrium_rad"] * _PER_DEGREE),
     }
     order = ("stiffness_Nm_per_deg", "damping_ratio", "damping_Nms_per_rad", "equilibrium_deg")
     return {key: known[key] for key in (*order, "friction_compensation_gain") if key in known}
-
-
-def _tidy(value: float) -> float:
-    return float(f"{value:.{_SIGNIFICANT}g}")
 
 
 def _impedances(

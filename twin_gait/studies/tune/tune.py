@@ -15,22 +15,10 @@ from twin_gait.parameters import require
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.simulator import compile_ahead
 from twin_gait.studies.jobs import Stop
-from twin_gait.studies.tune import space
+from twin_gait.studies.tune import space, walks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
-from twin_gait.studies.tune.walks import (
-    SEARCH_CASES,
-    Case,
-    check_walker,
-    corner_cases,
-    quick_errors,
-    robust_cases,
-    standing,
-    table_of,
-    walk_all,
-    walker,
-    weighted_cost,
-)
+from twin_gait.studies.tune.walks import Case, standing, table_of, walker, weighted_cost
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.scenario import BELT_SPEED
 
@@ -135,9 +123,9 @@ class Stages:
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
         self._generations: list[Generation] = []
-        corners = corner_cases() if settings.everyone else ()
-        self._search_cases = (*SEARCH_CASES, *corners)
-        self._robust_cases = (*robust_cases(self._experiment), *corners)
+        corners = walks.corner_cases() if settings.everyone else ()
+        self._search_cases = (*walks.SEARCH_CASES, *corners)
+        self._robust_cases = (*walks.robust_cases(self._experiment), *corners)
 
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
         """Run all stages, unless somebody asks to stop."""
@@ -170,8 +158,8 @@ class Stages:
                     build_problem(walked)
                 except TwinGaitError as error:
                     raise ParameterError(f"{case.name}: {error}") from error
-                walks = SEARCH_WALKS if quick else (FINALISTS + 1) * len(cases)
-                compile_ahead(walked, walks, on_compile)
+                count = SEARCH_WALKS if quick else (FINALISTS + 1) * len(cases)
+                compile_ahead(walked, count, on_compile)
 
     def _walk(
         self, tables: Sequence[GaitTable], cases: Sequence[Case], *, last: bool = False
@@ -180,7 +168,7 @@ class Stages:
         settings = self._settings
         duration = settings.robust_duration if last else settings.search_duration
         walked = walker(self._experiment, duration=duration, quick=not last)
-        results = walk_all(
+        results = walks.walk_all(
             [case.change(replace(walked, table=table)) for table in tables for case in cases],
             self._workers,
             progress=(lambda done, total: self._tell("robust set", done, total)) if last else None,
@@ -192,36 +180,36 @@ class Stages:
 
     def _start(self) -> Descent:
         """Walk the table that is to be bettered."""
-        (walks,) = self._walk([self._experiment.table], self._search_cases)
-        cost, nominal = weighted_cost(walks), walks[0]
+        (ratings,) = self._walk([self._experiment.table], self._search_cases)
+        cost, nominal = weighted_cost(ratings), ratings[0]
         point = [item.start_coordinate for item in self._parameters]
-        self._generations.append(Generation(point, cost, nominal_cost(nominal), [standing(walks)]))
+        self._generations.append(Generation(point, cost, nominal_cost(nominal), [standing(ratings)]))
         return Descent(point, cost, residuals(nominal))
 
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
         first, *corners = self._search_cases
         neighbours = descent.neighbours()
-        walks = self._walk([self._table_at(point) for point in neighbours], [first])
-        descent.learn(neighbours, [residuals(walk) for (walk,) in walks])
+        ratings = self._walk([self._table_at(point) for point in neighbours], [first])
+        descent.learn(neighbours, [residuals(walk) for (walk,) in ratings])
         candidates = [*((None, point) for point in neighbours), *descent.steps()]
         tables = [self._table_at(point) for _, point in candidates]
-        walks += self._walk(tables[len(walks) :], [first])
-        nominal = [nominal_cost(walk) for (walk,) in walks]
+        ratings += self._walk(tables[len(ratings) :], [first])
+        nominal = [nominal_cost(walk) for (walk,) in ratings]
         raced = sorted(range(len(tables)), key=nominal.__getitem__)[:RACED]
         others = self._walk([tables[place] for place in raced], corners)
         for place, more in zip(raced, others, strict=True):
-            walks[place] += more
-        costs = {place: weighted_cost(walks[place]) for place in raced}
+            ratings[place] += more
+        costs = {place: weighted_cost(ratings[place]) for place in raced}
         for place in sorted(costs, key=costs.__getitem__):
             better = costs[place] < descent.cost
-            if better and not quick_errors(replace(self._experiment, table=tables[place])):
+            if better and not walks.quick_errors(replace(self._experiment, table=tables[place])):
                 damping, point = candidates[place]
-                descent.go_to(point, costs[place], residuals(walks[place][0]), damping)
+                descent.go_to(point, costs[place], residuals(ratings[place][0]), damping)
                 break
         else:
             descent.stay()
-        tried = [standing(item) for item in walks]
+        tried = [standing(item) for item in ratings]
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
@@ -247,8 +235,8 @@ class Stages:
         results = self._walk([table_of(item.table) for item in chosen], cases, last=True)
         names = [case.name for case in cases]
         return [
-            replace(item, walks=tuple(zip(names, walks, strict=True)))
-            for item, walks in zip(chosen, results, strict=True)
+            replace(item, walks=tuple(zip(names, ratings, strict=True)))
+            for item, ratings in zip(chosen, results, strict=True)
         ]
 
 
@@ -286,7 +274,7 @@ def tune(
         ParameterError: If there is nothing to tune, or the settings make no sense.
         ParameterFileError: If a walk could not be run.
     """
-    check_walker(experiment)
+    walks.check_walker(experiment)
     if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
         raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
