@@ -6,6 +6,8 @@ The logs are synthetic, made in closed form by friction_bench.
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -208,6 +210,49 @@ def test_a_campaign_of_files_gives_table_3_1_back(tmp_path):
         assert abs(0.5 * (low + high) - value) < high - low < 0.25 * value
 
 
+def misread(signs: dict[str, float], shift: float = 0.0, lever: float = LEVER):
+    """The campaign above, with columns turned, angles moved and the lever taken for another."""
+    bench = replace(BENCH, lever=lever)
+    tests = []
+    for mass, columns in campaign(2, tests=3, duration=4.0):
+        logged = {name: signs.get(name, 1.0) * values for name, values in columns.items()}
+        turn = signs.get("position_rad", 1.0)  # about the horizontal, where the bench sets its angle
+        logged["position_rad"] += 0.5 * math.pi * (1.0 - turn) + shift
+        tests.append(process_log(as_log(logged, mass), bench, ProcessingOptions()))
+    options = IdentificationOptions(bench=bench, models=("coulomb_viscous",), cross_validation=False)
+    warned = [line for line in identify_tests(tests, options).warnings if "weight's torque" in line]
+    return warned[0] if warned else None
+
+
+@pytest.mark.parametrize(
+    ("degrees", "lever"), [(20.0, LEVER), (-30.0, LEVER), (0.0, 0.8 * LEVER), (0.0, 1.4 * LEVER)]
+)
+def test_a_load_that_the_current_does_not_bear_is_told_with_its_size_and_angle(degrees, lever):
+    told = misread({}, math.radians(degrees), lever)
+    gain, tilt = re.search(r"is ([\d.]+) times.*angle ([+-]\d+)°", told).groups()
+    # A wrong lever is also a wrong inertia, which looks like a few degrees.
+    assert float(gain) == pytest.approx(LEVER / lever, abs=0.02 if lever == LEVER else 0.06)
+    assert float(tilt) == pytest.approx(degrees, abs=1.0 if lever == LEVER else 12.0)
+
+
+def test_a_load_that_is_about_right_is_not_doubted():
+    assert misread({}) is None
+    assert misread({}, math.radians(3.0), 1.05 * LEVER) is None
+
+
+@pytest.mark.parametrize(
+    ("turned", "message"),
+    [
+        (["measured_current_A"], "drives the joint: current or angle has the wrong sign"),
+        (["position_rad", "velocity_rad_per_s"], "drives the joint: current or angle has the wrong sign"),
+        (["measured_current_A", "position_rad", "velocity_rad_per_s"], "the weight pulls upwards"),
+    ],
+)
+def test_a_wrong_sign_is_refused_and_not_turned_into_friction(turned, message):
+    with pytest.raises(ParameterError, match=message):
+        misread(dict.fromkeys(turned, -1.0))
+
+
 SERIES = "t;dq2;tau2\n" + "\n".join(
     f"{0.01 * i};{math.sin(i / 9):.6f};{2 * math.sin(i / 9):.6f}" for i in range(60)
 )
@@ -333,6 +378,32 @@ def test_gaps_duplicates_and_nan_do_not_change_the_friction():
     assert test.counts["edge"] > whole.counts["edge"] + 28
     expected = rotational(test.velocity, KNEE)
     assert np.abs(test.torque - expected)[test.used].max() < 0.1
+
+
+def test_rows_that_are_missing_here_and_there_cost_no_samples():
+    whole = process_log(as_log(SWING), BENCH, ProcessingOptions())
+    holed = {name: values.copy() for name, values in SWING.items()}
+    missing = np.random.default_rng(0).choice(5000, 100, replace=False)
+    holed["measured_current_A"][missing] = math.nan
+    test = process_log(as_log(holed), BENCH, ProcessingOptions())
+    assert test.counts["not_a_number"] == 100
+    assert test.used.sum() > 0.98 * whole.used.sum()
+    both = test.used & whole.used
+    assert np.abs(test.torque - whole.torque)[both].max() < 0.02
+
+
+def test_what_took_the_samples_is_told_with_a_way_out():
+    noisy = dict(SWING, position_rad=SWING["position_rad"] + np.random.default_rng(0).normal(0.0, 2e-3, 5000))
+    options = IdentificationOptions(bench=BENCH, models=("coulomb_viscous",))
+    told = r"0 samples are left of 500 \(495 by stop, 5 by edge\).*--cutoff-Hz 10"
+    with pytest.raises(ParameterError, match=told):
+        identify_tests([process_log(as_log(noisy), BENCH, ProcessingOptions())], options)
+
+
+def test_fifty_rows_a_second_are_enough():
+    slow = {name: values[::20] for name, values in SWING.items()}
+    test = process_log(as_log(slow), BENCH, ProcessingOptions())
+    assert np.abs(test.torque - rotational(test.velocity, KNEE))[test.used].max() < 0.3
 
 
 @pytest.mark.parametrize("column", ["velocity", "friction_torque"])

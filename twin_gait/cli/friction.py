@@ -250,10 +250,12 @@ def _files(paths: list[Path]) -> Iterator[Path]:
 
 def summary_lines(document: dict[str, Any]) -> Iterator[str]:
     """What a reader wants first: the models, the best one's parameters, the warnings."""
-    used = sum(test["samples"]["used"] for test in document["tests"])
+    counts = [test["samples"] for test in document["tests"]]
+    used = sum(count["used"] for count in counts)
+    whole = sum(count.get("after_decimation", count["read"]) for count in counts)
     plural = "s" if len(document["tests"]) > 1 else ""
     order = document["method"]["order"]
-    yield f"{len(document['tests'])} file{plural}, {used} samples; best first by {order}"
+    yield f"{len(document['tests'])} file{plural}, {used} samples of {whole}; best first by {order}"
     for item in document["models"][:PRINTED_MODELS]:
         runs = [run for run in item["cross_validation"] if run["rmse"] is not None]
         left_out = "".join(f", {run['rmse']:.4g} with {run['left_out']} left out" for run in runs)

@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 
+from twin_gait.exceptions import ParameterError
 from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.fitting import Fit
 from twin_gait.identification.processing import RATE, WINDOW
@@ -15,6 +17,10 @@ CORRELATED = 0.98
 _ONE_WAY = 0.05  # share of the samples in the rarer direction
 _FAST, _SLOW = 1.0, 0.1  # [rad] / [s]: a gait needs the knee up to 3.6; table 3.1 changes below 0.2
 _FEW = 0.02  # share of the samples that counts as none
+_SPEEDS = 100  # classes of speed, as many samples in each
+_TELLING = 0.5  # [N m] of load, RMS, that the speed does not predict; less says nothing about the load
+# Load-dependent friction of a one-way fall, or an inertia that is a little wrong, do less.
+_GAIN, _TILT = 0.15, 8.0  # of the load's size, and of its angle in [deg]
 _DRIFT = 0.5  # of the residual's standard deviation, from the first third of the time to the last
 
 
@@ -39,6 +45,50 @@ def sample_warnings(samples: Samples) -> list[str]:
             f"{speed.max():.3g} rad/s; viscous friction beyond is extrapolated"
         )
     return found
+
+
+def balance_warnings(
+    tests: Sequence[FrictionTest], bench: BenchSetup | None, options: ProcessingOptions
+) -> list[str]:
+    r"""Whether the motor bears the weight that the bench says; a ParameterError if it bears it upside down.
+
+    Friction of any law goes with the speed. With a load that is truly g times as large, at angles that are δ
+    smaller, the balance of torques is
+    :math:`f(\omega) + (1 - g \cos\delta)\,F\ell\cos\varphi - g \sin\delta\,F\ell\sin\varphi` at the angle φ
+    from the horizontal; its parts are told within classes of equal speed. The thesis's late velocity would
+    look like such an angle.
+    """
+    if bench is None or options.processing is Processing.THESIS:
+        return []
+    tables = []
+    for test in tests:
+        if test.from_bench:
+            assert test.angle is not None and test.mass is not None  # of which the balance was made
+            load, across = (bench.load_torque(test.angle - turn, test.mass) for turn in (0.0, np.pi / 2))
+            columns = {"speed": test.velocity, "load": load, "across": across, "torque": test.torque}
+            tables.append(pd.DataFrame(columns)[test.used])
+    if not tables:
+        return []
+    table = pd.concat(tables, ignore_index=True)
+    classes = pd.qcut(table.pop("speed"), _SPEEDS, labels=False, duplicates="drop")
+    rest = (table - table.groupby(classes).transform("mean")).to_numpy()
+    share, _, _, sizes = np.linalg.lstsq(rest[:, :2], rest[:, 2])
+    if sizes[-1] < _TELLING * np.sqrt(len(rest)):
+        return []
+    true = complex(1.0 - share[0], -share[1])
+    if true.real < 0.0:
+        raise ParameterError(
+            "logs: by the current the weight pulls upwards; turn current and angle to be positive along the "
+            "fall: --columns measured_current=-NAME,angle=-NAME"
+        )
+    gain, tilt = float(abs(true)), float(np.angle(true, deg=True))
+    if abs(gain - 1.0) < _GAIN and abs(tilt) < _TILT:
+        return []
+    return [
+        f"by the current the weight's torque is {gain:.2f} times what mass and lever say, and the angle "
+        f"{tilt:+.0f}° too large (expected 1 and 0): check --joint, --mass, --lever-m, --link-inertia-kgm2, "
+        "the unit of the current, and --start-angle-deg for logs that do not begin with the link horizontal"
+    ]
 
 
 def processing_warnings(options: ProcessingOptions) -> list[str]:

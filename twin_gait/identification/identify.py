@@ -165,7 +165,7 @@ def identify_tests(
     joined = join_tests(tests)
     samples = thinned(joined, MOST_SAMPLES)
     models, skipped = _possible(find_models(options.models), samples)
-    _check_number(samples, models)
+    _check_number(samples, models, tests)
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done = len(models) * (1 + len(folds)), itertools.count(1)
     fits: dict[str, Fit] = {}
@@ -188,6 +188,7 @@ def identify_tests(
         options=options,
         warnings=(
             *flipped,
+            *diagnostics.balance_warnings(tests, options.bench, options.processing),
             *diagnostics.processing_warnings(options.processing),
             *diagnostics.file_warnings(tests, options.bench, samples, len(joined), skipped),
             *diagnostics.sample_warnings(samples),
@@ -211,10 +212,15 @@ def _best_first(models: Sequence[IdentifiedModel], tie: float) -> tuple[Identifi
 
 
 def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTest], list[str]]:
-    """Turn friction torques that oppose the velocity, as many logs write them."""
+    """Turn friction torques that oppose the velocity, as many logs write them; not those of a balance."""
     power = sum(float((test.torque * test.velocity)[test.used].sum()) for test in tests)
     if power >= 0.0:
         return list(tests), []
+    if any(test.from_bench for test in tests):
+        raise ParameterError(
+            "logs: the balance of torques drives the joint: current or angle has the wrong sign; turn it "
+            "with --columns measured_current=-NAME or angle=-NAME"
+        )
     turned = [replace(test, torque=-test.torque) for test in tests]
     return turned, [
         "the friction torque opposes the velocity in these files; it was turned to have the velocity's sign"
@@ -233,12 +239,18 @@ def _possible(
     return possible, {name: names for name, names in missing.items() if names}
 
 
-def _check_number(samples: Samples, models: Sequence[FrictionModel]) -> None:
+def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequence[FrictionTest]) -> None:
     number = int(samples.used.sum())
     needed = 3 * max(model.size for model in models)
     if number < needed:
+        causes = ("stop", "standstill", "reversal", "edge")
+        lost = {cause: sum(test.counts.get(cause, 0) for test in tests) for cause in causes}
+        told = (
+            ", ".join(f"{number} by {cause}" for cause, number in lost.items() if number) or "none left out"
+        )
+        noise = "; noise of the angle reads as impacts: try --cutoff-Hz 10" if lost["stop"] else ""
         raise ParameterError(
-            f"logs: {number} samples are left after stops and stand-still; expected at least {needed}"
+            f"logs: {number} samples are left of {len(samples)} ({told}); expected at least {needed}{noise}"
         )
     velocity = samples.velocity[samples.used]
     moving = int((velocity != 0.0).sum())

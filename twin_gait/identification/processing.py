@@ -21,7 +21,8 @@ _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
 # with the jump of friction in a reversal the break-away velocity of the knee is 0.1 % too large.
 REVERSAL_REACH = 2.0
 _UNEVEN = 0.02  # of a period, beyond which a log is put on an even grid
-_GAP = 1.5  # periods without a sample
+# Without a sample, in periods, and in shares of 1/cutoff: across so little the filter sees the same curve.
+_GAP, _SHORT = 1.5, 0.125
 _STANDSTILL = 0.002  # [rad] / [s] that a log of a bench must exceed
 
 
@@ -145,7 +146,7 @@ def _rate(log: Log, options: ProcessingOptions) -> tuple[float, float]:
     return rate, min(options.cutoff, 0.2 * rate)
 
 
-def _even(log: Log, rate: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray], np.ndarray]:
+def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray], np.ndarray]:
     """Put a log on an even grid: time, columns, and where there were samples."""
     time = log.columns[Quantity.TIME]
     if np.abs(np.diff(time) * rate - 1.0).max() < _UNEVEN:
@@ -156,8 +157,9 @@ def _even(log: Log, rate: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray]
         raise ParameterFileError(log.source, "time", text)
     grid = time[0] + np.arange(number) / rate
     columns = {quantity: np.interp(grid, time, values) for quantity, values in log.columns.items()}
+    bridged = max(_GAP, _SHORT * rate / cutoff + 1e-6)
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
-    return grid, columns, (time[before + 1] - time[before]) * rate < _GAP
+    return grid, columns, (time[before + 1] - time[before]) * rate < bridged
 
 
 def _current(log: Log, columns: dict[Quantity, np.ndarray], options: ProcessingOptions) -> np.ndarray:
@@ -179,13 +181,13 @@ def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
     """
     _needed(log, Quantity.ANGLE)
     rate, cutoff = _rate(log, options)
-    if rate < _SLOWEST:
+    if rate < 0.999 * _SLOWEST:
         text = (
             f"has {rate:.3g} samples per second; expected at least {_SLOWEST:g} to see the acceleration: is "
             "it in another unit (--units time=ms)?"
         )
         raise ParameterFileError(log.source, "time", text)
-    time, columns, recorded = _even(log, rate)
+    time, columns, recorded = _even(log, rate, cutoff)
     raw = bench.joint_angle(columns[Quantity.ANGLE])
     if np.ptp(raw) == 0.0:
         raise ParameterFileError(log.source, "angle", "is the same in every row; the joint never moved")
