@@ -118,6 +118,8 @@ def test_record_says_where_the_front_edge_is(rising):
         (("scenario.chair.height_m=0.7", "patient.height_m=1.5"), "balance|floor"),
         (("scenario.lean_deg=40",), "hip"),
         (("scenario.chair.height_m=0.1",), "0.3 to 0.7"),
+        (("scenario.chair.front_m=-0.25",), "scenario.chair: expected a seat under the wearer"),
+        (("scenario.chair.depth_m=0.01",), "scenario.chair: expected a seat under the wearer"),
     ],
 )
 def test_a_seat_on_which_nobody_can_sit_is_refused(changes, told):

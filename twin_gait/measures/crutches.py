@@ -1,5 +1,7 @@
 """What arms and crutches do for a walk, and how far the trunk leans."""
 
+import math
+
 import numpy as np
 import pandas as pd
 
@@ -19,10 +21,10 @@ def crutch_use(log: pd.DataFrame, side: Side, tick: float, body_weight: float) -
         return None
     load = log[f"{side}_crutch_normal_force_N"].to_numpy()
     power = log[f"{side}_arm_power_W"].to_numpy()
-    loaded = load > 0.0
+    loaded, weight = load > 0.0, body_weight or math.nan  # nothing weighs anything without gravity
     return {
-        "mean_share": float(load.mean()) / body_weight,
-        "peak_share": float(load.max()) / body_weight,
+        "mean_share": float(load.mean()) / weight,
+        "peak_share": float(load.max()) / weight,
         "impulse_Ns": float(load.sum()) * tick,
         "push_peak_N": float(log[f"{side}_arm_push_N"].max()),
         "moment_peak_Nm": float(log[f"{side}_shoulder_moment_Nm"].abs().max()),

@@ -157,9 +157,11 @@ class Sitting:
                 break
             steps = found + DIFFERENCE * np.eye(3)
             rates = np.array([self._imbalance(step) - left for step in steps]).T / DIFFERENCE
+            if np.linalg.matrix_rank(rates) < len(rates):
+                break  # the seat is not under the wearer, or bears nothing
             found = found - np.clip(np.linalg.solve(rates, left), -LARGEST_STEP, LARGEST_STEP)
         balanced = np.abs(left).max() < 1e-3
-        require(balanced, "scenario.start", "a chair on which lean and shanks balance", "none")
+        require(balanced, "scenario.chair", "a seat under the wearer on which they balance", "none")
         q = self._coordinates(found)
         for joint in JointName:
             low, high = self.model.position_limits(self.model.sides[0], joint)
