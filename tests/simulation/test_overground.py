@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import math
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,7 @@ def test_arms_stay_within_their_limits_and_their_use_is_what_the_log_has(walk):
         assert use["mean_share"] == pytest.approx(
             use["impulse_Ns"] / walk.duration / walk.body_weight, rel=1e-3
         )
+        assert math.isnan(crutch_use(walk.log, side, 1e-3, 0.0)["mean_share"])  # of no weight
 
 
 def test_the_work_of_the_arms_is_that_of_the_wearer(walk):
