@@ -235,6 +235,7 @@ def test_person_is_exchanged_by_name_in_a_batch():
     base = load_experiment("treadmill", ["patient=stroke_left"]).experiment
     assert overridden(base, {"patient": "healthy"}).patient == patient("patient=healthy")
     heavy = overridden(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
+    assert overridden(base, {"patient.mass_kg": 90, "patient": "healthy"}).patient == heavy
     assert heavy == patient("patient=healthy", "patient.mass_kg=90")
     with pytest.raises(ParameterFileError, match="override: patient: no person 'x'"):
         overridden(base, {"patient": "x"})

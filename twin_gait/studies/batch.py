@@ -174,7 +174,7 @@ def with_document(experiment: Experiment) -> LoadedExperiment:
 def changed(base: LoadedExperiment, override: Override, source: str = "override") -> Experiment:
     """As :func:`overridden`, for many changes of one experiment."""
     document = base.document
-    for key, value in override.items():
+    for key, value in sorted(override.items(), key=lambda item: item[0] != "patient"):  # the person first
         plain = value.item() if isinstance(value, np.generic) else value
         if key == "patient" and names_a_person(plain):
             plain = converting(source, "patient", partial(person_document, plain))
