@@ -224,6 +224,7 @@ def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
         ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_ms or"),
         ("[1, 2]", "mine.yaml: expected keys and values"),
         ("preset: healthy", "mine.yaml: preset: unknown key"),
+        ("{preset: treadmill, patient: {mass_kg: 60}}", "mine.yaml: patient: this is an experiment"),
     ],
 )
 def test_mistake_in_the_file_of_a_person_names_that_file(file, text, message):
@@ -235,6 +236,7 @@ def test_person_is_exchanged_by_name_in_a_batch():
     base = load_experiment("treadmill", ["patient=stroke_left"]).experiment
     assert overridden(base, {"patient": "healthy"}).patient == patient("patient=healthy")
     heavy = overridden(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
+    assert overridden(base, {"patient.mass_kg": 90, "patient": "healthy"}).patient == heavy
     assert heavy == patient("patient=healthy", "patient.mass_kg=90")
     with pytest.raises(ParameterFileError, match="override: patient: no person 'x'"):
         overridden(base, {"patient": "x"})

@@ -129,6 +129,7 @@ WRONG = {
         r"episode 1: table\.transitions\[99\]\.cause: there",
     ),
     "assignment": ({"patient.mass_kg=80": 80}, "episode 1: patient.mass_kg=80: expected a key and its value"),
+    "two units": ({"duration_s": 2, "duration_ms": 20}, "episode 1: expected exactly one of duration_s or"),
     "wrong type": ({"duration_s": "long"}, "episode 1: duration_s: .*'long'"),
 }
 

@@ -16,7 +16,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.report.sweep import axis_of, cell_means, label_of, values_of
+from twin_gait.parameters import quantities
+from twin_gait.report.sweep import _suffix, axis_of, cell_means, label_of, unit_of_column, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import run_jobs
@@ -215,6 +216,7 @@ BAD = {
     "zero repetitions": ({"repetitions": 0}, [], "repetitions: .*0"),
     "wrong setting": ({"settings": {"patient.mas_kg": 70}}, [], "mas_kg"),
     "no measure": ({"measures": ["happiness"]}, [], "measures: no measure 'happiness'"),
+    "text to draw": ({"measures": ["outcome"]}, [], "measures: no measure 'outcome'"),
     "zero workers": ({}, ["--workers", "0"], "--workers: expected 1 or more, got 0"),
     "workers and scheduler": (
         {},
@@ -350,6 +352,34 @@ def test_bins_hold_every_episode_and_the_last_value():
     counts = np.bincount(codes)
     assert counts.sum() == 50 and counts.max() - counts.min() <= 1
     assert axis_of(pd.DataFrame({"a": [1.0, 1.0]}), "a") is None
+
+
+@pytest.mark.parametrize("samples", [8, 60], ids=["levels", "bins"])
+def test_the_scale_of_a_range_is_that_of_its_axis(samples):
+    # Of 1 to 10, where the numbers alone do not tell, and of 1 to 100, where they would tell otherwise.
+    for scale, to in (("log", 10), ("linear", 100)):
+        data = {"method": "latin_hypercube", "samples": samples}
+        data |= {"parameters": {"patient.mass_kg": {"from": 1, "to": to, "scale": scale}}}
+        sweep = sweep_from_mapping(data, "test", Path())
+        table = pd.DataFrame({"patient.mass_kg": sweep.design.column("patient.mass_kg")})
+        axis = axis_of(table, "patient.mass_kg", log=sweep_module.scales_of(sweep)["patient.mass_kg"])
+        assert axis.log == (scale == "log") and axis.binned == (samples == 60)
+        if axis.binned:  # a Latin hypercube has as many in every bin of its own scale
+            counts = np.bincount(axis.places.cat.codes)
+            assert counts.max() - counts.min() <= 2
+
+
+def test_numbers_beside_an_axis_are_written_out():
+    assert axis_of(pd.DataFrame({"a": [20000.0, 300000.0]}), "a").names == ["20000", "300000"]
+
+
+UNITS = [kind.__metadata__[0] for kind in vars(quantities).values() if hasattr(kind, "__metadata__")]
+
+
+@pytest.mark.parametrize("end", sorted({end for unit in UNITS for end in unit.factors} - {""}))
+def test_every_unit_of_a_parameter_is_known(end):
+    assert _suffix(f"some.thing_{end}") == f"_{end}"
+    assert ("per" in end.split("_")) == ("/" in unit_of_column(f"some.thing_{end}"))
 
 
 LABELS = {

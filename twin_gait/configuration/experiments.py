@@ -67,6 +67,8 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
     changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
     path = table_inheritance.gait_table_path(str(name), folder, "people", "person")
     data = read_yaml(path)
+    if "patient" in data:
+        raise ParameterFileError(path, "patient", "this is an experiment; name it as that, not as the wearer")
     converting(str(path), "", validation.validate(_PersonFile, data, str(path)).convert)
     return merge({key: item for key, item in data.items() if key not in _HEADER}, changes)
 

@@ -111,7 +111,7 @@ def device_sizes(patient: Patient) -> DeviceSizes:
 
     The femur and waist are the nearest sizes; the tibia is adjusted to the shank of the wearer,
     the foot plate made for the foot. The joints of wearer and device are taken as aligned: what is left
-    (at most 1 cm at the femur) is neglected.
+    (at most 1 cm at the femur up to a height of 1.91 m) is neglected.
 
     ``patient``: the wearer. Returns the sizes. Raises ParameterError if the shank is outside the range of the
     tibia.

@@ -6,7 +6,7 @@ Columns of its table become axes, with units, labels, and levels or bins.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +38,8 @@ _UNITS = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()} | {
     "_kg": "kg", "_deg": "deg", "_Nm_per_deg": "N m/deg", "_Nms_per_deg": "N m s/deg", "_km_per_h": "km/h",
     "_ms": "ms", "_Hz": "Hz", "_Ohm": "Ohm", "_kgm2": "kg m²", "_N_per_m1p5": "N/m^1.5",
     "_Ns_per_m": "N s/m", "_s_per_m": "s/m", "_s_per_rad": "s/rad", "_m_per_s2": "m/s²",
-    "_Nm_per_A": "N m/A",
+    "_Nm_per_A": "N m/A", "_N_per_m": "N/m", "_per_rad": "1/rad", "_deg_per_s": "deg/s",
+    "_bit_per_s": "bit/s", "_kbit_per_s": "kbit/s", "_us": "µs", "_ppm": "ppm",
 }  # fmt: skip
 # Rooms of an experiment that say nothing in a label.
 _ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "control", "sensors"})
@@ -78,43 +79,51 @@ class Axis(NamedTuple):
     places: pd.Series
     names: list[str]  # what stands beside each level
     binned: bool = False  # whether neighbouring values have been put together
+    log: bool = False  # whether its scale is logarithmic
 
 
 def _is_number(values: pd.Series | pd.Index) -> bool:
     return pd.api.types.is_numeric_dtype(values) and not pd.api.types.is_bool_dtype(values)
 
 
-def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
-    """Lay a parameter out. Returns the axis; None if it has but one value."""
+def axis_of(table: pd.DataFrame, column: str, *, log: bool | None = None) -> Axis | None:
+    """Lay a parameter out. Returns the axis; None if it has but one value.
+
+    ``log``: whether its scale is logarithmic; None for a list, which is drawn so if it spans decades.
+    """
     values, count = table[column], table[column].nunique()
     if count < 2:
         return None
-    if not _is_number(values) or count <= MOST_LEVELS:
+    if not _is_number(values):
         places = values.astype("category")
-        text = "{:.4g}" if _is_number(values) else "{}"
-        return Axis(places, [text.format(level) for level in places.cat.categories])
+        return Axis(places, [str(level) for level in places.cat.categories])
     numbers, bins = values.astype(float), int(np.clip(len(values) / EPISODES_PER_BIN, 2, MOST_BINS))
     low, high = numbers.min(), numbers.max()
-    spaced = np.geomspace if _spans_decades(low, high) else np.linspace
+    log = low > 0.0 and high / low > 20.0 if log is None else log
+    if count <= MOST_LEVELS:
+        places = values.astype("category")
+        return Axis(places, [_short(level, 4) for level in places.cat.categories], log=log)
+    spaced = np.geomspace if log else np.linspace
     halves = spaced(low, high, 2 * bins + 1).tolist()  # edges and middles in turn
     places = pd.cut(numbers, halves[::2], labels=halves[1::2], include_lowest=True)
-    return Axis(places, [f"{middle:.3g}" for middle in halves[1::2]], binned=True)
+    return Axis(places, [_short(middle, 3) for middle in halves[1::2]], binned=True, log=log)
 
 
-def _spans_decades(low: float, high: float) -> bool:
-    return low > 0.0 and high / low > 20.0
+def _short(value: float, digits: int) -> str:
+    """A number in so many digits, in the notation of a person up to a million."""
+    return f"{float(f'{value:.{digits}g}'):g}"
 
 
 def sweep_figures(
-    table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
+    table: pd.DataFrame, parameters: Mapping[str, bool | None], measures: Sequence[str], title: str
 ) -> dict[str, Figure]:
     """Draw a sweep: the share that walked, or a measure over the episodes that did.
 
-    ``parameters``: columns of what was varied; ``measures``: ``walked`` and columns. Returns
-    ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
+    ``parameters``: columns of what was varied, with ``log`` of :func:`axis_of`; ``measures``: ``walked`` and
+    columns. Returns ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
-    axes = [axis for axis in (axis_of(table, name) for name in parameters) if axis is not None]
-    axes = axes[:MOST_PARAMETERS]
+    laid_out = (axis_of(table, name, log=log) for name, log in parameters.items())
+    axes = [axis for axis in laid_out if axis is not None][:MOST_PARAMETERS]
     figures: dict[str, Figure] = {}
     for measure in measures:
         values = values_of(table, measure)
@@ -180,7 +189,7 @@ def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title
         panel.set_xticks(range(len(first.names)), first.names, rotation=45 if len(first.names) > 6 else 0)
         panel.set_yticks(range(len(second.names)), second.names)
         for write, axis in ((panel.set_xlabel, first), (panel.set_ylabel, second)):
-            write(label_of(str(axis.places.name)) + (", middle of bins" if axis.binned else ""))
+            write(label_of(str(axis.places.name)) + ("\nmiddle of bins" if axis.binned else ""))
     figure.colorbar(image, ax=panels, label=label_of(measure) if measure != WALKED else "share that walked")
     return figure
 
@@ -215,9 +224,14 @@ def _draw_effect(panel: Axes, axis: Axis, values: np.ndarray, measure: str) -> N
     if not numeric:
         panel.set_xticks(range(len(levels)), axis.names)
         panel.set_xlim(-0.5, len(levels) - 0.5)
-    elif _spans_decades(levels[0], levels[-1]):
+    elif axis.log:
         panel.set_xscale("log")
+        every = 1 + len(levels) // 7
+        panel.set_xticks(levels[::every], axis.names[::every])
+        panel.minorticks_off()
     style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
+    if measure == WALKED:
+        panel.set_ylim(-0.04, 1.04)
     panel.set_xlabel(label_of(str(axis.places.name)))
 
 
@@ -229,7 +243,7 @@ def _write_cells(panel: Axes, means: np.ndarray, measure: str, lowest: float, hi
     for (row, column), mean in np.ndenumerate(means):
         if np.isfinite(mean):
             dark = mean > lowest + 0.55 * (highest - lowest)
-            text = f"{100 * mean:.0f}%" if measure == WALKED else f"{mean:.3g}"
+            text = f"{100 * mean:.0f}%" if measure == WALKED else _short(mean, 3)
             panel.text(
                 column, row, text, ha="center", va="center", fontsize=8, color="white" if dark else "black"
             )

@@ -16,7 +16,7 @@ import pandas as pd
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
 from twin_gait.configuration.experiments import names_a_person, person_document
-from twin_gait.configuration.validation import assign, converting, parse_assignment
+from twin_gait.configuration.validation import assign, converting, parse_assignment, refuse_two_units
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
@@ -174,7 +174,8 @@ def with_document(experiment: Experiment) -> LoadedExperiment:
 def changed(base: LoadedExperiment, override: Override, source: str = "override") -> Experiment:
     """As :func:`overridden`, for many changes of one experiment."""
     document = base.document
-    for key, value in override.items():
+    refuse_two_units(override, source)
+    for key, value in sorted(override.items(), key=lambda item: item[0] != "patient"):  # the person first
         plain = value.item() if isinstance(value, np.generic) else value
         if key == "patient" and names_a_person(plain):
             plain = converting(source, "patient", partial(person_document, plain))

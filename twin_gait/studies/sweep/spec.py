@@ -199,7 +199,7 @@ def sweep_from_mapping(
         raise ParameterFileError(source, "", wanted) from error
     entry = validate(SweepFile, plain, source)
     for measure in entry.measures:
-        if measure not in SUMMARY_COLUMNS or measure == "status":
+        if measure not in SUMMARY_COLUMNS or measure in ("status", "outcome"):
             problem = f"no measure {measure!r}; see the columns of the table of any sweep"
             raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)

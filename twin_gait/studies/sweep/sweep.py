@@ -280,7 +280,7 @@ def _outcomes(table: pd.DataFrame) -> pd.Series:
 
 def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
-    parameters = list(batch.setting_columns(sweep.design.keys).values())
+    parameters = scales_of(sweep)
     title = sweep.name.replace("_", " ")
     measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
     counts = _outcomes(table).items()
@@ -289,3 +289,12 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     figures = sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
     write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)
+
+
+def scales_of(sweep: Sweep) -> dict[str, bool | None]:
+    """Whether the scale of a range is logarithmic, by its column; None for what is a list."""
+    asked, columns = sweep.document.get("parameters", {}), batch.setting_columns(sweep.design.keys)
+    items = {column: asked.get(key) for key, column in columns.items()}
+    return {
+        name: item.get("scale") == "log" if isinstance(item, dict) else None for name, item in items.items()
+    }
