@@ -357,6 +357,7 @@ def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
     cells = {row[0]: row[1:] for row in rows}
     assert cells["stride time [s]"] == ("1.20", "1.20", "1.75")
     assert cells["mean fore-aft force [N]"] == ("0.0", "0.0", "0.0")
+    assert cells["braking peak"] == ("0.000", "0.000", "−0.065")
     assert cells["slip in a stride [mm]"] == ("0", "0", "–")
     assert cells["RMSE of the hip, offset [°]"][0] == f"{math.degrees(HIP_OFFSET):.1f}"
     assert cells["RMSE of the hip, timing [°]"] == ("0.0", "0.0", "")
