@@ -127,6 +127,9 @@ PLANTED: dict[str, tuple[str, str | None, str, Callable[[Mapping], None]]] = {
     "swing without a time-out": (
         "missing_time_out", FLEXION, "warning", lambda d: remove(d, "time_out", FLEXION),
     ),
+    "swing whose time-out comes as late as none": (
+        "missing_time_out", FLEXION, "warning", change("time_out", FLEXION, after_s=1000),
+    ),
     "way back": (
         "undeclared_cycle", FLEXION, "error", lambda d: add(d, FLEXION, "late_stance", "hip.angle_deg < -9"),
     ),

@@ -70,6 +70,14 @@ def test_a_file_without_more_has_hip_and_knee_and_its_own_name(tmp_path):
     assert load_state_table(path).name == "mine" and load_state_table(str(path)) == load_mode_table(path)
 
 
+def test_the_same_transition_twice_is_refused():
+    first = SMALL["transitions"][0]
+    with pytest.raises(ParameterFileError) as caught:
+        read({**SMALL, "transitions": [*SMALL["transitions"], first]})
+    place = f"my_modes.yaml: transitions[{len(SMALL['transitions'])}]"
+    assert f"{place}: the same from, to and cause as transitions[0]; leave one out" in str(caught.value)
+
+
 def test_either_kind_of_table_is_found_by_its_name():
     assert load_state_table("treadmill") == load_gait_table("treadmill")
     with pytest.raises(ParameterError, match=r"no gait table 'flight'.*tables of modes.*twin"):

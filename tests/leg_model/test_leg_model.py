@@ -520,6 +520,11 @@ MISFITS = {
     ),
     "limit in words": ('lower="-1"', 'lower="low"', "lower value (low) is not a valid float"),
     "limits": ('lower="-1" upper="2"', 'lower="2" upper="-1"', "can turn from 2 to -1 rad; expected lower"),
+    "degrees": (
+        'lower="-1" upper="2"',
+        'lower="-4" upper="120"',
+        "can turn by 120 rad; expected radians in its <limit>: 120 degrees are 2.094, and",
+    ),
     "no range": ('lower="-1" upper="2" ', "", "can turn from 0 to 0 rad; expected lower"),
     "kind": ('type="revolute"', 'type="hinge"', "has no known type [hinge]"),
     "no mass": ('<mass value="3"/>', "", "has no <mass>, and the link would weigh nothing"),

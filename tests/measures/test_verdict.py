@@ -72,6 +72,17 @@ def test_a_gap_between_strides_decides(margin, outcome):
         assert verdict.reason == f"the left leg began no stride for {gap:.1f} s from 5.0 s on"
 
 
+@pytest.mark.parametrize("waited, outcome", [(3.7, Outcome.WALKED), (0.5, Outcome.STALLED)])
+def test_time_in_which_a_step_is_waited_for_is_no_stall(waited, outcome):
+    strikes = [0.2, 1.4, 2.6, 3.8, 5.0, *np.arange(10.0, 20.0, 1.2)]
+    waiting = np.zeros(round(20.0 / TICK), dtype=bool)
+    waiting[5500 : 5500 + round(waited / TICK)] = True
+    standing = leg(Side.RIGHT, [0.3, 2.3, 4.3, 6.3, 8.3, 10.3, 12.3, 14.3, 16.3, 18.3], stance=1.6)
+    verdict = gait_verdict([leg(Side.LEFT, strikes, stance=0.6, waiting=waiting), standing])
+    assert verdict.outcome is outcome
+    assert verdict.reason in ("", "the left leg began no stride for 4.5 s from 5.0 s on")
+
+
 @pytest.mark.parametrize("factor, outcome", [(0.95, Outcome.WALKED), (1.05, Outcome.STALLED)])
 def test_irregular_strides_are_no_walk(factor, outcome):
     """Strides of T (1 + e) and T (1 - e) in turn vary by e √(n / (n - 1)): sample deviation over mean."""

@@ -170,6 +170,34 @@ def test_a_run_whose_legs_were_held_is_replayed_up_to_the_trip(tmp_path):
         assert not any(np.signbit(lags).any() for lags in compared.lags.values())
 
 
+@pytest.mark.parametrize(
+    ("preset", "settings", "trips"),
+    [
+        ("treadmill_start_stop", ["duration_s=12", "scenario.belt.stop_s=7"], False),
+        ("sit_to_stand", ["duration_s=10"], False),
+        ("sit_to_stand", ["faults=[encoder_missing:left_knee@8s]"], True),
+    ],
+)
+def test_a_run_is_replayed_with_what_the_legs_were_told_by_belt_and_modes(tmp_path, preset, settings, trips):
+    run = simulate(load_experiment(preset, settings).experiment)
+    save_run(run, tmp_path / "run", pictures=False)
+    result = replay_log(ReplayRequest(log=str(tmp_path / "run")))
+    assert len(run.switches) > 7 and (run.trip is not None) == trips
+    assert result.switches == run.switches
+    told = "\n".join(replay_lines(summarise_replay(result)))
+    assert "taken as" not in told and told.count("100.0 % of the ticks equal") == 2
+    assert ("1 × sit → lean (posture)" in told) == (preset == "sit_to_stand")
+
+
+def test_a_table_without_the_postures_of_a_run_is_refused(tmp_path):
+    run = simulate(load_experiment("sit_to_stand", ["duration_s=1"]).experiment)
+    save_run(run, tmp_path / "run", pictures=False)
+    with pytest.raises(
+        ParameterError, match="the posture 'sit', which gait table 'treadmill' does not offer"
+    ):
+        replay_log(ReplayRequest(log=str(tmp_path / "run"), table="treadmill"))
+
+
 def test_another_threshold_moves_the_switches_and_the_agreement_says_so(walk):
     leave = next(item for item in walk.table.transitions if item.cause == "clearance")
     hip, *others = leave.guard.guards

@@ -34,6 +34,7 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
+from twin_gait.parameters.surroundings import BeltProfile
 from twin_gait.report.walk_words import HEAD, carried_by_belt, lines_of, table_of_walk, who_drives
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.run import Run, RunStatus
@@ -103,6 +104,19 @@ def test_early_stance_leads_each_heel_strike_by_the_known_time(summary: dict[str
     assert values["early_stance_lag_mean_s"] == pytest.approx(LAG * TICK)
     assert values["early_stance_lag_largest_s"] == pytest.approx(LAG * TICK)
     assert values["heel_strikes_without_early_stance"] == 0
+
+
+@pytest.mark.parametrize("stop", [math.inf, 0.45 * LENGTH * TICK])
+def test_only_a_contact_of_the_even_walk_can_be_missed(walk: Run, stop: float) -> None:
+    missed = walk.leg_record(Side.LEFT).entries[3]
+    assert missed * TICK > 0.45 * LENGTH * TICK
+    log = walk.log.copy()
+    late = log["left_phase"].iloc[missed - 1]
+    log.loc[missed : missed + STRIDE // 2, "left_phase"] = late
+    belt = BeltProfile(start=0.0, stop=stop, ramp=TICK, delay=0.0)
+    experiment = replace(walk.experiment, scenario=replace(walk.experiment.scenario, belt=belt))
+    found = summarise(replace(walk, log=log, experiment=experiment))["sides"]["left"]
+    assert found["heel_strikes_without_early_stance"] == (1 if stop == math.inf else 0)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -343,6 +357,7 @@ def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
     cells = {row[0]: row[1:] for row in rows}
     assert cells["stride time [s]"] == ("1.20", "1.20", "1.75")
     assert cells["mean fore-aft force [N]"] == ("0.0", "0.0", "0.0")
+    assert cells["braking peak"] == ("0.000", "0.000", "−0.065")
     assert cells["slip in a stride [mm]"] == ("0", "0", "–")
     assert cells["RMSE of the hip, offset [°]"][0] == f"{math.degrees(HIP_OFFSET):.1f}"
     assert cells["RMSE of the hip, timing [°]"] == ("0.0", "0.0", "")

@@ -21,7 +21,7 @@ def run_of(*requests: str, duration: float = 20.0):
 def test_who_is_not_asked_to_walk_does_not_stall():
     run = run_of(duration=6.0)
     assert run.verdict.outcome is None
-    assert run.verdict.reason == "no walk was asked for: no mode that walks was entered"
+    assert run.verdict.reason == "no walk was asked for: no mode was entered in which the legs step"
     assert all(len(leg.strides(skip=0)) == 0 for leg in run.leg_records())
 
 
@@ -34,6 +34,11 @@ def test_strides_count_from_the_request_on_and_standing_before_it_does_not_stall
     assert all(len(leg.strides(skip=0)) > 2 for leg in run.leg_records())
 
 
-def test_who_is_asked_and_takes_no_step_stalls():
-    """Walking step by step, a therapist who never asks for a step."""
-    assert run_of("walk@1s", duration=8.0).verdict.outcome is Outcome.STALLED
+def test_a_walk_by_steps_of_the_therapist_does_not_stall_while_they_are_waited_for():
+    run = run_of("walk@1s", *(f"step@{time}s" for time in (2, 4, 6, 13, 15, 17)), "stop@19s", duration=20.0)
+    assert run.verdict == (Outcome.WALKED, "")
+    assert len(run.steady) == 1 and all(len(leg.strides(skip=0)) > 1 for leg in run.leg_records())
+
+
+def test_where_the_therapist_never_asks_for_a_step_there_is_no_walk():
+    assert run_of("walk@1s", duration=8.0).verdict.outcome is None

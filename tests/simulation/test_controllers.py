@@ -349,3 +349,9 @@ def test_a_module_of_the_folder_is_a_mode():
     stiff = load_experiment("bench_leg", ["control.mode=position", "control.path.damping_ratio=0.3"])
     controller = build_problem(stiff.experiment).controller
     assert isinstance(controller, Position) and controller.path.damping_ratio == 0.3
+
+
+def test_a_mode_whose_tick_is_no_static_method_is_refused_like_a_controller_of_ones_own(monkeypatch):
+    monkeypatch.setattr(Position, "tick", lambda memory, device, tick, period: None)
+    with pytest.raises(ParameterError, match=f"controller 'Position': expected a {TAKES}"):
+        build_problem(load_experiment("treadmill", ["control.mode=position"]).experiment)

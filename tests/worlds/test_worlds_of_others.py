@@ -139,6 +139,43 @@ def test_a_broken_world_is_named_in_one_line(source, message, tmp_path, monkeypa
 
 
 @pytest.mark.parametrize(
+    ("right", "wrong", "message"),
+    [
+        (
+            "model.total_mass",
+            "modle.total_mass",
+            r"cannot be built \(NameError.*world.py, line \d+\)",
+        ),
+        ("start_v=", "velocity=", r"cannot be built \(TypeError"),
+        ("return World(", "World(", "build: expected a World, got None"),
+        (
+            "np.zeros(model.nv)",
+            "np.zeros(3)",
+            "build: expected arrays start_q, start_v and plant of one length",
+        ),
+        ("np.zeros(model.nv)", "[0.0] * model.nv", "build: expected arrays start_q, start_v and plant"),
+        (", rear: self.rear_phase", "", "initial_phases: expected left, right, got 'left'"),
+        ("return PelvisGuide.FIXED", "return 'held'", "pelvis: expected a PelvisGuide, got 'held'"),
+    ],
+)
+def test_a_world_with_a_mistake_is_told_in_one_line(right, wrong, message, tmp_path, monkeypatch):
+    source = (PLUGINS / "frame_walk" / "world.py").read_text().replace('"frame_walk"', '"moon"')
+    assert source.count(right) == 1
+    broken(
+        tmp_path,
+        monkeypatch,
+        source.replace(right, wrong),
+        "[twin_gait.worlds]\nmoon = moon_world:FrameWalk\n",
+    )
+    (tmp_path / "moon.yaml").write_text(
+        (PLUGINS / "frame_walk" / "frame_walk.yaml").read_text().replace("kind: frame_walk", "kind: moon")
+    )
+    experiment = load_experiment(tmp_path / "moon.yaml").experiment
+    with pytest.raises(ParameterError, match=rf"^world 'moon'.*{message}"):
+        experiment.build_world()
+
+
+@pytest.mark.parametrize(
     ("source", "message"),
     [("1 / 0", "cannot be loaded (ZeroDivisionError"), ("", "expected a package with presets")],
 )

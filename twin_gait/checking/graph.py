@@ -1,6 +1,7 @@
 """The graph of phases: what one leg reaches and leaves again, and what two legs get into together."""
 
 import itertools
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -10,9 +11,11 @@ from twin_gait.checking.signals import OTHER_PHASE, Point, SignalSpace, signal_s
 from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
-from twin_gait.gait.table import GaitTable, Transition
+from twin_gait.gait.table import TICK, GaitTable, Transition
 
 Pair = tuple[str, str]
+# A leg that is to be freed waits no longer; the monitor takes 5 s for too long in a phase (an assumption).
+LATEST_TIME_OUT = 60.0  # [s]
 
 
 def firing(case: CheckCase) -> list[Transition]:
@@ -66,11 +69,13 @@ def trap(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def missing_time_out(case: CheckCase) -> Iterator[Finding]:
-    """A phase has no time-out: if its exits stay shut, the leg stays in it for ever."""
+    """A phase has no time-out within a minute: if its exits stay shut, the leg stays in it for ever."""
     for phase in case.table.phases:
         items = [item for item in case.table.transitions if item.source == phase]
-        if items and not any(item.is_time_out for item in items):
-            reason = f"{phase} has no time-out: if none of its exits opens, the leg stays in it for ever"
+        ticks = min((item.time_out_ticks or 0 for item in items if item.is_time_out), default=math.inf)
+        if items and ticks * TICK > LATEST_TIME_OUT:
+            lacks = "no time-out" if ticks == math.inf else f"no time-out before {ticks * TICK:g} s"
+            reason = f"{phase} has {lacks}: if none of its exits opens, the leg stays in it for ever"
             suggestion = (
                 f"add a transition from {phase} with after_s but neither all nor any, or waive it if the "
                 "leg is to wait"

@@ -9,7 +9,12 @@ from pydantic import Field, create_model
 
 from twin_gait.configuration import validation
 from twin_gait.configuration.readers import section_of, type_of
-from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
+from twin_gait.configuration.table_inheritance import (
+    check_twice,
+    gait_table_path,
+    own_entries_named,
+    read_gait_table,
+)
 from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait import GaitTable, Mode, ModeTable, table
@@ -185,6 +190,7 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
     entry: Any = validate(ModeTableFile, data, source)
+    check_twice(data, source)
     requests = tuple(entry.requests)
     shared = entry.shared(name, tuple(entry.joints), requests, MODE_WORDS, source)
     own = {"phases": entry.modes, "requests": requests, "hold": entry.hold}

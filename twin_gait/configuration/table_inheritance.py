@@ -56,7 +56,7 @@ def extended_table(
     of an inherited one. The name is not taken over.
     """
     own = {key: _listed(data, key, source) for key in _LISTS}
-    _check_twice(own["transitions"])
+    check_twice(data, source)
     if "extends" not in data:
         return TableMapping(data, _places(own))
     name = data["extends"]
@@ -106,10 +106,10 @@ def _transitions(inherited: list[_Entry], own: list[_Entry], base: str) -> list[
     return merged + added
 
 
-def _check_twice(own: list[_Entry]) -> None:
+def check_twice(data: dict[str, Any], source: str) -> None:
     """Refuse two transitions that neither the log nor a table that extends this one could tell apart."""
     said: dict[tuple[Any, ...], str] = {}
-    for item in own:
+    for item in _listed(data, "transitions", source):
         if item.identity in said:
             problem = f"the same from, to and cause as {said[item.identity]}"
             raise ParameterFileError(*item.place, f"{problem}; leave one out, or give it another cause")

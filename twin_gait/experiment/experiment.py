@@ -16,6 +16,7 @@ from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds import LegSource, Scenario, World
 from twin_gait.worlds.bracing import brace_world, carries
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
+from twin_gait.worlds.registry import built
 
 
 class Engine(StrEnum):
@@ -213,9 +214,10 @@ class Experiment(Parameters):
     def build_world(self) -> World:
         """Build the world and its rigid bodies; ModelError or ParameterError if something does not fit."""
         plant, pelvis = self.plant, self.scenario.pelvis
+        require(pelvis in list(PelvisGuide), f"world {self.scenario.kind!r}: pelvis", "a PelvisGuide", pelvis)
         model = self.leg_model(self.patient, pelvis)
-        world = self.scenario.build(
-            model, plant=plant.rows(model), ankle_rest=plant.ankle.rest, gravity=plant.gravity
+        world = built(
+            self.scenario, model, plant=plant.rows(model), ankle_rest=plant.ankle.rest, gravity=plant.gravity
         )
         if self.interface is not None:
             device, wearer = (

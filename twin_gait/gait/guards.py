@@ -65,7 +65,7 @@ class AllOf:
 
     def __str__(self) -> str:
         """Write the conjunction."""
-        return " and ".join(_bracketed(guard) for guard in self.guards) or "true"
+        return " and ".join(bracketed(guard) for guard in self.guards) or "true"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +81,7 @@ class AnyOf:
 
     def __str__(self) -> str:
         """Write the disjunction."""
-        return " or ".join(_bracketed(guard) for guard in self.guards)
+        return " or ".join(bracketed(guard) for guard in self.guards)
 
 
 Guard = Comparison | PhaseMembership | AllOf | AnyOf
@@ -109,8 +109,9 @@ def mapped(guard: Guard, change: Callable[[Comparison | PhaseMembership], Guard]
     return change(guard)
 
 
-def _bracketed(guard: Guard) -> str:
-    return f"({guard})" if isinstance(guard, (AllOf, AnyOf)) else str(guard)
+def bracketed(guard: Guard, words: Callable[[Guard], str] = str) -> str:
+    """A guard within another one in words, in brackets where it has parts itself."""
+    return f"({words(guard)})" if isinstance(guard, (AllOf, AnyOf)) else words(guard)
 
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

@@ -76,6 +76,15 @@ class ModeTable(StateTable):
         """Transitions out of a mode that a request can open, in order of priority."""
         return [item for item in self.transitions if item.source == mode and request in _asked(item)]
 
+    def waits_for_step(self, mode: str) -> bool:
+        """Whether legs that walk in a mode wait until somebody asks for a step."""
+        here, leads = self.phases[mode], (item for item in self.transitions if item.source == mode)
+        return (
+            here.walk
+            and not here.step
+            and any(_asked(item) and self.phases[item.target].step for item in leads)
+        )
+
 
 def _asked(item: Transition) -> set[str]:
     """Requests that a transition reads."""

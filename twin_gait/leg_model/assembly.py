@@ -1,5 +1,6 @@
 """From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
 
+import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -14,6 +15,10 @@ from twin_gait.leg_model.urdf import build_model
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
+
+# Robots' joints turn by up to ten, or have thousands where they have no stops; between two turns in [rad] and
+# in degrees, degrees were taken for radians.
+LARGEST_LIMIT = 4.0 * math.pi  # [rad]
 
 
 class Assembly:
@@ -162,6 +167,13 @@ class Assembly:
                     raise ModelError(
                         f"{self._path}: joint {name!r} can turn from {low:g} to {high:g} rad; expected lower "
                         "below upper in its <limit>"
+                    )
+                largest = max(-low, high)
+                if LARGEST_LIMIT < largest <= math.degrees(LARGEST_LIMIT):
+                    raise ModelError(
+                        f"{self._path}: joint {name!r} can turn by {largest:g} rad; expected radians in its "
+                        f"<limit>: {largest:g} degrees are {math.radians(largest):.4g}, and a joint without "
+                        "stops is continuous"
                     )
 
     def _stretch(self, proximal: int, distal: int, length: float) -> None:

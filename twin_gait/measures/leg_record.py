@@ -45,6 +45,14 @@ class LegRecord:
     clearance: np.ndarray | None  # of the foot in [m], shape ``(n,)``, or None without ground
     # from when to when in [s] the leg walks evenly, once or more; strides outside do not count
     steady: Spans = ALWAYS
+    # whether the legs wait for somebody to ask for a step at each tick, shape ``(n,)``, or None if never
+    waiting: np.ndarray | None = None
+
+    @cached_property
+    def clock(self) -> np.ndarray:
+        """Ticks before each tick, and before the end, in which the leg did not wait; shape ``(n + 1,)``."""
+        waiting = np.zeros(len(self.phases), dtype=bool) if self.waiting is None else self.waiting
+        return np.append(0, np.cumsum(~waiting))
 
     @property
     def steady_ticks(self) -> list[slice]:
@@ -106,12 +114,14 @@ def leg_record(
     tick: float,
     *,
     steady: Spans = ALWAYS,
+    waiting: np.ndarray | None = None,
     device: bool = False,
 ) -> LegRecord:
     """Take one leg out of a log.
 
     ``phase_names``: phases of the table in order; ``steady`` from when to when in [s] the leg walks evenly;
-    ``device``: whether the angles are the device's where braces let the wearer move against it.
+    ``waiting``: whether it waits at each tick for somebody to ask for a step; ``device``: whether the angles
+    are the device's where braces let the wearer move against it.
     """
     columns = () if device else log.columns
     angles = {
@@ -128,6 +138,7 @@ def leg_record(
         normal_force=log[f"{side}_foot_normal_force_N"].to_numpy() if on_ground else None,
         clearance=log[f"{side}_foot_clearance_m"].to_numpy() if on_ground else None,
         steady=steady,
+        waiting=waiting,
     )
 
 

@@ -13,7 +13,8 @@ applies counts:
 - *stalled*: a leg made no stride for ``LONGEST_STRIDE``, or its settled strides differ by more than
   ``HIGHEST_STRIDE_VARIATION``. Stride times of healthy people vary by 1 to 3 %, those of people with
   Huntington's disease by some 10 % (J. M. Hausdorff: J. NeuroEng. Rehabil. 2:19, 2005; recalled); the
-  limit is an assumption well beyond both.
+  limit is an assumption well beyond both. The time in which the legs wait for somebody to ask for a step
+  does not count.
 - *walked*: none of these.
 """
 
@@ -57,7 +58,7 @@ def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
             text = f"the {leg.side} leg began no stride for {longest:.1f} s from {start:.1f} s on"
             return Verdict(Outcome.STALLED, text)
     for leg in legs:
-        variation = coefficient_of_variation(stride_times(leg.strides(), leg.tick))
+        variation = coefficient_of_variation(stride_times(leg.clock[leg.strides()], leg.tick))
         if variation > HIGHEST_STRIDE_VARIATION:
             text = f"no regular walk: stride times of the {leg.side} leg vary by {100.0 * variation:.0f} %"
             return Verdict(Outcome.STALLED, text)
@@ -83,10 +84,10 @@ def _longest_without_stride(leg: LegRecord, span: slice) -> tuple[float, float]:
     """Beginning and length in [s] of the longest time within some ticks in which no stride begins."""
     events = leg.stride_events
     inside = events[(events >= span.start) & (events < span.stop)]
-    edges = np.concatenate(([span.start], inside, [span.stop])) * leg.tick
-    gaps = np.diff(edges)
+    edges = np.concatenate(([span.start], inside, [span.stop]))
+    gaps = np.diff(leg.clock[edges])
     longest = int(np.argmax(gaps))
-    return float(edges[longest]), float(gaps[longest])
+    return float(edges[longest] * leg.tick), float(gaps[longest] * leg.tick)
 
 
 class EventKind(StrEnum):

@@ -17,7 +17,7 @@ from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait import TICK, GaitTable, compile_guards
 from twin_gait.gait import signals as declared
-from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.machine import POSTURE, GaitStateMachine, PhaseSwitch
 from twin_gait.gait.signals import ANGLE, LOAD, OTHER, OTHER_TIME, TIME, VELOCITY, Scope, signal_of
 from twin_gait.parameters import SensorParameters
 from twin_gait.replay.recording import Recording
@@ -44,16 +44,18 @@ def replay(
     *,
     body_weight: float | None = None,
     start_phases: Mapping[Side, str] | None = None,
+    postures: Mapping[int, str] | None = None,
     fast_time_constant: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
     ``body_weight`` of wearer and device in [N], only for guards on the load of the foot; ``start_phases``:
-    phase of each leg at tick 0, by default the recorded one, or else the first of the table;
-    ``fast_time_constant`` of the fast velocity estimate in [s], by default the firmware's; ``progress``:
-    called with ticks done and ticks in all, now and then. Raises GaitTableError if the guards need a signal
-    that was not recorded, or there is no such start phase.
+    phase of each leg at tick 0, by default the recorded one, or else the first of the table; ``postures``:
+    phases into which operating modes sent both legs, by tick; ``fast_time_constant`` of the fast velocity
+    estimate in [s], by default the firmware's; ``progress``: called with ticks done and ticks in all, now and
+    then. Raises GaitTableError if the guards need a signal that was not recorded, or there is no such start
+    phase.
     """
     _check_signals(recording, table, body_weight)
     program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
@@ -73,6 +75,11 @@ def replay(
     for tick in range(total):
         if progress is not None and tick % PROGRESS_TICKS == 0:
             progress(tick, total)
+        posture = (postures or {}).get(tick)
+        for machine in machines:
+            if posture is not None and machine.phase != posture:
+                switches.append(PhaseSwitch(tick, machine.side, machine.phase, posture, POSTURE, -1))
+                machine.enter(posture, tick)
         times = [machine.time_in_phase(tick) for machine in machines]
         before = [machine.phase_index for machine in machines]
         for leg, machine in enumerate(machines):

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.core.belt import walk_command
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment, PlantParameters
 from twin_gait.gait.scaling import scale_table
-from twin_gait.gait.signals import DEVICE_SIGNALS
+from twin_gait.gait.signals import DEVICE_SIGNALS, STEP, WALK
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures import reference
 from twin_gait.parameters import Patient
@@ -111,11 +113,14 @@ def replay_log(request: ReplayRequest, *, progress: Callable[[int, int], None] |
     """
     recording, experiment = _open(request)
     table, starts, time_constant = _table(request, experiment), request.start_phases, None
+    postures = dict[int, str]()
     weight = None if request.mass is None else request.mass * PlantParameters().gravity
     if experiment is not None:
         world = experiment.build_world()
         weight = world.body_weight if weight is None else weight
         time_constant = experiment.sensors.fast_time_constant
+        told, postures = _told(experiment, table, recording)
+        recording = replace(recording, device={**recording.device, **told})
         if not request.mirror:  # it cuts off the first half stride, and with it the instant of these phases
             known = {
                 side: str(phase) for side, phase in world.initial_phases.items() if phase in table.phases
@@ -126,6 +131,7 @@ def replay_log(request: ReplayRequest, *, progress: Callable[[int, int], None] |
         table,
         body_weight=weight,
         start_phases=starts,
+        postures=postures,
         fast_time_constant=time_constant,
         progress=progress,
     )
@@ -147,11 +153,30 @@ def _open(request: ReplayRequest) -> tuple[Recording, Experiment | None]:
             raise RunDirectoryError(f"{path}: not a run directory: it has no {name}")
     recording = read_recording(path / LOG_FILE, request.log_format)
     # What a run does not log of the device stayed as at first: nothing in it moved the signal.
-    known = {
-        signal.name: np.full(recording.n_ticks, signal.first) for signal in DEVICE_SIGNALS if signal.column
-    } | dict(recording.device)
+    still = {signal.name: np.full(recording.n_ticks, signal.first) for signal in DEVICE_SIGNALS}
     experiment = load_experiment(path / EXPERIMENT_FILE).experiment
-    return replace(recording, source=str(path), device=known), experiment
+    return replace(recording, source=str(path), device={**still, **recording.device}), experiment
+
+
+def _told(
+    experiment: Experiment, table: GaitTable, recording: Recording
+) -> tuple[dict[str, np.ndarray], dict[int, str]]:
+    """What the legs of a run were told, by signal, and the phases that modes sent both into, by tick."""
+    modes, walking = experiment.modes, experiment.scenario.walking
+    if modes is not None:
+        replace(experiment, table=table)  # refuses a table that does not offer their postures
+        log = pd.read_parquet(Path(recording.source) / LOG_FILE, columns=["mode"])[: recording.n_ticks]
+        first = modes.phase_index(experiment.initial_mode or modes.phase_names[0])
+        codes, known = log["mode"].to_numpy(int), list(modes.phases.values())
+        entries = np.flatnonzero(np.diff(codes, prepend=first))
+        sent = {tick: known[codes[tick]].posture for tick in entries.tolist()}
+        told = {WALK.name: [mode.walk for mode in known], STEP.name: [mode.step for mode in known]}
+        signals = {name: np.array(values, dtype=float)[codes] for name, values in told.items()}
+        return signals, {tick: posture for tick, posture in sent.items() if posture is not None}
+    if walking is None or walking.belt.ramp == 0.0:
+        return {}, {}
+    start, stop = walking.belt.start, walking.belt.stop
+    return {WALK.name: np.array([walk_command(time, start, stop) for time in recording.time])}, {}
 
 
 def _table(request: ReplayRequest, experiment: Experiment | None) -> GaitTable:

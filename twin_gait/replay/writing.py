@@ -152,12 +152,12 @@ def _strides(result: Replay, side: Side) -> dict[str, Any]:
 
 
 def _switches(result: Replay, side: Side) -> list[dict[str, Any]]:
-    """Switches of a leg counted by transition, in the order of the table."""
-    counts = Counter(switch.transition for switch in result.switches if switch.side is side)
+    """Switches of a leg counted by transition: into postures, then in the order of the table."""
+    own = (item for item in result.switches if item.side is side)
+    counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
     return [
-        {"from": item.source, "to": item.target, "cause": item.cause, "count": counts[index]}
-        for index, item in enumerate(result.table.transitions)
-        if counts[index]
+        {"from": source, "to": target, "cause": cause, "count": count}
+        for (_, source, target, cause), count in sorted(counts.items())
     ]
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from twin_gait.gait.documents import mode_words, number
-from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership, bracketed
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, State, StateTable, Transition
@@ -50,7 +50,7 @@ def guard_words(guard: Guard) -> str:
         names = " or ".join(readable(name) for name in guard.phases)
         return f"other leg in {names}" if guard.of == LEG_WORDS.of else f"{guard.of} {names}"
     if isinstance(guard, (AllOf, AnyOf)):
-        return _joiner(guard).join(_bracketed(inner) for inner in guard.guards)
+        return _joiner(guard).join(bracketed(inner, guard_words) for inner in guard.guards)
     left, unit = signal_words(guard.signal)
     if guard.minus is not None:
         left = f"{left} − {signal_words(guard.minus)[0]}"
@@ -61,10 +61,6 @@ def _joiner(guard: AllOf | AnyOf) -> str:
     return " and " if isinstance(guard, AllOf) else " or "
 
 
-def _bracketed(guard: Guard) -> str:
-    return f"({guard_words(guard)})" if isinstance(guard, (AllOf, AnyOf)) else guard_words(guard)
-
-
 def condition_lines(transition: Transition, width: int) -> list[str]:
     """What a transition waits for in lines of at most a width: its conditions, then debounce and time.
 
@@ -73,7 +69,10 @@ def condition_lines(transition: Transition, width: int) -> list[str]:
     guard = transition.guard
     if isinstance(guard, (AllOf, AnyOf)):
         word = _joiner(guard).lstrip()
-        lines = [f"{word if index else ''}{_bracketed(inner)}" for index, inner in enumerate(guard.guards)]
+        lines = [
+            f"{word if index else ''}{bracketed(inner, guard_words)}"
+            for index, inner in enumerate(guard.guards)
+        ]
     else:
         lines = [guard_words(guard)]
     if transition.debounce_ticks > 1:

@@ -51,6 +51,7 @@ ROWS = (
     Row("push-off peak", "", "push_off_peak"),
     Row("least load at 6–20 %", "", "least_load"),
     Row("mean fore-aft force", "N", "fore_aft_force_N", 1),
+    Row("braking peak", "", "braking_peak", 3),
     Row("propulsion peak", "", "propulsion_peak", 3),
     Row("midfoot passed at", "% of the cycle", "pressure_crossing", 0, 100.0),
     Row("knee at contact", "°", "knee_at_contact_deg", 1),

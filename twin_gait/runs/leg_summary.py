@@ -121,6 +121,9 @@ class MeasuredLeg:
         if self.run.trip is not None:  # legs that are held are lowered; no machine moves them
             contacts = contacts.before(self.run.trip.tick)
         lags = phases.entry_lags(record.entries, contacts.heel_strikes, TICK)
+        # A step that begins or ends a walk may land in another phase.
+        even = np.array([(span.start, span.stop) for span in record.steady_ticks], dtype=int).reshape(-1, 2)
+        missed = np.isnan(lags) & strides.in_strides(contacts.heel_strikes, even)
         clearances = swing_clearances(record.clearance, contacts)
         return {
             "strides": len(record.strides(skip=0)),
@@ -130,7 +133,7 @@ class MeasuredLeg:
             **self._reference_errors("contact", self.strides),
             "early_stance_lag_mean_s": finite_mean(lags),
             "early_stance_lag_largest_s": _largest_magnitude(lags),
-            "heel_strikes_without_early_stance": int(np.isnan(lags).sum()),
+            "heel_strikes_without_early_stance": int(missed.sum()),
             "toe_clearance_mean_m": finite_mean(clearances),
             "toe_clearance_least_m": -_largest(-clearances),
             "further_contacts": len(contacts.further_contacts),

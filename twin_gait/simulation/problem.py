@@ -89,8 +89,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     ``own``: controller that takes the place of the mode's. Raises ParameterError if the controller is none,
     or what it gives cannot be used.
     """
-    if own is not None:
-        require_controller(own)
+    require_controller(experiment.control.controller() if own is None else own)
     control_model, controller = experiment.build_control_model(), experiment.control.controller(own)
     inertia = _inertia_of(control_model)
     plan = plan_of(experiment, control_model.sides, inertia)

@@ -151,7 +151,20 @@ class Run:
 
     def _read_leg(self, side: Side, *, device: bool = False) -> LegRecord:
         names = self.table.phase_names
-        return leg_record(self.log, side, names, TICK, steady=self.steady, device=device)
+        steady, waiting = self.steady, self._waiting
+        return leg_record(self.log, side, names, TICK, steady=steady, waiting=waiting, device=device)
+
+    @cached_property
+    def _waiting(self) -> np.ndarray:
+        """Whether at each tick both legs stand until somebody asks for a step."""
+        modes, waiting = self.experiment.modes, np.zeros(len(self.log), dtype=bool)
+        if modes is not None:
+            codes = [code for code, name in enumerate(modes.phase_names) if modes.waits_for_step(name)]
+            swings = [phase for phase in self.table.phases if self.table.is_swing(phase)]
+            waiting |= self.log["mode"].isin(codes)
+            for side in self.sides:
+                waiting &= ~self.log[f"{side}_phase"].isin(swings)
+        return waiting
 
     @cached_property
     def walkway(self) -> Walkway | None:
@@ -202,7 +215,7 @@ class Run:
         if not any(self.table.is_swing(phase) for phase in self.table.phases):
             return Verdict(None, "no walk was asked for: no phase of the gait table is a swing")
         if not self.steady:
-            return Verdict(None, "no walk was asked for: no mode that walks was entered")
+            return Verdict(None, "no walk was asked for: no mode was entered in which the legs step")
         return gait_verdict(self.leg_records())
 
     @property
@@ -212,7 +225,10 @@ class Run:
 
     @property
     def steady(self) -> Spans:
-        """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold."""
+        """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold.
+
+        Where nobody asks for a step there is no walk.
+        """
         first, last = self.experiment.scenario.steady
         if self.trip is not None:
             last = min(last, self.trip.time)
@@ -221,7 +237,8 @@ class Run:
             walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
             asked = np.concatenate(([0], self.log["mode"].isin(walking), [0]))
             begins, ends = np.flatnonzero(np.diff(asked) > 0), np.flatnonzero(np.diff(asked) < 0) - 1
-            spans = tuple(zip((begins * TICK).tolist(), (ends * TICK).tolist(), strict=True))
+            bounds = zip(begins.tolist(), ends.tolist(), strict=True)
+            spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self._waiting[i:k].all())
         clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
         return tuple((begin, end) for begin, end in clipped if begin < end)
 

@@ -1,5 +1,6 @@
 """Which worlds there are: a module each of this package, and those that other packages bring."""
 
+import traceback
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -8,8 +9,11 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.leg_model import LegModel
+from twin_gait.parameters import require
 from twin_gait.worlds.scenario import Scenario
+from twin_gait.worlds.world import World
 
 GROUP = "twin_gait.worlds"  # of entry points, each under the kind of its world
 
@@ -47,6 +51,28 @@ def world_of(kind: str) -> type[Scenario]:
         raise ParameterError(f"{words(brought[0])}: expected a Scenario with the kind {kind}; repair it")
     found: type[Scenario] = world
     return found
+
+
+def built(scenario: Scenario, model: LegModel, **surroundings: Any) -> World:
+    """What a world builds, see :meth:`Scenario.build`; ParameterError where another package has a mistake."""
+    name, shipped = f"world {scenario.kind!r}", type(scenario).__module__.startswith("twin_gait.")
+    try:
+        world: Any = scenario.build(model, **surroundings)
+    except Exception as error:
+        if shipped or isinstance(error, TwinGaitError):
+            raise
+        line = traceback.extract_tb(error.__traceback__)[-1]
+        problem = f"{type(error).__name__}: {error}, {line.filename}, line {line.lineno}"
+        raise ParameterError(f"{name} cannot be built ({problem}); repair its package") from error
+    if not isinstance(world, World):
+        raise ParameterError(f"{name}: build: expected a World, got {world!r}")
+    shapes = [getattr(start, "shape", None) for start in (world.start_q, world.start_v)]
+    sides, own = [str(side) for side in world.initial_phases], [str(side) for side in model.sides]
+    fit = shapes == 2 * [(len(world.plant),)] and len(world.plant) >= model.nv
+    lengths = f"start_q, start_v and plant of one length, {model.nv} or more"
+    require(fit, f"{name}: build", f"arrays {lengths}", (*shapes, len(world.plant)))
+    require({*sides} == {*own}, f"{name}: initial_phases", ", ".join(own), ", ".join(sides))
+    return world
 
 
 def load_plugin(entry: EntryPoint) -> Any:
