@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import re
 import subprocess
@@ -19,7 +20,7 @@ from test_printer import bits
 from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.core.guards import OP_ALL
-from twin_gait.core.safety import COMMAND_TRIP
+from twin_gait.core.safety import BUS_TRIP, COMMAND_TRIP, JUMP_TRIP, MISSING_TRIP, NO_TRIP
 from twin_gait.exceptions import GaitTableError
 from twin_gait.firmware import Unit, build_object, sizes, units
 from twin_gait.firmware.linked import record_vectors
@@ -32,6 +33,8 @@ from twin_gait.firmware.project import (
     print_project,
 )
 from twin_gait.gait.program import require_bits
+from twin_gait.gait.table import TICK
+from twin_gait.parameters import NetworkParameters
 from twin_gait.simulation.record import copied
 
 STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
@@ -239,6 +242,94 @@ def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_a
     assert found.command.target_current == 0.0  # no weight is carried that is no number
     library.call("joint_board_step", board, apart, found)
     assert found.measurement.cause == COMMAND_TRIP
+
+
+def new_boards(project: Project) -> tuple[Library, list[Any], list[units.JointBoardInputs]]:
+    """Boards as their ``init`` in C leaves them, and inputs of a leg that stands as the walk begins."""
+    library, boards, inputs = Library(project.program), [], []
+    for name, state in zip(project.joints, project.linked.record.boards, strict=True):
+        board = library.structure(units.JointBoard(project.linked.record.settings, copied(state)))
+        library.handle[f"{JOINT_BOARD}_{name}_init"](ctypes.byref(board))
+        boards.append(board)
+        inputs.append(units.JointBoardInputs(state.encoder.angle))
+    return library, boards, inputs
+
+
+def test_a_joint_may_stand_anywhere_as_its_board_starts(treadmill):
+    """A leg is never put where the simulated walk begins to 0.02 rad."""
+    require_tools("gcc")
+    library, boards, inputs = new_boards(treadmill)
+    found = units.JointBoardOutputs()
+    for number, (board, read) in enumerate(zip(boards, inputs, strict=True)):
+        read.angle += 0.3
+        for tick in range(20):
+            library.call("joint_board_step", board, read, found)
+            assert found.measurement.cause == NO_TRIP, (number, tick)
+        read.angle += 0.03  # that is a jump
+        library.call("joint_board_step", board, read, found)
+        assert found.measurement.cause == JUMP_TRIP
+
+
+def test_an_encoder_that_is_missing_from_the_start_trips_its_board(treadmill):
+    require_tools("gcc")
+    library, (board, *_), (read, *_) = new_boards(treadmill)
+    found, read.angle = units.JointBoardOutputs(), float("nan")
+    for _ in range(2):
+        library.call("joint_board_step", board, read, found)
+        assert (found.measurement.cause, found.command.target_current) == (MISSING_TRIP, 0.0)
+
+
+def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmill):
+    require_tools("gcc")
+    assert treadmill.problem.experiment.network is None
+    library, (board, *_), (read, *_) = new_boards(treadmill)
+    found, silences = units.JointBoardOutputs(), round(NetworkParameters().board_silence / TICK)
+    read.demand, read.heard = units.Demand(stiffness=100.0, equilibrium=read.angle + 0.1), True
+    for _ in range(1 + silences):
+        library.call("joint_board_step", board, read, found)
+        assert found.measurement.cause == NO_TRIP and found.command.target_current > 0.5
+        read.heard = False
+    library.call("joint_board_step", board, read, found)
+    assert found.measurement.cause == BUS_TRIP and found.command.stiffness == 0.0
+    linked = treadmill.linked
+    central = library.structure(
+        units.GaitController(linked.record.settings, copied(linked.record.controller))
+    )
+    library.handle[f"{GAIT_CONTROLLER}_init"](ctypes.byref(central))
+    heard = units.GaitControllerInputs(
+        copied(linked.inputs.surroundings), [units.Measurement()] * 4, [True] * 4
+    )
+    heard.surroundings.bus_voltage = 28.8
+    told = units.GaitControllerOutputs(copied(linked.outputs.decision), [units.Demand() for _ in range(4)])
+    for _ in range(1 + silences):
+        library.call("gait_controller_step", central, heard, told)
+        assert told.decision.trip_cause == NO_TRIP
+        heard.heard[2] = False
+    library.call("gait_controller_step", central, heard, told)
+    assert (told.decision.trip_cause, told.decision.trip_part) == (BUS_TRIP, 2)
+
+
+def test_a_measurement_that_is_not_heard_does_not_accelerate_again():
+    """Frames come in every second tick; a change of the velocity counts once."""
+    require_tools("gcc")
+    project = print_project(load_experiment("treadmill", ["control.inertia_compensation=0.5"]).experiment)
+    linked, library = project.linked, Library(project.program)
+    controller = copied(linked.record.controller)
+    central = library.structure(units.GaitController(linked.record.settings, controller))
+    measurements = [units.Measurement() for _ in linked.record.boards]
+    surroundings = copied(linked.inputs.surroundings)
+    surroundings.bus_voltage = 28.8
+    heard = units.GaitControllerInputs(surroundings, measurements, [True] * 4)
+    told = units.GaitControllerOutputs(copied(linked.outputs.decision), [units.Demand() for _ in range(4)])
+    rates = []
+    for tick in range(200):
+        heard.heard = [tick % 2 == 0] * 4
+        if tick % 2 == 0:
+            measurements[0].last_velocity = measurements[0].velocity
+            measurements[0].velocity = 0.004 * tick  # 4 rad/s²
+        library.call("gait_controller_step", central, heard, told)
+        rates.append(central.state.joints[0].rate)
+    np.testing.assert_allclose(np.mean(rates[-10:]), 4.0, rtol=0.01)
 
 
 # ------------------------------------------------------------------------- the command

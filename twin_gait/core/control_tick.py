@@ -4,6 +4,7 @@ Memory (last angles, rings) is handed in and changed in place; nothing is kept b
 [rad], ``period`` is the length of a tick in [s], and a reading what the sensor reads, noise included.
 """
 
+import math
 from dataclasses import dataclass
 
 from twin_gait.core.actuator import (
@@ -70,6 +71,8 @@ def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, 
     encoder.last_fast = encoder.velocity_fast
     if first:
         encoder.decimated_angle = angle
+        # However the joint stands, it has not jumped there.
+        encoder.last_angle = angle if math.isfinite(angle) else encoder.last_angle
     else:
         encoder.velocity_fast = fast
     encoder.angle = angle

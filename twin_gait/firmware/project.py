@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import pandas as pd
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.control import TripCause
-from twin_gait.control.joint_board import Demand, Measurement
+from twin_gait.control.joint_board import Demand, Limits, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
 from twin_gait.experiment import Experiment
@@ -24,8 +24,8 @@ from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
-from twin_gait.parameters import ImpedancePlace
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.parameters import ImpedancePlace, NetworkParameters
+from twin_gait.simulation.problem import Problem, build_problem, ticks
 from twin_gait.templates import templates_in
 
 MANIFEST = "manifest.json"
@@ -112,6 +112,13 @@ class Project:
                 for name, ratio in zip(self.joints, ratios, strict=True)
             ],
             "bytes": self.record_bytes,
+            "limits": _limits_apart(problem, self.linked.record.settings.limits),
+            "legs": [
+                f"{side} {list(problem.table.phases)[leg.phase]}"
+                for side, leg in zip(
+                    problem.experiment.leg.legs, self.linked.record.controller.legs, strict=True
+                )
+            ],
             "modes": modes,
             "requests": ["none", *(() if modes is None else modes.requests)],
             "causes": TripCause,
@@ -157,14 +164,24 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
 
 def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
     whole = linked.record
+    apart = replace(whole.settings, limits=_limits_apart(problem, whole.settings.limits))
     boards = {
-        f"{JOINT_BOARD}_{joint.side}_{joint.joint}": units.JointBoard(whole.settings, board)
+        f"{JOINT_BOARD}_{joint.side}_{joint.joint}": units.JointBoard(apart, board)
         for joint, board in zip(problem.joints, whole.boards, strict=True)
     }
-    central = units.GaitController(whole.settings, whole.controller)
+    central = units.GaitController(apart, whole.controller)
     yield TranslationUnit(JOINT_BOARD, [units.joint_board_step], boards)
     yield TranslationUnit(GAIT_CONTROLLER, [units.gait_controller_step], {GAIT_CONTROLLER: central})
     yield TranslationUnit(EXOSKELETON, [units.exoskeleton_step], {EXOSKELETON: whole})
+
+
+def _limits_apart(problem: Problem, limits: Limits) -> Limits:
+    """Of units that hear each other: none bears silence for good, also where the simulation has no bus."""
+    control, usual = problem.experiment.control, NetworkParameters()
+    if problem.experiment.network is not None or not control.safety.enabled:
+        return limits
+    silences = ticks(usual.board_silence), ticks(usual.ccu_silence)
+    return replace(limits, controller_silence=silences[0], board_silence=silences[1])
 
 
 def _shapes(linked: LinkedUnit) -> list[Any]:

@@ -278,8 +278,11 @@ def gait_controller_step(
     """Take what the boards have told, decide, and say what every board is to do."""
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
+        measured = controller.joints[number].measurement
         if inputs.heard[number]:
-            copy_measurement(inputs.measurements[number], controller.joints[number].measurement)
+            copy_measurement(inputs.measurements[number], measured)
+        else:
+            measured.last_angle, measured.last_velocity = measured.angle, measured.velocity
         hear_board(controller, settings.limits, number, inputs.heard[number])
     decide(controller, settings, inputs.surroundings, unit.tick)
     for number in range(len(controller.joints)):
