@@ -288,6 +288,17 @@ def test_joint_or_leg_that_is_not_there_is_named(bench: LegModel) -> None:
         bench.index(Side.LEFT, JointName.HIP)
 
 
+def test_words_stand_for_sides_joints_pelvis_and_bodies(both_legs: dict[Side, LegJoints]) -> None:
+    words = {str(side): leg for side, leg in both_legs.items()}
+    options: Any = {"armature": {"hip": 0.3}, "pelvis": "vertical", "patient": Patient()}
+    given = LegModel("twin.urdf", words, bodies="wearer", **options)  # type: ignore[arg-type]
+    meant = LegModel("twin.urdf", both_legs, bodies=Bodies.WEARER, **options)
+    assert given.model == meant.model and given.total_mass == pytest.approx(70.0)
+    for wrong in ({"pelvis": "floating"}, {"bodies": "nobody"}, {"armature": {"elbow": 0.3}}):
+        with pytest.raises(ParameterError, match=f"{next(iter(wrong))}: expected one of"):
+            LegModel("twin.urdf", both_legs, **wrong)  # type: ignore[arg-type]
+
+
 def test_unknown_frame_lists_those_there_are(bench: LegModel) -> None:
     with pytest.raises(ModelError, match="right_thigh"):
         bench.frame_position(np.zeros(2), "right_little_toe")

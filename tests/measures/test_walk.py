@@ -234,3 +234,8 @@ def test_strides_that_differ_err_in_shape() -> None:
     parts = error_parts(np.array([sine() + 0.3, sine() - 0.3]), sine())
     assert parts == pytest.approx(ErrorParts(0.3, 0.0, 0.0, 0.3, 0.0), abs=1e-7)
     assert all(math.isnan(part) for part in error_parts(np.zeros((0, 101)), sine()))
+
+
+def test_no_part_of_an_error_is_nought_where_a_stride_has_a_gap() -> None:
+    cycles = np.array([sine(), np.where(PERCENT == 50.0, math.nan, sine())])
+    assert all(math.isnan(part) for part in error_parts(cycles, sine())[:4])

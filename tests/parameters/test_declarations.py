@@ -8,6 +8,7 @@ from importlib import import_module
 from pkgutil import walk_packages
 from typing import Annotated, Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 import twin_gait
 from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
+from twin_gait.parameters import JointCondition, Patient
 from twin_gait.parameters.quantities import (
     LATER,
     POSITIVE,
@@ -27,7 +29,7 @@ from twin_gait.parameters.quantities import (
     UnitInside,
     declarations,
 )
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 
 def subclasses(kind: type[Any]) -> set[type[Any]]:
@@ -96,6 +98,28 @@ def test_a_value_out_of_its_range_is_refused_by_name(value: float) -> None:
 def test_an_entry_of_a_mapping_is_refused_by_its_name() -> None:
     with pytest.raises(ParameterError, match="posture of the knee: expected a finite number, got nan"):
         Sample(swing=1.0, posture={JointName.KNEE: math.nan})
+
+
+def test_numbers_of_numpy_and_words_are_taken_as_the_field_has_them() -> None:
+    made = Sample(swing=np.float32(0.5), pause=np.int64(2), posture={"knee": np.float64(0.1)})  # type: ignore[dict-item]
+    assert made == Sample(swing=0.5, pause=2, posture={JointName.KNEE: 0.1})
+    assert [type(value) for value in (made.swing, made.pause, *made.posture.values())] == [float, int, float]
+    assert next(iter(made.posture)) is JointName.KNEE
+    patient = Patient(segment_model="winter", conditions={("left", "knee"): JointCondition()})  # type: ignore
+    assert patient.segment_model is SegmentModel.WINTER and next(iter(patient.conditions))[0] is Side.LEFT
+
+
+@pytest.mark.parametrize("value", ["0.5", None, np.array(0.5), [0.5]])
+def test_what_is_no_number_is_refused_by_name(value: Any) -> None:
+    with pytest.raises(ParameterError, match="swing: expected a number from 0 to"):
+        Sample(swing=value)
+
+
+def test_a_word_that_an_enumeration_lacks_is_refused_with_those_it_has() -> None:
+    with pytest.raises(ParameterError, match="segment_model: expected one of de_leva, winter, got 'Winter'"):
+        Patient(segment_model="Winter")  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="posture: expected one of hip, knee, ankle, got 'elbow'"):
+        Sample(swing=0.5, posture={"elbow": 0.1})  # type: ignore[dict-item]
 
 
 def test_what_is_above_a_bound_is_not_on_it() -> None:

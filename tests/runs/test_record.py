@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,7 @@ import pytest
 import yaml
 
 from twin_gait import load_experiment, simulate
-from twin_gait.exceptions import RunDirectoryError
+from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.runs.folders import staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, load_run, write_run
@@ -54,6 +55,19 @@ def test_a_run_is_read_back_with_all_that_it_had(run, directory):
     assert (again.status, again.reason, again.wall_s) == (run.status, run.reason, run.wall_s)
     assert (again.body_weight, again.duration) == (run.body_weight, run.duration)
     assert summarise(again) == summarise(run)
+
+
+def test_an_experiment_with_numbers_of_numpy_is_written_and_read(run, tmp_path):
+    plant = replace(run.experiment.plant, friction_ratio={"knee": np.float64(0.5)}, gravity=np.float32(9.5))
+    changed = simulate(replace(run.experiment, plant=plant, seed=np.int64(3), duration=np.float64(0.1)))
+    write_run(changed, tmp_path, pictures=False)
+    assert load_run(tmp_path).run.experiment.plant == plant
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "a\nb", None])
+def test_a_name_that_a_run_directory_could_not_be_read_with_is_refused(run, name):
+    with pytest.raises(ParameterError, match="name: expected a plain name"):
+        replace(run.experiment, name=name)
 
 
 def test_switches_that_the_table_does_not_have_are_refused(directory, tmp_path):

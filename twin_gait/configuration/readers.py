@@ -122,13 +122,6 @@ class ExperimentReader(Section):
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
     provenance: ProvenanceEntry | None = None
 
-    @model_validator(mode="after")
-    def _name_is_a_word(self) -> ExperimentReader:
-        name = self.name  # type: ignore[attr-defined]  # a declared field
-        if not name or any(character in name for character in "/\\\0\n"):
-            raise ValueError(f"name: expected a plain name, got {name!r}")
-        return self
-
     @classmethod
     def document(cls, parameters: Experiment) -> dict[str, Any]:
         """As the mapping of a file, in SI, without the gait table and the modes."""

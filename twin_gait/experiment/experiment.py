@@ -129,6 +129,8 @@ class Experiment(Parameters):
     def __post_init__(self) -> None:
         """Check the ranges, the joints of the table and the faults."""
         super().__post_init__()
+        plain = isinstance(self.name, str) and self.name and not set(self.name) & set("/\\\0\n")
+        require(bool(plain), "name", "a plain name", self.name)
         self._check_joints()
         check_faults(self.faults, self.leg.legs, self.scenario.grounded, self.duration, self.joints)
         for side, angles in self.sensors.offset.items():

@@ -18,7 +18,8 @@ class PlantParameters(Parameters):
     """What the leg really is, beside its rigid bodies.
 
     Attributes:
-        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that is left out.
+        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that a mapping of
+            Python leaves out.
         friction: The friction law that the ratio scales; any law, the compensator keeps its own.
         actuators: Motor and gear per joint.
         battery: The pack.
@@ -40,8 +41,10 @@ class PlantParameters(Parameters):
     gravity: Annotated[Acceleration, NOT_NEGATIVE] = 9.81
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that every drive has its friction."""
+        """Check the ranges, that every drive has its friction, and write out the ratios that are left out."""
         super().__post_init__()
+        left_out = {joint: 1.0 for joint in self.friction if joint not in self.friction_ratio}
+        object.__setattr__(self, "friction_ratio", {**self.friction_ratio, **left_out})
         for joint in self.actuators:
             if joint not in self.friction:
                 raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
@@ -66,6 +69,4 @@ class PlantParameters(Parameters):
 
     def true_friction(self) -> dict[JointName, parameters.FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""
-        return {
-            joint: law.scaled(self.friction_ratio.get(joint, 1.0)) for joint, law in self.friction.items()
-        }
+        return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}

@@ -18,7 +18,7 @@ from twin_gait.leg_model.assembly import Assembly
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
-from twin_gait.parameters.quantities import FINITE, require
+from twin_gait.parameters.quantities import FINITE, of_kind, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
@@ -68,6 +68,10 @@ class LegModel:
         FINITE.require("gravity", gravity)
         require(up_axis in ("y", "z"), "up_axis", "'y' or 'z'", up_axis)
         require(bool(legs), "legs", "at least one leg", legs)
+        legs = of_kind(Mapping[Side, joints.LegJoints], "legs", legs)
+        pelvis = of_kind(PelvisGuide, "pelvis", pelvis)
+        bodies = of_kind(joints.Bodies, "bodies", bodies)
+        armature = of_kind(Mapping[JointName, float], "armature", armature)
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = pelvis, patient
         self.up_axis = up_axis

@@ -178,10 +178,10 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
     products = np.mean(shifted * healthy, axis=1)
     best = int(np.argmax(products))
     # A shift of nothing is among them, but for rounding.
-    timing = max(0.0, 2.0 * float(products[best] - products[0]))
+    timing = max(2.0 * float(products[best] - products[0]), 0.0)
     shift = best - count if best > count // 2 else best
     total = math.sqrt(offset * offset + unshifted)
-    shape = math.sqrt(max(0.0, unshifted - timing))
+    shape = math.sqrt(max(unshifted - timing, 0.0))
     return ErrorParts(total, offset, math.sqrt(timing), shape, shift / count)
 
 

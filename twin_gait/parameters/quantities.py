@@ -16,6 +16,8 @@ import re
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import Enum
+from numbers import Integral, Real
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from twin_gait.exceptions import ParameterError
@@ -72,7 +74,7 @@ class Range:
 
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
         """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
-        fits = isinstance(value, int) or not whole
+        fits = isinstance(value, int if whole else Real)
         require(fits and self.holds(value), name, self.expected, value)
 
     @property
@@ -220,9 +222,27 @@ class Parameters:
     implied: ClassVar[bool] = False  # the kind that is meant where none is named
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Take words for members of enumerations and numbers of NumPy for Python's, and check the ranges."""
         for item in declarations(type(self)):
+            value = getattr(self, item.name)
+            if value is not None:
+                object.__setattr__(self, item.name, of_kind(item.kind, item.name, value))
             item.check(getattr(self, item.name))
+
+
+def of_kind(kind: Any, name: str, value: Any) -> Any:
+    """A value as a parameter of some type has it; ParameterError for a word that its enumeration lacks."""
+    if isinstance(value, Mapping) and is_mapping(kind):
+        of_key, of_item = get_args(kind)
+        return {of_kind(of_key, name, key): of_kind(of_item, name, item) for key, item in value.items()}
+    if get_origin(kind) is tuple and isinstance(value, tuple) and len(get_args(kind)) == len(value):
+        return tuple(of_kind(one, name, item) for one, item in zip(get_args(kind), value, strict=True))
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        require(value in list(kind), name, f"one of {', '.join(map(str, kind))}", value)
+        return kind(value)
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
 
 
 def declarations(parameters: type[Any]) -> tuple[Declaration, ...]:
