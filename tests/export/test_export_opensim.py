@@ -9,10 +9,12 @@ import pandas as pd
 import pytest
 
 from twin_gait.cli import main
-from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL
+from twin_gait.conventions import CORC_X2, HOUSE, OPENSIM_GAIT2392, OSL, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export import export_motion
+from twin_gait.replay import LogFormat, read_recording
 from twin_gait.runs.log_files import read_table
+from twin_gait.vocabulary import Side
 
 
 def small_log(rng) -> pd.DataFrame:
@@ -62,6 +64,14 @@ def test_the_reader_of_replay_takes_the_same_numbers(tmp_path, rng):
     assert storage.unit == "rad" and storage.names == tuple(motion.columns)
     for name in motion.columns:
         assert (storage.numbers(name) == motion[name].to_numpy()).all()
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_a_name_with_a_unit_states_the_one_that_is_written(tmp_path, rng, unit):
+    log = small_log(rng).abs()  # knees that bend backwards are refused
+    assert f"left_hip_angle_{unit}" in export_motion(log, tmp_path / "walk.sto", HOUSE, unit=unit)
+    angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=HOUSE)).angles[Side.LEFT]["hip"]
+    np.testing.assert_allclose(angle, log["left_hip_angle_rad"], rtol=1e-14)
 
 
 def test_a_log_of_one_leg_without_an_ankle_has_two_angles(tmp_path, rng):

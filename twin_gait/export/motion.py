@@ -3,6 +3,7 @@
 A storage file of OpenSim has a header, ``endheader``, the names of the columns and rows of numbers.
 """
 
+import re
 from collections.abc import Container, Mapping
 from pathlib import Path
 
@@ -51,6 +52,8 @@ def joint_angles(
             if name is None or column not in log:
                 continue
             angle = convention.turned(joint, log[column].to_numpy(dtype=float))
+            if unit == DEGREES:  # a name that states its unit states the one that is written
+                name = re.sub("_rad$", "_deg", name)
             columns[name] = np.degrees(angle) if unit == DEGREES else angle
     return columns
 

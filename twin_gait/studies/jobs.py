@@ -19,7 +19,7 @@ from twin_gait.studies.workers import Item, Result, Workers, WorkersLost
 
 # Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
 # script that makes the meshes, in urdf; a checkout keeps it outside of the package.
-SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export", "urdf"})
+SHOWN_ONLY = frozenset({"_version.py", "cli", "live", "viewer", "checking", "testing", "export", "urdf"})
 
 # A cluster's worker may have several threads, and silencing the URDF parser redirects the process's
 # standard error, which two of them would do to each other.
