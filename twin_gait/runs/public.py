@@ -28,9 +28,10 @@ def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool
 def load_run(folder: str | Path) -> Run:
     """Read a run directory back.
 
-    ``folder``: the directory. Returns the run, with log, switches, trip and experiment as they were. Raises
-    ParameterFileError if its experiment file has a mistake, or URDF or table have changed since. Raises
-    RunDirectoryError if it is not a complete run directory.
+    ``folder``: the directory. Returns the run, with log, switches and trip as they were, and the experiment
+    with everything resolved, such as the integrator that its engine chose. Raises ParameterFileError if its
+    experiment file has a mistake, or URDF or table have changed since. Raises RunDirectoryError if it is not
+    a complete run directory.
     """
     return record.load_run(Path(folder)).run
 
