@@ -179,12 +179,13 @@ def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title
     """Draw the mean of a measure over the first ``MOST_PAIRS`` pairs, averaged over the other parameters."""
     pairs = list(itertools.combinations(axes, 2))[:MOST_PAIRS]
     cells = [cell_means(values, second, first) for first, second in pairs]
-    blank = ", empty: no episode" if any(np.isnan(means).any() for means in cells) else ""
+    blank = "\nhatched: no episode" if any(np.isnan(means).any() for means in cells) else ""
     figure, panels = _panels(f"{title}: {_what(measure)}{blank}", len(pairs), height=3.9)
     every = np.concatenate([means.ravel() for means in cells])
     lowest, highest = (0.0, 1.0) if measure == WALKED else (np.nanmin(every), np.nanmax(every))
     for panel, (first, second), means in zip(panels, pairs, cells, strict=True):
         image = panel.imshow(means, origin="lower", aspect="auto", cmap=_COLOURS, vmin=lowest, vmax=highest)
+        panel.patch.set(hatch="//", edgecolor="0.8")  # seen where a cell is empty: the lowest is nearly white
         _write_cells(panel, means, measure, lowest, highest)
         panel.set_xticks(range(len(first.names)), first.names, rotation=45 if len(first.names) > 6 else 0)
         panel.set_yticks(range(len(second.names)), second.names)
