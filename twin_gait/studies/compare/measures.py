@@ -54,7 +54,7 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
         "strides": float(len(leg.strides)),
         "stride_time_s": known["stride_time_mean_s"],
         "cadence_per_min": strides.cadence(times),
-        "stride_length_m": float((speed * times).mean()),
+        "stride_length_m": strides.finite_mean(speed * times),
         "step_time_s": strides.finite_mean(counted_steps(own, others, leg.strides)),
         "swing_share": known["swing_share"],
         "double_support_share": strides.double_support_share(own.loaded, others.loaded, leg.strides),
