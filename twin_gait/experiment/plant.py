@@ -18,8 +18,8 @@ class PlantParameters(Parameters):
     """What the leg really is, beside its rigid bodies.
 
     Attributes:
-        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that a mapping of
-            Python leaves out.
+        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that is left out of
+            a mapping made in Python.
         friction: The friction law that the ratio scales; any law, the compensator keeps its own.
         actuators: Motor and gear per joint.
         battery: The pack.

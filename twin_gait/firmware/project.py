@@ -25,7 +25,8 @@ from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
-from twin_gait.simulation.problem import Problem, build_problem, ticks
+from twin_gait.simulation.filling import limits_of
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.templates import templates_in
 
 MANIFEST = "manifest.json"
@@ -112,7 +113,7 @@ class Project:
                 for name, ratio in zip(self.joints, ratios, strict=True)
             ],
             "bytes": self.record_bytes,
-            "limits": _limits_apart(problem, self.linked.record.settings.limits),
+            "limits": _limits_apart(problem),
             "legs": [
                 f"{side} {list(problem.table.phases)[leg.phase]}"
                 for side, leg in zip(
@@ -164,7 +165,7 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
 
 def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
     whole = linked.record
-    apart = replace(whole.settings, limits=_limits_apart(problem, whole.settings.limits))
+    apart = replace(whole.settings, limits=_limits_apart(problem))
     boards = {
         f"{JOINT_BOARD}_{joint.side}_{joint.joint}": units.JointBoard(apart, board)
         for joint, board in zip(problem.joints, whole.boards, strict=True)
@@ -175,13 +176,9 @@ def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
     yield TranslationUnit(EXOSKELETON, [units.exoskeleton_step], {EXOSKELETON: whole})
 
 
-def _limits_apart(problem: Problem, limits: Limits) -> Limits:
+def _limits_apart(problem: Problem) -> Limits:
     """Of units that hear each other: none bears silence for good, also where the simulation has no bus."""
-    control, usual = problem.experiment.control, NetworkParameters()
-    if problem.experiment.network is not None or not control.safety.enabled:
-        return limits
-    silences = ticks(usual.board_silence), ticks(usual.ccu_silence)
-    return replace(limits, controller_silence=silences[0], board_silence=silences[1])
+    return limits_of(problem, problem.experiment.network or NetworkParameters())
 
 
 def _shapes(linked: LinkedUnit) -> list[Any]:

@@ -248,7 +248,7 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequ
         told = (
             ", ".join(f"{number} by {cause}" for cause, number in lost.items() if number) or "none left out"
         )
-        noise = "; noise of the angle reads as impacts: try --cutoff-Hz 10" if lost["stop"] else ""
+        noise = "; a noisy angle reads as impacts at a stop: try --cutoff-Hz 10" if lost["stop"] else ""
         raise ParameterError(
             f"logs: {number} samples are left of {len(samples)} ({told}); expected at least {needed}{noise}"
         )

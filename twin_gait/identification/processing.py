@@ -157,7 +157,7 @@ def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quanti
         raise ParameterFileError(log.source, "time", text)
     grid = time[0] + np.arange(number) / rate
     columns = {quantity: np.interp(grid, time, values) for quantity, values in log.columns.items()}
-    bridged = max(_GAP, _SHORT * rate / cutoff + 1e-6)
+    bridged = max(_GAP, _SHORT * rate / cutoff)
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
     return grid, columns, (time[before + 1] - time[before]) * rate < bridged
 

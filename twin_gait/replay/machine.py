@@ -18,7 +18,7 @@ from twin_gait.exceptions import GaitTableError
 from twin_gait.gait import TICK, GaitTable, compile_guards
 from twin_gait.gait import signals as declared
 from twin_gait.gait.machine import POSTURE, GaitStateMachine, PhaseSwitch
-from twin_gait.gait.signals import ANGLE, LOAD, OTHER, OTHER_TIME, TIME, VELOCITY, Scope, signal_of
+from twin_gait.gait.signals import ANGLE, LOAD, OTHER, OTHER_TIME, TIME, TIME_IN_PHASE, VELOCITY, signal_of
 from twin_gait.parameters import SensorParameters
 from twin_gait.replay.recording import Recording
 from twin_gait.vocabulary import Side
@@ -154,8 +154,7 @@ def needed_signals(table: GaitTable) -> dict[str, list[str]]:
     return {signal: list(readers) for signal, readers in needed.items()}
 
 
-# Without which no log is replayed.
-_HEARD = (declared.ANGLE, declared.VELOCITY, declared.LOAD, declared.TIME_IN_PHASE)
+_HEARD = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)  # without which no log is replayed
 
 
 def assumed_signals(recording: Recording, table: GaitTable) -> dict[str, float]:
@@ -184,14 +183,14 @@ def _lacking(recording: Recording, signal: str, body_weight: float | None) -> st
     if signal == OTHER_PHASE:
         return ""
     said = signal_of(signal)
-    if said is declared.LOAD:
+    if said is LOAD:
         lacking = [side for side in recording.sides if side not in recording.loads]
         if lacking:
             return f"the log has no {lacking[0]}_foot_normal_force_N: name it in --columns"
         return "" if body_weight else "the weight is not known: add --total-mass KG"
     if said.column and signal not in recording.device:
         return f"the log has no {said.column}: name it in --columns"
-    joint = declared.part_of(signal.removeprefix(OTHER)) if said.scope is Scope.JOINT else ""
+    joint = declared.part_of(signal.removeprefix(OTHER)) if said.scope is declared.Scope.JOINT else ""
     for side, joints in recording.angles.items():
         if joint and joint not in joints:
             return f"the log has no angle of the {side} {joint}: name its column in --columns"

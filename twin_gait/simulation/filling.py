@@ -118,7 +118,7 @@ def new_episode(
             blend_law=problem.table.blending.law.code,
         ),
         supply=_supply(problem),
-        limits=_limits(problem),
+        limits=limits_of(problem, problem.experiment.network),
         controller=_controller(problem, control_bodies),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[episode.Sole() for _ in problem.sides],
@@ -324,8 +324,9 @@ def _supply(problem: Problem) -> episode.Supply:
     )
 
 
-def _limits(problem: Problem) -> Limits:
-    control, network = problem.experiment.control, problem.experiment.network
+def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
+    """Limits of boards and gait controller, which bear the silence of a network, or without one any."""
+    control = problem.experiment.control
     safety = control.safety
     heeded = network if safety.enabled else None
     return taken_from(
