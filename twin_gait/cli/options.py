@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import inspect
 import json
 import math
@@ -184,6 +185,11 @@ def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
     ending = path.suffix[1:].lower()
     if form and ending in _ENDINGS and ending != form:
         raise ParameterError(f"{flag} {path}: ends in .{ending}, but {form} is written")
+    try:
+        with contextlib.suppress(FileNotFoundError):
+            path.stat()  # of a name that is too long Python 3.14 says that there is nothing
+    except OSError as error:
+        raise RunDirectoryError(f"{flag} {path}: cannot be written ({error.strerror})") from error
     if path.is_dir():
         raise RunDirectoryError(f"{flag} {path}: is a directory; name a file")
     if path.exists() and not force:

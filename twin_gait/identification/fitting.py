@@ -226,6 +226,7 @@ def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
     return chosen if chosen.used.sum() > 10 * model.size else samples
 
 
+@np.errstate(over="ignore")  # a step along what the samples do not determine may be as long as 1e157
 def refine(
     model: FrictionModel,
     samples: Samples,
