@@ -232,6 +232,15 @@ def test_mistake_in_the_file_of_a_person_names_that_file(file, text, message):
         load_experiment("treadmill", [f"patient={file('mine.yaml', text)}"])
 
 
+def test_a_gait_table_is_exchanged_by_name_in_a_batch():
+    base = load_experiment("treadmill").experiment
+    key = "table.phases.pre_swing.minimum_duration_ms"
+    found = overridden(base, {key: 20, "table": "treadmill_pre_swing"}).table
+    assert found == load_experiment("treadmill", ["table=treadmill_pre_swing", f"{key}=20"]).experiment.table
+    with pytest.raises(ParameterFileError, match="override: table: no gait table 'x'"):
+        overridden(base, {"table": "x"})
+
+
 def test_person_is_exchanged_by_name_in_a_batch():
     base = load_experiment("treadmill", ["patient=stroke_left"]).experiment
     assert overridden(base, {"patient": "healthy"}).patient == patient("patient=healthy")

@@ -72,6 +72,38 @@ def test_a_sweep_has_the_table_of_a_batch_of_its_design(swept):
     assert_same(table.astype(batch.dtypes), batch)
 
 
+def test_wearers_and_gait_tables_are_exchanged_whole_and_kept_in_the_specification(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    there = tmp_path / "there"
+    there.mkdir()
+    (there / "mine.yaml").write_text(
+        "extends: treadmill\nphases: {middle_stance: {minimum_duration_ms: 30}}\n"
+    )
+    (there / "who.yaml").write_text("mass_kg: 80\n")
+    levels = {
+        "table": ["treadmill_pre_swing", "mine.yaml"],
+        "patient": ["who.yaml"],
+        "patient.height_m": [1.8],
+    }
+    more = {"experiment": "treadmill", "settings": {"duration_s": 0.1}, "measures": []}
+    spec = write_spec(there / "spec.yaml", method="grid", samples=None, parameters=levels, **more)
+    sweep = load_sweep(spec)
+    (there / "who.yaml").write_text("mass_kg: 60\n")  # after it was read
+    document = json.dumps(sweep.document)
+    for number, table in enumerate(levels["table"]):
+        found = experiment_of_episode(document, number)
+        path = str(there / table) if table.endswith(".yaml") else table
+        settings = [f"table={path}", "patient.height_m=1.8", "duration_s=0.1"]
+        expected = load_experiment("treadmill", settings).experiment
+        assert (
+            found.table.phases == expected.table.phases
+            and found.table.transitions == expected.table.transitions
+        )
+        assert (found.patient.mass, found.patient.height) == (80.0, 1.8)
+    again = sweep_from_mapping(json.loads(document), "spec.yaml", Path())
+    assert again.sha256 == sweep.sha256 != load_sweep(spec).sha256
+
+
 def test_every_repetition_draws_its_own_noise(tmp_path):
     spec = write_spec(tmp_path / "spec.yaml", samples=2, repetitions=3)
     table = run_sweep(load_sweep(spec), tmp_path / "out", pictures=False).table
@@ -214,6 +246,12 @@ BAD = {
     "date": ({"parameters": {HIP: ["2026-01-01"]}}, [], "episode 0: scenario.*hip_deg.*2026-01-01"),
     "negative seed": ({"seed": -1}, [], "seed: .*-1"),
     "zero repetitions": ({"repetitions": 0}, [], "repetitions: .*0"),
+    "no gait table": (
+        {"parameters": {"table": ["mine"]}},
+        [],
+        "spec.yaml: table: no gait table 'mine': neither a file nor one of .*sup_2009",
+    ),
+    "no person": ({"parameters": {"patient": ["me"]}}, [], "spec.yaml: patient: no person 'me'"),
     "wrong setting": ({"settings": {"patient.mas_kg": 70}}, [], "mas_kg"),
     "no measure": ({"measures": ["happiness"]}, [], "measures: no measure 'happiness'"),
     "text to draw": ({"measures": ["outcome"]}, [], "measures: no measure 'outcome'"),

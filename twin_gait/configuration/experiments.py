@@ -73,6 +73,17 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
     return merge({key: item for key, item in data.items() if key not in _HEADER}, changes)
 
 
+def named_document(key: str, value: Any, path: Path) -> dict[str, Any] | None:
+    """What an experiment file has under ``patient`` or ``table``, where a value names it; else None.
+
+    ``path``: file that names it, from whose folder a relative path starts; the working folder comes next.
+    Errors are those of :func:`person_document`.
+    """
+    if key == "patient" and names_a_person(value):
+        return _person(value, path, str(path))
+    return _resolve_table(value, path) if key == "table" and isinstance(value, str) else None
+
+
 def presets() -> dict[str, str]:
     """Names of the presets, those of other packages last, with their one-line descriptions."""
     shipped = packaged("presets")

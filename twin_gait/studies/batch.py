@@ -5,18 +5,20 @@ Memory does not grow with the length of a batch but for the rows of its table (6
 columns that the row is made of.
 """
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
-from twin_gait.configuration.experiments import names_a_person, person_document
-from twin_gait.configuration.validation import assign, converting, parse_assignment, refuse_two_units
+from twin_gait.configuration.experiments import named_document
+from twin_gait.configuration.validation import assign, parse_assignment, refuse_two_units
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
@@ -86,6 +88,9 @@ def _block_ahead(
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
 Override = Mapping[str, Any]
 Flat = dict[str, float | str | bool | None]
+WHOLE = ("patient", "table")  # keys whose values may be names of what is exchanged as a whole
+# What names stand for, by key and name_of: mappings of an experiment document.
+Named = Mapping[str, Mapping[str, dict[str, Any]]]
 
 # Ends of the names of the columns of a log that :func:`flat_summary` reads, beside time and phases.
 READ_IN_BRIEF = (
@@ -166,20 +171,27 @@ def simulate_batch(
     return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
 
 
+def name_of(value: Any) -> str:
+    """Name by which a wearer or a gait table is exchanged; a person with changes is written as JSON."""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
 def with_document(experiment: Experiment) -> LoadedExperiment:
     """An experiment with its document, which takes longer to write than to change."""
     return LoadedExperiment(experiment, experiment_document(experiment))
 
 
-def changed(base: LoadedExperiment, override: Override, source: str = "override") -> Experiment:
-    """As :func:`overridden`, for many changes of one experiment."""
+def changed(
+    base: LoadedExperiment, override: Override, source: str = "override", known: Named = MappingProxyType({})
+) -> Experiment:
+    """As :func:`overridden`, for many changes of one experiment; ``known``: what names stand for."""
     document = base.document
     refuse_two_units(override, source)
-    for key, value in sorted(override.items(), key=lambda item: item[0] != "patient"):  # the person first
+    for key, value in sorted(override.items(), key=lambda item: item[0] not in WHOLE):
         plain = value.item() if isinstance(value, np.generic) else value
-        if key == "patient" and names_a_person(plain):
-            plain = converting(source, "patient", partial(person_document, plain))
-            document = {**document, "patient": None}  # nothing of the one before is left underneath
+        named = known.get(key, {}).get(name_of(plain)) or named_document(key, plain, Path(source))
+        if named is not None:
+            document, plain = {**document, key: None}, named  # nothing of the one before is left underneath
         document = _assigned(document, key, plain, source)
     return experiment_from_mapping(document, source, Path(), base)
 
@@ -188,8 +200,8 @@ def overridden(experiment: Experiment, override: Override) -> Experiment:
     """The experiment with some values changed, as ``--set`` changes them.
 
     ``override``: values by keys of its document, joined by dots, list positions in brackets; a quantity may
-    be given in any unit that its file may. A mapping is laid over what is there. A ``patient`` may be
-    exchanged by name; the gait table is changed below ``table.``, not exchanged by name.
+    be given in any unit that its file may. A mapping is laid over what is there. ``patient`` and ``table``
+    may be exchanged by name or path; other keys are laid over the new ones.
     """
     return changed(with_document(experiment), override)
 

@@ -18,13 +18,13 @@ from pydantic import ConfigDict, Field, model_validator
 
 from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
 from twin_gait.configuration.documents import content_hash
-from twin_gait.configuration.experiments import load_experiment, resolved_document
+from twin_gait.configuration.experiments import load_experiment, named_document, resolved_document
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import versions
 from twin_gait.simulation.problem import build_problem
-from twin_gait.studies.batch import SUMMARY_COLUMNS, changed, with_document
+from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, changed, name_of, with_document
 from twin_gait.studies.jobs import sources_hash
 
 MOST_EPISODES = 10_000_000
@@ -153,6 +153,7 @@ class SweepFile(Strict):
     repetitions: Count = Field(default=1, ge=1)
     seed: Count = Field(default=0, ge=0)
     measures: list[str] = Field(default_factory=list)
+    named: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
     provenance: dict[str, Any] | None = None
 
 
@@ -166,6 +167,7 @@ class Sweep:
     design: Design  # what each changes
     seed: int  # that each episode's own seed is drawn from, with its number
     measures: tuple[str, ...]  # columns that are drawn
+    named: Named  # wearers and gait tables that the design names
     # The specification with the whole experiment in it and the hashes and versions of what made it; reading
     # it gives the same sweep.
     document: Mapping[str, Any]
@@ -204,6 +206,7 @@ def sweep_from_mapping(
             raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
     experiment, typed = _experiment(entry.experiment, assignments, source, folder)
+    named = _named(entry, folder / Path(source).name)
     document = {
         "schema_version": entry.schema_version,
         "name": entry.name or name,
@@ -212,10 +215,26 @@ def sweep_from_mapping(
         "repetitions": entry.repetitions,
         "seed": entry.seed,
         "measures": entry.measures,
+        "named": named,
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
     design = _design(entry, source)
-    return Sweep(source, entry.name or name, experiment, design, entry.seed, tuple(entry.measures), document)
+    measures = tuple(entry.measures)
+    return Sweep(source, entry.name or name, experiment, design, entry.seed, measures, named, document)
+
+
+def _named(entry: SweepFile, path: Path) -> Named:
+    """What the wearers and gait tables stand for that the values name; once read they are kept."""
+    found: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in WHOLE}
+    for key, documents in found.items():
+        levels = entry.parameters.get(key)
+        values = [row[key] for row in entry.episodes if key in row]
+        for value in [*values, *(levels if isinstance(levels, list) else ())]:
+            name = name_of(value)
+            document = entry.named.get(key, {}).get(name) or named_document(key, value, path)
+            if document is not None:
+                documents[name] = document
+    return found
 
 
 def _experiment(
@@ -278,7 +297,7 @@ def experiment_of_episode(spec: str, number: int) -> Experiment:
     draws = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
     seed = {"seed": int(draws.generate_state(1, np.uint64)[0])}
     seeded = replace(base, document=base.document | seed)
-    return changed(seeded, sweep.design[number], f"episode {number}")
+    return changed(seeded, sweep.design[number], f"episode {number}", sweep.named)
 
 
 @lru_cache(maxsize=1)
