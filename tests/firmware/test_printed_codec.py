@@ -42,7 +42,7 @@ class InC:
     def __init__(self, library: Library, name: str, real: type) -> None:
         self.pack, self.unpack = library.handle.can_pack, library.handle.can_unpack
         self.unpack.restype = ctypes.c_bool
-        message = type(library.structure(PRINTED[name])).in_dll(library.handle, name)
+        message = type(library.structure(PRINTED[own := f"message_{name}"])).in_dll(library.handle, own)
         self.frame = library.structure(CanFrame(MESSAGES[name].identifier, MESSAGES[name].length))
         self.values = (real * WIDTH)()
         self.given = (ctypes.byref(message), ctypes.byref(self.frame))

@@ -400,7 +400,7 @@ def test_every_file_says_what_it_is_and_the_hash_follows_the_sources(laws, guard
     for name, text in laws.files.items():
         assert "Not a medical device." in text.partition("*/")[0], name
         if name.endswith(".h"):
-            assert f"#ifndef {name.upper().replace('.', '_')}" in text
+            assert f"#ifndef TWIN_GAIT_{name.upper().replace('.', '_')}" in text
 
     def hash_of(entries: Sequence[Any], table: Any) -> str:
         return print_units([TranslationUnit("machine", entries, {"table": table})]).source_hash

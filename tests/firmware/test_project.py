@@ -98,6 +98,28 @@ def test_compilers_have_nothing_to_say(printed, command, tmp_path):
         assert run(*command, *STRICT, "-c", source, "-o", tmp_path / "unit.o") == ""
 
 
+def test_a_program_in_cpp_links_with_it_and_its_names_are_its_own(printed, tmp_path):
+    require_tools("g++", "gcc", "nm")
+    objects = [tmp_path / f"{name}.o" for name in UNITS]
+    for name, made in zip(UNITS, objects, strict=True):
+        run("gcc", "-O1", "-c", printed.folder / f"{name}.c", "-o", made)
+    main = tmp_path / "main.cpp"
+    main.write_text(
+        "".join(f'#include "{name}.h"\n' for name in UNITS) + "int main() {\n"
+        "  static Exoskeleton unit; static ExoskeletonInputs inputs; static ExoskeletonOutputs outputs;\n"
+        "  exoskeleton_init(&unit); exoskeleton_step(&unit, &inputs, &outputs);\n"
+        "  CanFrame frame; real values[16] = {1}; can_pack(&message_battery, values, &frame);\n}\n"
+    )
+    strict = ["-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{printed.folder}"]
+    run("g++", *strict, main, *objects, "-o", tmp_path / "program")
+    run(tmp_path / "program")
+    own = tuple(f"{name}_" for name in (*UNITS[:-1], "can", "message"))
+    lines = run("nm", "--format=posix", "--extern-only", "--defined-only", *objects).splitlines()
+    shared = {line.split()[0] for line in lines if line and not line.endswith(":")}
+    assert {"can_pack", "message_battery"} <= shared
+    assert all(name.startswith(own) for name in shared), shared
+
+
 def test_cppcheck_has_nothing_to_say(printed):
     require_tools("cppcheck")
     checks = "--enable=warning,style,performance,portability"

@@ -52,9 +52,11 @@ def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> boo
 
 
 def can_messages(messages: Mapping[str, Message]) -> dict[str, CanMessage]:
-    """Messages of a DBC file as the firmware has them, by name."""
+    """Messages of a DBC file as the firmware has them, by their names in C."""
     width = max(len(message.signals) for message in messages.values())
     return {
-        name: CanMessage(item.identifier, item.length, item.layout + [_NOTHING] * (width - len(item.signals)))
+        f"message_{name}": CanMessage(
+            item.identifier, item.length, item.layout + [_NOTHING] * (width - len(item.signals))
+        )
         for name, item in messages.items()
     }

@@ -146,9 +146,10 @@ def _reached(entries: Iterable[Function]) -> Iterator[Function]:
 
 
 def _header(name: str, included: Sequence[str], lines: Sequence[str]) -> list[str]:
-    guard = f"{name.upper()}_H"
+    guard = f"TWIN_GAIT_{name.upper()}_H"
     includes = [f'#include "{item}"' for item in included]
-    return [f"#ifndef {guard}", f"#define {guard}", "", *includes, "", *lines, "#endif"]
+    first, last = (["#ifdef __cplusplus", brace, "#endif", ""] for brace in ('extern "C" {', "}"))
+    return [f"#ifndef {guard}", f"#define {guard}", "", *includes, "", *first, *lines, *last, "#endif"]
 
 
 def _modules(functions: Functions) -> str:

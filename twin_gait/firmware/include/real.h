@@ -1,7 +1,7 @@
 /* The number type of the firmware, and the few operations that C does otherwise than Python.
    Numbers are float, or double with -DREAL_DOUBLE. Not a medical device. */
-#ifndef REAL_H
-#define REAL_H
+#ifndef TWIN_GAIT_REAL_H
+#define TWIN_GAIT_REAL_H
 
 #include <float.h>
 #include <math.h> /* INFINITY and NAN alone: nothing of the library is called */
