@@ -19,7 +19,7 @@ from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, REDDISH_PURPLE
 from twin_gait.report import put_legend, save, style_panel
 
 form = form_of("controllers")
-DURATION, SKIPPED = (12.0 if form.quick else 30.0), 3  # [s], strides at the start
+DURATION = 12.0 if form.quick else 30.0  # [s]
 CONTROLLERS = {
     "table": [],
     "four fifths of it": ["control.assistance.hip=0.8", "control.assistance.knee=0.8"],
@@ -52,7 +52,7 @@ for name, run in runs.items():
 # %%
 def mean_stride(run: Run, column: str) -> np.ndarray:
     """A column of the affected leg over the stride, mean of 101 points."""
-    strides = run.leg_record(AFFECTED).strides()[SKIPPED:]
+    strides = run.leg_record(AFFECTED).strides()
     return np.mean(normalise_strides(run.log[f"{AFFECTED}_{column}"].to_numpy(), strides), axis=0)
 
 

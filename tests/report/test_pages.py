@@ -41,7 +41,7 @@ def test_paragraphs_are_apart_by_blank_lines() -> None:
     content = {"effort": effort, "convergence": {"best": [2.0, 1.0]}}
     (text,) = paragraphs("tune_search.txt", content)
     assert text == (
-        "Damped least squares: 12 candidates in 1 generations; the best cost went from 2.00 to 1.00. "
+        "Damped least squares: 12 candidates in 1 generation; the best cost went from 2.00 to 1.00. "
         "It took 1.0 minutes."
     )
 
