@@ -81,6 +81,12 @@ def test_noise_is_drawn_by_the_seed_and_leaves_that_of_the_encoders():
     assert np.abs(np.corrcoef(np.hstack([encoders, unit]).T) - np.eye(7)).max() < 0.04
 
 
+def test_noise_is_drawn_when_an_engine_asks() -> None:
+    """A live page lays an hour out for every change; drawn each time, the noise took 0.7 s and 0.3 GB."""
+    hour = build_problem(load_experiment("day", ["duration_s=3600"]).experiment)
+    assert "noise" not in vars(hour)
+
+
 def test_where_the_pelvis_is_guided_there_is_no_unit():
     settings = ["sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=0.1"]
     noise = build_problem(load_experiment("treadmill", settings).experiment).noise

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,13 +53,19 @@ class Problem:
     # k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
     phase_rows: np.ndarray
     offset: np.ndarray  # Calibration error of each encoder in [rad], shape ``(n_joints,)``.
-    # What strays in every tick, shape ``(n_ticks or 1, n)``: what encoders read in excess of the angle in
-    # [rad], noise and offset; shares of the wearer's efforts; with an inertial unit its noise.
-    noise: np.ndarray
     fast_gain: float  # Gain of the fast velocity filter.
     limbs: list[Limb]  # What the wearer does at hips and knees.
     controller: Controller  # What decides on the demands.
     plan: Plan  # What it knows.
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """What strays in every tick, shape ``(n_ticks or 1, n)``.
+
+        What encoders read in excess of the angle in [rad], noise and offset; shares of the wearer's efforts;
+        with an inertial unit its noise. Drawn when an engine asks: that of an hour takes 0.3 GB and seconds.
+        """
+        return _noise(self.experiment, self.offset, len(self.limbs))
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -125,7 +132,6 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
         joints=joints,
         phase_rows=np.array(rows),
         offset=offset,
-        noise=_noise(experiment, offset, len(limbs)),
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         limbs=limbs,
         controller=controller,
