@@ -88,7 +88,7 @@ def private_files() -> Iterator[None]:
         os.umask(mask)
 
 
-def write_atomically(path: Path, content: str | bytes) -> None:
+def write_atomically(path: str | Path, content: str | bytes) -> None:
     """Write a file through a temporary one beside it; it is on the disk when this returns.
 
     Args:
@@ -97,7 +97,7 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     Raises:
         RunDirectoryError: If it cannot be written.
     """
-    data = content.encode("utf-8") if isinstance(content, str) else content
+    path, data = Path(path), content.encode("utf-8") if isinstance(content, str) else content
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     except OSError as error:
@@ -175,17 +175,29 @@ def require_table_size(path: Path, rows: int, columns: int) -> None:
 def read_parquet(path: Path) -> pd.DataFrame:
     """Read a parquet file, unless it unpacks to more than any log of a walk.
 
+    Column by column: the whole of it beside the frame would take the memory twice.
+
     Raises:
         ParameterFileError: If it is too large.
         pyarrow.ArrowException: If it is no such file.
         OSError: If it cannot be read.
     """
+    import numpy as np
+    import pandas as pd
     import pyarrow.parquet as pq
 
-    declared = pq.read_metadata(path)
-    require_table_size(path, declared.num_rows, declared.num_columns)
-    table: pd.DataFrame = pq.read_table(path).to_pandas()
-    return table
+    with pq.ParquetFile(path) as file:
+        require_table_size(path, file.metadata.num_rows, file.metadata.num_columns)
+        names, others = file.schema_arrow.names, {}
+        numbers = np.empty((len(names), file.metadata.num_rows))
+        for place, name in enumerate(names):
+            read = file.read([name])  # with others of which the name has only the beginning
+            column = read.column(read.column_names.index(name))
+            if column.type == "double":
+                numbers[place] = column.to_numpy()
+            else:
+                others[name] = column.to_pandas()
+    return pd.DataFrame(numbers.T, columns=names, copy=False).assign(**others)
 
 
 def write_parquet(path: Path, table: pd.DataFrame, **metadata: str) -> None:

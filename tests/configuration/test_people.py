@@ -84,7 +84,8 @@ def test_one_side_is_laid_over_both():
 
 def test_setting_in_another_unit_replaces_the_old_one():
     found = patient(
-        "patient.both.knee={passive: 1, contracture_deg: 10, stretch_reflex_threshold_deg_per_s: 50}",
+        "patient.both.knee={passive: 1, contracture_deg: 10, stretch_reflex_threshold_deg_per_s: 50,"
+        " stretch_reflex_gain_Nms_per_rad: 1}",
         "patient.both.knee.contracture_rad=0.2",
         "patient.both.knee.stretch_reflex_threshold_rad_per_s=2",
         "patient.effort_delay_ms=200",  # the complete document below has it in seconds
@@ -107,11 +108,12 @@ MISTAKES = {
     "patient.left.hip.effort=2": "patient.left.hip.effort: expected a number from 0 to 1, got 2",
     "patient.both.knee.passive=true": "patient.both.knee.passive: expected a number, got true",
     "patient.both.knee.passive=-1": "patient.both.knee.passive: expected 0 to 3, got -1",
+    "patient.both.knee={passive: 1, contracture_deg: 80}": "expected a number from 0 to 60, got 80 deg",
     "patient.both.knee.contracture_deg=5": "both.knee.contracture: expected 0 without a passive moment",
     "patient.both.knee={contracture_deg: 5, contracture_rad: 0.1}": (
         "patient.both.knee: expected exactly one of contracture_deg or contracture_rad"
     ),
-    "patient.effort_delay_ms=2000": "patient.effort_delay_ms: expected 0 to 1 s, got 2000",
+    "patient.effort_delay_ms=2000": "patient.effort_delay_ms: expected a number from 0 to 1000, got 2000 ms",
     "patient.effort_noise=.nan": "patient.effort_noise: .*finite",
     "patient=nobody": "patient: no person 'nobody': neither a file nor one of complete_sci, healthy,",
     "patient={preset: 7}": "patient: no person '7'",

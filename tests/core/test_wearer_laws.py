@@ -236,7 +236,16 @@ def test_wearer_who_gives_nothing_is_mass_alone():
     left_hip, right_knee = ("left", JointName.HIP), ("right", JointName.KNEE)
     idle = {
         left_hip: JointCondition(effort=1.0, strength=0.0),
-        right_knee: JointCondition(stretch_reflex_threshold=0.5),
+        right_knee: JointCondition(effort=0.0),
     }
     assert Patient(conditions=idle).is_mass_alone
     assert not Patient(conditions=idle | {left_hip: JointCondition(passive=0.1)}).is_mass_alone
+
+
+@pytest.mark.parametrize(
+    ("idle", "needed"), [("strength", "effort"), ("stretch_reflex_threshold", "stretch_reflex_gain")]
+)
+def test_what_changes_nothing_is_told(idle, needed):
+    with pytest.warns(UserWarning, match=f"^{idle}: does nothing, because {needed} is 0$"):
+        assert JointCondition(**{idle: 0.5}).does_nothing
+    assert not JointCondition(**{idle: 0.5, needed: 0.5}).does_nothing

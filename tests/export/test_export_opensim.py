@@ -81,7 +81,7 @@ def test_a_log_of_one_leg_without_an_ankle_has_two_angles(tmp_path, rng):
         "hip_flexion_r",
         "knee_angle_r",
     ]
-    assert export_motion(log, tmp_path / "x2.mot", CORC_X2) == [
+    assert export_motion(log, str(tmp_path / "x2.mot"), CORC_X2) == [
         "time",
         "JointPositions_3",
         "JointPositions_4",

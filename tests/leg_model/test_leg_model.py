@@ -239,6 +239,12 @@ def test_armature_acts_on_hip_and_knee_only(both_legs: dict[Side, LegJoints], tw
     assert expected.sum() == pytest.approx(4 * 3.342)
 
 
+@pytest.mark.parametrize("wrong", [-1.0, np.nan])
+def test_armature_is_no_less_than_nothing(bench_leg: dict[Side, LegJoints], wrong: float) -> None:
+    with pytest.raises(ParameterError, match=r"^armature of the hip: expected a number of 0 or more"):
+        LegModel("twin.urdf", bench_leg, armature={JointName.HIP: wrong})
+
+
 def test_armature_slows_forward_dynamics(bench: LegModel, bench_leg: dict[Side, LegJoints]) -> None:
     bare = LegModel("twin_leg.urdf", bench_leg)
     q, v = np.array([0.2, 0.5]), np.zeros(2)

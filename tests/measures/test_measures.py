@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -40,12 +41,15 @@ from twin_gait.measures.reference import (
     FASTEST,
     SLOWEST,
     key_events,
+    normative_angle,
+    normative_moment,
     reference_covers,
     reference_curve,
     reference_cycle_time,
 )
 from twin_gait.measures.strides import (
     PERCENT,
+    cadence,
     coefficient_of_variation,
     normalise_strides,
     root_mean_square_error,
@@ -219,6 +223,23 @@ def test_reference_refuses_speeds_that_it_was_not_made_for(speed: float) -> None
         reference_curve(JointName.HIP, PERCENT, speed=speed, height=HEIGHT)
 
 
+@pytest.mark.parametrize(
+    ("curve", "joint", "known"),
+    [
+        (normative_angle, "ankle", "hip or knee"),
+        (normative_moment, "elbow", "hip or knee"),
+        (partial(reference_curve, speed=1.0, height=1.75), "elbow", "one of hip, knee, ankle"),
+    ],
+)
+def test_a_joint_without_a_curve_is_refused_with_those_that_have_one(curve, joint, known) -> None:
+    with pytest.raises(ParameterError, match=f"^joint: expected {known}, got '{joint}'$"):
+        curve(joint, np.zeros(1))
+
+
+def test_strides_that_last_no_time_have_no_cadence() -> None:
+    assert math.isnan(cadence(np.zeros(2)))
+
+
 def test_reference_refuses_a_height_that_gives_no_step() -> None:
     with pytest.raises(ParameterError, match="height"):
         reference_cycle_time(0.4, 0.5)
@@ -290,6 +311,14 @@ def test_heel_that_bounces_strikes_at_its_first_touch_however_long_it_is_away(aw
 def test_scuff_before_the_first_strike_counts_after_a_toe_off_only() -> None:
     contacts = FootContacts(np.array([1000]), np.array([400]), np.array([200, 600, 1200]))
     assert_array_equal(scuffs(contacts), [600])
+
+
+@pytest.mark.parametrize("unknown", [slice(1000, 1001), slice(1200, 1201), slice(900, 1500)])
+def test_a_gap_in_the_hip_angle_costs_no_stride(unknown) -> None:
+    force, hip = square_force((400, 1000), (1400, 2000)), np.zeros(5000)
+    hip[1000:1400] = np.linspace(0.0, 0.5, 400)
+    hip[unknown] = math.nan
+    assert_array_equal(find_foot_contacts(force, 1e-3, hip).heel_strikes, [400, 1400])
 
 
 def test_clearance_is_the_least_of_the_middle_half() -> None:

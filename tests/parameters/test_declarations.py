@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import MISSING, dataclass, field
+from dataclasses import MISSING, dataclass, field, replace
 from importlib import import_module
 from pkgutil import walk_packages
 from typing import Annotated, Any
@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import twin_gait
+from twin_gait import load_experiment
 from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import JointCondition, Patient
@@ -150,3 +151,19 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
         "Transition.guard",
         "Transition.time_out_ticks",
     }
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        ("table", None, "an instance of GaitTable"),
+        ("patient", 70, "an instance of Patient"),
+        ("integration", "rk4", "an instance of Integration"),
+        ("faults", None, "a tuple"),
+        ("faults", (3,), "an instance of Fault"),
+        ("engine", None, "one of pinocchio, compiled"),
+    ],
+)
+def test_a_record_of_another_type_is_refused(field, value, expected):
+    with pytest.raises(ParameterError, match=f"^{field}: expected {expected}, got "):
+        replace(load_experiment("bench_leg").experiment, **{field: value})

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -94,3 +95,19 @@ def test_identify_refuses_too_many_rows(tmp_path: Path, monkeypatch: pytest.Monk
     assert len(read_log(tmp_path / "log.csv")) == 50
     monkeypatch.setattr(files, "MOST_ROWS", 30)
     assert "50 rows" in refused(read_log, tmp_path / "log.csv")
+
+
+def test_parquet_is_read_without_a_second_copy_of_it(tmp_path):
+    phases = pd.Categorical(["swing", "stance"])
+    names = {"b.c": [1.0, None], "b": [{"c": 1}, {"c": 2}], "phase": phases, "n": [1, 2]}
+    expected = pd.DataFrame(names)
+    expected.to_parquet(tmp_path / "log.parquet")
+    before = pa.total_allocated_bytes()
+    found = files.read_parquet(tmp_path / "log.parquet")
+    pd.testing.assert_frame_equal(found[["b.c", "phase", "n"]], expected[["b.c", "phase", "n"]])
+    assert list(found) == list(names)
+    wide = pd.DataFrame(np.ones((1000, 50))).rename(columns=str)
+    files.write_parquet(tmp_path / "log.parquet", wide)
+    found = files.read_parquet(tmp_path / "log.parquet")
+    assert found.equals(wide)
+    assert pa.total_allocated_bytes() - before < found.memory_usage().sum() / 10

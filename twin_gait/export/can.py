@@ -153,7 +153,7 @@ def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     return np.take(own, rows["trip_cause"].astype(int))
 
 
-def export_can(frames: Iterable[BusFrame], path: Path, kind: str) -> int:
+def export_can(frames: Iterable[BusFrame], path: str | Path, kind: str) -> int:
     """Write frames as ``candump``, the log of can-utils, or ``asc``, that of Vector; how many there are."""
     try:
         import can

@@ -57,7 +57,7 @@ class ExternalLoad(NamedTuple):
 
 
 def export_inverse_dynamics(
-    run: Run, folder: Path, convention: Convention, *, device: bool = False
+    run: Run, folder: str | Path, convention: Convention, *, device: bool = False
 ) -> list[str]:
     """Write everything that OpenSim needs to find the joint moments of a run; names of the files.
 
@@ -74,7 +74,7 @@ def export_inverse_dynamics(
     if world.model.pitch_index is not None:
         left_out = "a trunk that pitches, its arms and crutches are not in what OpenSim would be given"
         raise ParameterError(f"{run.experiment.name}: {left_out}; take --format mot for the joint angles")
-    time = {"time": run.log["time_s"].to_numpy(dtype=float)}
+    folder, time = Path(folder), {"time": run.log["time_s"].to_numpy(dtype=float)}
     motion = {
         **time,
         **joint_angles(run.log, convention, DEGREES, device=device),

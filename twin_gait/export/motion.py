@@ -19,7 +19,7 @@ from twin_gait.vocabulary import JointName, Side
 
 
 def export_motion(
-    log: pd.DataFrame, path: Path, convention: Convention, *, unit: str = DEGREES, device: bool = False
+    log: pd.DataFrame, path: str | Path, convention: Convention, *, unit: str = DEGREES, device: bool = False
 ) -> list[str]:
     """Write the joint angles of a log as a motion of an OpenSim model; names of the columns.
 
@@ -58,11 +58,11 @@ def joint_angles(
     return columns
 
 
-def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: bool) -> None:
+def write_storage(path: str | Path, columns: Mapping[str, np.ndarray], *, in_degrees: bool) -> None:
     """Write a .mot or .sto file of columns, ``time`` first, with all digits."""
     table = pd.DataFrame(columns)
     header = [
-        path.stem,
+        Path(path).stem,
         "version=1",
         f"nRows={len(table)}",
         f"nColumns={len(columns)}",
@@ -72,6 +72,6 @@ def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: 
     write_atomically(path, "\n".join(header) + table.to_csv(sep="\t", index=False, lineterminator="\n"))
 
 
-def export_csv(log: pd.DataFrame, path: Path) -> None:
+def export_csv(log: pd.DataFrame, path: str | Path) -> None:
     """Write a log as CSV: a header with units in the names, one row per tick, all digits."""
     write_atomically(path, log.to_csv(index=False, lineterminator="\n"))

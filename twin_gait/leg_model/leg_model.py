@@ -18,7 +18,7 @@ from twin_gait.leg_model.assembly import Assembly
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
-from twin_gait.parameters.quantities import FINITE, of_kind, require
+from twin_gait.parameters.quantities import FINITE, NOT_NEGATIVE, of_kind, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
@@ -71,7 +71,10 @@ class LegModel:
         legs = of_kind(Mapping[Side, joints.LegJoints], "legs", legs)
         pelvis = of_kind(PelvisGuide, "pelvis", pelvis)
         bodies = of_kind(joints.Bodies, "bodies", bodies)
-        armature = of_kind(Mapping[JointName, float], "armature", armature)
+        patient = None if patient is None else of_kind(Patient, "patient", patient)
+        armature = of_kind(Mapping[JointName, float], "armature", armature or {})
+        for joint, inertia in armature.items():
+            NOT_NEGATIVE.require(f"armature of the {joint}", inertia)
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = pelvis, patient
         self.up_axis = up_axis
@@ -83,7 +86,7 @@ class LegModel:
         alone = bodies is joints.Bodies.WEARER
         if patient is not None and bodies is not joints.Bodies.DEVICE:
             assembly.put_on(patient, alone=alone)
-        assembly.load(gravity, {} if alone else armature or {})
+        assembly.load(gravity, {} if alone else armature)
         self.model = assembly.model
         self.data = self.model.createData()
 

@@ -57,8 +57,9 @@ def find_foot_contacts(
 ) -> FootContacts:
     """Find heel strikes, toe-offs and further contacts.
 
-    ``normal_force`` of one foot in [N]; ``hip_angle`` of the same leg in [rad], flexion positive; without it
-    the time off the ground alone tells swings from bounces. Returns the contacts, as sample indices.
+    ``normal_force`` of one foot in [N]; ``hip_angle`` of the same leg in [rad], flexion positive, NaN
+    where it is not known; without it the time off the ground alone tells swings from bounces. Returns the
+    contacts, as sample indices.
     """
     loaded = np.concatenate(([False], is_loaded(normal_force), [False]))
     edges = np.flatnonzero(loaded[1:] != loaded[:-1])
@@ -98,7 +99,10 @@ def _swings(start: int, end: int, shortest: float, hip_angle: np.ndarray | None)
     """Whether a time off the ground is a swing."""
     if end - start < shortest:
         return False
-    return hip_angle is None or bool(hip_angle[start:end].max() - hip_angle[start] >= LEAST_ADVANCE)
+    if hip_angle is None:
+        return True
+    known = hip_angle[start:end][~np.isnan(hip_angle[start:end])]
+    return len(known) == 0 or bool(known.max() - known[0] >= LEAST_ADVANCE)
 
 
 # Lift-off and landing are left out: there the foot has to be low.

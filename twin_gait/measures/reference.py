@@ -29,7 +29,7 @@ import numpy as np
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.measures.effort import root_mean_square
-from twin_gait.parameters.quantities import POSITIVE, require
+from twin_gait.parameters.quantities import POSITIVE, of_kind, require
 from twin_gait.vocabulary import JointName
 
 KILOMETRES_PER_HOUR = 3.6  # in a metre per second
@@ -61,7 +61,8 @@ def reference_covers(speed: float) -> bool:
 def key_events(joint: JointName, *, speed: float, height: float) -> tuple[KeyEvent, ...]:
     """Key events of a joint, in the order of the cycle.
 
-    Raises ParameterError if the regression does not reach the speed, or the height is not positive.
+    Raises ParameterError for another joint, if the regression does not reach the speed, or the height is not
+    positive.
     """
     _require_covered(speed, height)
     degree = math.pi / 180.0
@@ -72,7 +73,7 @@ def key_events(joint: JointName, *, speed: float, height: float) -> tuple[KeyEve
             degree * _regress(velocity, speed, height) * SAMPLES_PER_PERCENT,
             degree * _regress(acceleration, speed, height) * SAMPLES_PER_PERCENT**2,
         )
-        for timing, angle, velocity, acceleration in _coefficients()[joint]
+        for timing, angle, velocity, acceleration in _coefficients()[of_kind(JointName, "joint", joint)]
     )
 
 
@@ -202,6 +203,12 @@ def _table() -> np.ndarray:
     return table
 
 
+def _column_of(joint: str, first: int) -> np.ndarray:
+    """Column of a joint, those of its kind beginning with ``first``; ParameterError for one without."""
+    require(joint in WINTER_JOINTS, "joint", " or ".join(WINTER_JOINTS), joint)
+    return np.asarray(_table()[:, first + WINTER_JOINTS.index(JointName(joint))])
+
+
 def normative_angle(joint: str, percent: np.ndarray) -> np.ndarray:
     """Angle in healthy walking at natural cadence.
 
@@ -211,7 +218,7 @@ def normative_angle(joint: str, percent: np.ndarray) -> np.ndarray:
     """
     from scipy.interpolate import CubicSpline  # takes longer to import than a walk to simulate
 
-    degrees = _table()[:, 1 + WINTER_JOINTS.index(JointName(joint))]
+    degrees = _column_of(joint, 1)
     closed = np.append(degrees[:-1], degrees[0])
     spline = CubicSpline(_table()[:, 0], np.radians(closed), bc_type="periodic")
     return np.asarray(spline(np.mod(percent, CYCLE)))
@@ -224,8 +231,7 @@ def normative_moment(joint: str, percent: np.ndarray) -> np.ndarray:
     ``joint``: ``hip`` or ``knee``; ``percent`` of the gait cycle from foot contact, in [%], any shape.
     Returns moment in [N m] / [kg], the same shape.
     """
-    moments = -_table()[:, 3 + WINTER_JOINTS.index(JointName(joint))]
-    return np.asarray(np.interp(np.mod(percent, CYCLE), _table()[:, 0], moments))
+    return np.asarray(np.interp(np.mod(percent, CYCLE), _table()[:, 0], -_column_of(joint, 3)))
 
 
 WINTER_SLOW_SPEED = 1.0  # [m] / [s], about, at Winter's slow cadence (recalled)

@@ -200,9 +200,10 @@ SECONDS_PER_MINUTE = 60.0
 def cadence(stride_times: np.ndarray) -> float:
     """Steps in a minute, two a stride.
 
-    ``stride_times`` in [s], shape ``(n,)``. Returns cadence in steps a minute; NaN without strides.
+    ``stride_times`` in [s], shape ``(n,)``. Returns cadence in steps a minute; NaN without strides, or if
+    they last no time.
     """
-    return 2.0 * SECONDS_PER_MINUTE / finite_mean(stride_times)
+    return 2.0 * SECONDS_PER_MINUTE / (finite_mean(stride_times) or math.nan)
 
 
 def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> np.ndarray:

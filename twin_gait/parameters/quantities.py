@@ -69,8 +69,9 @@ class Range:
         return inside and (self.endless or math.isfinite(value))
 
     def in_unit(self, factor: float) -> "Range":
-        """The range in a unit, given by its value in SI; the words stay."""
-        return dataclasses.replace(self, least=self.least / factor, most=self.most / factor)
+        """The range in a unit, given by its value in SI; words, which say it in SI, stay there."""
+        words = self.words if factor == 1.0 else ""
+        return dataclasses.replace(self, least=self.least / factor, most=self.most / factor, words=words)
 
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
         """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
@@ -225,21 +226,28 @@ class Parameters:
         """Take words for members of enumerations and numbers of NumPy for Python's, and check the ranges."""
         for item in declarations(type(self)):
             value = getattr(self, item.name)
-            if value is not None:
+            if value is not None or not item.optional:
                 object.__setattr__(self, item.name, of_kind(item.kind, item.name, value))
             item.check(getattr(self, item.name))
 
 
 def of_kind(kind: Any, name: str, value: Any) -> Any:
-    """A value as a parameter of some type has it; ParameterError for a word that its enumeration lacks."""
-    if isinstance(value, Mapping) and is_mapping(kind):
+    """A value as a parameter of some type has it; ParameterError for a word or record of no such type."""
+    if is_mapping(kind):
+        require(isinstance(value, Mapping), name, "a mapping", value)
         of_key, of_item = get_args(kind)
         return {of_kind(of_key, name, key): of_kind(of_item, name, item) for key, item in value.items()}
-    if get_origin(kind) is tuple and isinstance(value, tuple) and len(get_args(kind)) == len(value):
-        return tuple(of_kind(one, name, item) for one, item in zip(get_args(kind), value, strict=True))
+    if get_origin(kind) is tuple:
+        require(isinstance(value, tuple | list), name, "a tuple", value)
+        kinds = get_args(kind)
+        each = kinds[:1] * len(value) if Ellipsis in kinds else kinds
+        require(len(value) == len(each), name, f"a tuple of {len(each)}", value)
+        return tuple(of_kind(one, name, item) for one, item in zip(each, value, strict=True))
     if isinstance(kind, type) and issubclass(kind, Enum):
         require(value in list(kind), name, f"one of {', '.join(map(str, kind))}", value)
         return kind(value)
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        require(isinstance(value, kind), name, f"an instance of {kind.__name__}", value)
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
     return int(value) if isinstance(value, Integral) else float(value)

@@ -78,7 +78,7 @@ def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
 
 
 class Interval(NamedTuple):
-    """A mean over seeds."""
+    """A mean over all days, the nominal one among them."""
 
     mean: float  # NaN where no run has the number
     half_width: float  # of its 95 % confidence interval; NaN for fewer than two runs
