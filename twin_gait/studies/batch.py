@@ -153,11 +153,12 @@ def simulate_batch(
     ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
     ParameterError if the workers make no sense.
     """
-    base = with_document(experiment)
+    base, named = with_document(experiment), dict[str, dict[str, dict[str, Any]]]()
     for index, override in enumerate(overrides):
-        changed(base, override, f"episode {index}")
+        read_named(named, override, Path(f"episode {index}"))
+        changed(base, override, f"episode {index}", named)
     try:
-        experiment_of = partial(changed, base)
+        experiment_of = partial(changed, base, known=named)
         rows = run_episodes(
             experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
         )
@@ -173,7 +174,17 @@ def simulate_batch(
 
 def name_of(value: Any) -> str:
     """Name by which a wearer or a gait table is exchanged; a person with changes is written as JSON."""
-    return value if isinstance(value, str) else json.dumps(value)
+    return value if isinstance(value, str) else json.dumps(value, default=str)
+
+
+def read_named(named: dict[str, dict[str, dict[str, Any]]], override: Override, path: Path) -> None:
+    """Add what an override names and is not there yet; ``path``: as :func:`named_document` takes it."""
+    for key in WHOLE:
+        found = named.setdefault(key, {})
+        if key in override and (name := name_of(override[key])) not in found:
+            document = named_document(key, override[key], path)
+            if document is not None:
+                found[name] = document
 
 
 def with_document(experiment: Experiment) -> LoadedExperiment:
@@ -189,9 +200,10 @@ def changed(
     refuse_two_units(override, source)
     for key, value in sorted(override.items(), key=lambda item: item[0] not in WHOLE):
         plain = value.item() if isinstance(value, np.generic) else value
-        named = known.get(key, {}).get(name_of(plain)) or named_document(key, plain, Path(source))
-        if named is not None:
-            document, plain = {**document, key: None}, named  # nothing of the one before is left underneath
+        if key in WHOLE:
+            named = known.get(key, {}).get(name_of(plain)) or named_document(key, plain, Path(source))
+            if named is not None:
+                document, plain = {**document, key: None}, named  # nothing of the former is left underneath
         document = _assigned(document, key, plain, source)
     return experiment_from_mapping(document, source, Path(), base)
 

@@ -18,13 +18,13 @@ from pydantic import ConfigDict, Field, model_validator
 
 from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
 from twin_gait.configuration.documents import content_hash
-from twin_gait.configuration.experiments import load_experiment, named_document, resolved_document
+from twin_gait.configuration.experiments import load_experiment, resolved_document
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import versions
 from twin_gait.simulation.problem import build_problem
-from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, changed, name_of, with_document
+from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, changed, read_named, with_document
 from twin_gait.studies.jobs import sources_hash
 
 MOST_EPISODES = 10_000_000
@@ -225,15 +225,11 @@ def sweep_from_mapping(
 
 def _named(entry: SweepFile, path: Path) -> Named:
     """What the wearers and gait tables stand for that the values name; once read they are kept."""
-    found: dict[str, dict[str, dict[str, Any]]] = {key: {} for key in WHOLE}
-    for key, documents in found.items():
-        levels = entry.parameters.get(key)
-        values = [row[key] for row in entry.episodes if key in row]
-        for value in [*values, *(levels if isinstance(levels, list) else ())]:
-            name = name_of(value)
-            document = entry.named.get(key, {}).get(name) or named_document(key, value, path)
-            if document is not None:
-                documents[name] = document
+    found = {**entry.named}
+    levels = {key: entry.parameters.get(key) for key in WHOLE}
+    rows = [{key: value} for key, values in levels.items() if isinstance(values, list) for value in values]
+    for row in [*rows, *entry.episodes]:
+        read_named(found, row, path)
     return found
 
 
