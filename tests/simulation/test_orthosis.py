@@ -91,5 +91,7 @@ def test_orthosis_accelerates_the_legs_as_a_spring_of_mujoco(rest: float, rng: n
 
 
 def test_rest_beyond_the_stops_is_refused_with_its_key_and_its_range() -> None:
-    with pytest.raises(ParameterFileError, match=r"plant.ankle.rest_deg: expected -0.5236 to 0.5236 rad"):
+    with pytest.raises(
+        ParameterFileError, match=r"plant.ankle.rest_deg: expected a number from -30 to 30, got 31 deg"
+    ):
         load_experiment("treadmill", ["plant.ankle.rest_deg=31"])

@@ -62,7 +62,11 @@ def walk(patient: str, duration: float, *settings: str) -> Experiment:
 
 def with_effort(experiment: Experiment, effort: float) -> Experiment:
     patient = experiment.patient
-    conditions = {place: replace(item, effort=effort) for place, item in patient.conditions.items()}
+    conditions = {
+        # Without effort a strength would do nothing, which warns.
+        place: replace(item, effort=effort, strength=item.strength if effort else 1.0)
+        for place, item in patient.conditions.items()
+    }
     return replace(experiment, patient=replace(patient, conditions=conditions))
 
 
