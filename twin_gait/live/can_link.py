@@ -229,7 +229,11 @@ class CanLink:
             message = can.Message(
                 arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, is_rx=False
             )
-            self._bus.send(message, SEND_TIME)
+            try:
+                self._bus.send(message, SEND_TIME)
+            except (can.CanError, OSError):
+                self._due.clear()  # set points that wait for the bus would come too late
+                raise
 
     # ------------------------------------------------------------------ listening
 
