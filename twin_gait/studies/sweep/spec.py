@@ -167,7 +167,6 @@ class Sweep:
     design: Design  # what each changes
     seed: int  # that each episode's own seed is drawn from, with its number
     measures: tuple[str, ...]  # columns that are drawn
-    named: Named  # wearers and gait tables that the design names
     # The specification with the whole experiment in it and the hashes and versions of what made it; reading
     # it gives the same sweep.
     document: Mapping[str, Any]
@@ -206,7 +205,6 @@ def sweep_from_mapping(
             raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
     experiment, typed = _experiment(entry.experiment, assignments, source, folder)
-    named = _named(entry, folder / Path(source).name)
     document = {
         "schema_version": entry.schema_version,
         "name": entry.name or name,
@@ -215,22 +213,20 @@ def sweep_from_mapping(
         "repetitions": entry.repetitions,
         "seed": entry.seed,
         "measures": entry.measures,
-        "named": named,
+        "named": _named(entry, folder / Path(source).name),
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
     design = _design(entry, source)
-    measures = tuple(entry.measures)
-    return Sweep(source, entry.name or name, experiment, design, entry.seed, measures, named, document)
+    return Sweep(source, entry.name or name, experiment, design, entry.seed, tuple(entry.measures), document)
 
 
 def _named(entry: SweepFile, path: Path) -> Named:
     """What the wearers and gait tables stand for that the values name; once read they are kept."""
-    found = {**entry.named}
     levels = {key: entry.parameters.get(key) for key in WHOLE}
     rows = [{key: value} for key, values in levels.items() if isinstance(values, list) for value in values]
     for row in [*rows, *entry.episodes]:
-        read_named(found, row, path)
-    return found
+        read_named(entry.named, row, path)
+    return entry.named
 
 
 def _experiment(
@@ -293,7 +289,7 @@ def experiment_of_episode(spec: str, number: int) -> Experiment:
     draws = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
     seed = {"seed": int(draws.generate_state(1, np.uint64)[0])}
     seeded = replace(base, document=base.document | seed)
-    return changed(seeded, sweep.design[number], f"episode {number}", sweep.named)
+    return changed(seeded, sweep.design[number], f"episode {number}", sweep.document["named"])
 
 
 @lru_cache(maxsize=1)
