@@ -29,7 +29,7 @@ TICK = 1e-3
 STRIDE, STANCE = 1500, 1000  # ticks
 CARRIED = 400.0  # [N]
 SPEED = 0.4  # [m/s]
-WALKWAY = Walkway(CARRIED, SPEED, friction_coefficient=0.8, transition_velocity=0.05)
+WALKWAY = Walkway(CARRIED, friction_coefficient=0.8, transition_velocity=0.05)
 PHASES = ("early_stance", "swing_flexion")
 SWING_BEGINS = 900  # ticks after heel strike, while the foot is loaded
 
@@ -42,7 +42,7 @@ def stance_load(tick: np.ndarray) -> np.ndarray:
 def walk_log(*, slip: float = 0.0) -> pd.DataFrame:
     """Six strides of both legs; the right one half a stride later."""
     ticks = np.arange(6 * STRIDE)
-    log = pd.DataFrame({"time_s": ticks * TICK, "guide_force_N": np.full(len(ticks), 20.0)})
+    log = pd.DataFrame({"time_s": ticks * TICK, "guide_force_N": 20.0, "belt_speed_m_per_s": SPEED})
     for side, shift in ((Side.LEFT, 600), (Side.RIGHT, 600 + STRIDE // 2)):
         place = (ticks - shift) % STRIDE
         stance = place < STANCE
@@ -163,16 +163,16 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     assert power.guide == 0.0 and not power.carried_by_belt
     braced = log.assign(pelvis_forward_velocity_m_per_s=0.1, wearer_pelvis_forward_velocity_m_per_s=0.2)
     assert walk_power(braced, measured(log).values(), bounds, WALKWAY).guide == pytest.approx(4.0)
-    assert belt_carries(10.0, 3.9, WALKWAY)  # 4 W
-    assert not belt_carries(10.0, 4.1, WALKWAY)
-    assert not belt_carries(7.5, -5.0, WALKWAY)  # less than 2 % of the carried 400 N
-    assert not belt_carries(math.nan, math.nan, WALKWAY)
+    assert belt_carries(10.0, SPEED, 3.9, CARRIED)  # 4 W
+    assert not belt_carries(10.0, SPEED, 4.1, CARRIED)
+    assert not belt_carries(7.5, SPEED, -5.0, CARRIED)  # less than 2 % of the carried 400 N
+    assert not belt_carries(math.nan, SPEED, math.nan, CARRIED)
 
 
 def test_standing_between_two_walks_is_in_no_measure() -> None:
     """Six strides, ten seconds of standing, and the same six strides."""
     walk, pause = walk_log(), 10_000
-    walk["pelvis_forward_m"] = SPEED * walk["time_s"]
+    walk["pelvis_forward_m"], walk["belt_speed_m_per_s"] = SPEED * walk["time_s"], 0.0
     standing = walk.iloc[[-1] * pause].assign(
         left_hip_velocity_rad_per_s=3.0, left_foot_normal_force_N=CARRIED, guide_force_N=-70.0
     )
@@ -180,12 +180,11 @@ def test_standing_between_two_walks_is_in_no_measure() -> None:
     log = pd.concat([walk, standing, walk], ignore_index=True)
     end = len(walk) * TICK
     spans = ((0.0, end), (end + pause * TICK, 2.0 * end + pause * TICK))
-    floor = replace(WALKWAY, belt_speed=0.0)
 
     def both(log: pd.DataFrame, **when: Any) -> tuple[WalkMeasures, WalkPower]:
         left, right = (leg_record(log, side, PHASES, TICK, **when) for side in Side)
-        found = walk_measures(log, left, right, floor, swing_phase=1, skip=0)
-        return found, walk_power(log, [found], left.strides(skip=0), floor)
+        found = walk_measures(log, left, right, WALKWAY, swing_phase=1, skip=0)
+        return found, walk_power(log, [found], left.strides(skip=0), WALKWAY)
 
     (alone, drives), (twice, drive) = both(walk), both(log, steady=spans)
     assert twice.strides == 2 * alone.strides

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait import RunStatus, load_experiment, simulate
-from twin_gait.core.belt import belt_speed, belt_travel, walk_command
+from twin_gait.core.belt import belt_speed, walk_command
 from twin_gait.exceptions import MeasurementError, ParameterFileError
 from twin_gait.gait import TICK, GaitStateMachine, Scaling
 from twin_gait.live.stepping import SteppedRun
@@ -57,23 +57,14 @@ def foot_places(run, first, last):
 # ---------------------------------------------------------------------- the belt
 
 
-def test_way_of_the_belt_is_the_integral_of_its_speed():
-    times = np.linspace(0.0, 14.0, 14001)
-    speeds = np.array([belt_speed(time, CRUISE, START, STOP, RAMP) for time in times])
-    ways = np.array([belt_travel(time, CRUISE, START, STOP, RAMP) for time in times])
-    trapezoids = np.concatenate(([0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times))))
-    # The trapezoid rule errs by h² / 12 times the change of the slope: far below a micrometre.
-    assert_allclose(ways, trapezoids, atol=1e-6)
-    # Both ramps are symmetric, so together they go as far as one of them at full speed.
-    assert ways[-1] == pytest.approx(CRUISE * (STOP - START), abs=1e-12)
-
-
 def test_belt_rests_before_and_after_and_runs_evenly_in_between():
     def speed(time):
         return belt_speed(time, CRUISE, START, STOP, RAMP)
 
     assert {speed(time) for time in (0.0, START, STOP + RAMP, 20.0)} == {0.0}
     assert {speed(time) for time in (START + RAMP, 5.0, STOP)} == {CRUISE}
+    # Both ramps are symmetric, so together they go as far as one of them at full speed.
+    assert sum(map(speed, np.arange(14000) * TICK)) * TICK == pytest.approx(CRUISE * (STOP - START))
     assert speed(START + 0.5 * RAMP) == pytest.approx(0.5 * CRUISE)
     assert belt_speed(1e6, CRUISE, START, math.inf, RAMP) == CRUISE
     steps = np.diff([speed(tick * TICK) for tick in range(12000)])
@@ -86,31 +77,23 @@ def test_legs_are_told_to_walk_from_the_start_to_the_stop():
     assert told == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
 
 
-def test_scenario_knows_speed_and_way_of_its_belt():
-    scenario = load_experiment("treadmill_start_stop").experiment.scenario
+def test_log_has_the_speed_of_the_belt_and_marks_in_the_page_go_its_way():
+    run = walk()
+    scenario, speed = run.experiment.scenario, run.log["belt_speed_m_per_s"].to_numpy()
     belt = scenario.belt
-    middle = 0.5 * (belt.start + belt.stop)
-    assert scenario.walking.belt_speed_at(belt.start + belt.delay) == 0.0
-    assert scenario.walking.belt_speed_at(middle) == scenario.belt_speed
-    step = 1e-4
-    slope = (scenario.walking.belt_travel(middle + step) - scenario.walking.belt_travel(middle - step)) / (
-        2.0 * step
-    )
-    assert slope == pytest.approx(scenario.belt_speed)
-    even = replace(scenario, belt=None)
-    assert even.walking.belt_travel(3.0) == 3.0 * even.walking.belt_speed_at(3.0)
-    assert even.steady == (0.0, math.inf)
-
-
-def test_marks_in_the_page_go_the_way_of_the_belt():
-    scenario = load_experiment("treadmill_start_stop").experiment.scenario
-    track = _belt_track(20.0, scenario.walking.belt_travel)
+    wanted = [
+        belt_speed(tick * TICK - belt.delay, scenario.belt_speed, belt.start, belt.stop, belt.ramp)
+        for tick in range(len(speed))
+    ]
+    assert_allclose(speed, wanted, atol=1e-15)
+    assert replace(scenario, belt=None).steady == (0.0, math.inf)
+    track, way = _belt_track(speed), np.cumsum(speed) * TICK
     times, places = track.times, track.values[:, 0]
     assert (np.diff(times) > 0.0).all()
     for time in (1.0, 5.0, 9.3, 19.0):
-        behind = -np.interp(time, times, places)
-        wanted = scenario.walking.belt_travel(time) % BELT_MARK_SPACING
-        assert behind == pytest.approx(wanted, abs=1e-3)
+        assert -np.interp(time, times, places) == pytest.approx(
+            way[round(time / TICK)] % BELT_MARK_SPACING, abs=1e-3
+        )
 
 
 @pytest.mark.parametrize(
@@ -181,7 +164,7 @@ def assert_stands_on_both_feet(run):
     for side in run.sides:
         assert last[f"{side}_phase"] == STAND
         assert last[f"{side}_foot_normal_force_N"] > LEAST_LOAD * weight
-    assert run.experiment.scenario.walking.belt_speed_at(run.duration) == 0.0
+    assert last["belt_speed_m_per_s"] == 0.0
     assert run.switches[-1].time < run.duration - AT_EASE
 
 

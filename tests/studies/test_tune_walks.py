@@ -56,7 +56,7 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
     pairs += [[side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in ("hip", "knee")]
     legs = list(walk.walk_measures().values())
     carried = walk.walkway.carried_weight  # type: ignore[union-attr]
-    speed = walk.walkway.belt_speed  # type: ignore[union-attr]
+    speed = walk.experiment.scenario.walking.speed  # type: ignore[union-attr]
     healthy, percent = reference_cycle_time(speed, 1.75), np.arange(101.0)
     push = normative_ground_force(percent, speed=speed).forward.max()
     knee = np.degrees(reference_curve(JointName.KNEE, percent, speed=speed, height=1.75))

@@ -58,7 +58,7 @@ def synthetic_log(model: LegModel, duration: float, seed: int = 0) -> pd.DataFra
         columns[f"{side}_foot_pressure_place"] = 0.5
         columns[f"{side}_foot_clearance_m"] = np.maximum(0.0, -0.02 * np.sin(4.0 * clock + 3.0 * index))
         columns[f"{side}_foot_friction_force_N"] = 30.0 * np.cos(4.0 * clock)
-    columns["safety_state"] = 0.0
+    columns["safety_state"], columns["belt_speed_m_per_s"] = 0.0, BELT_SPEED
     columns["pelvis_height_m"] = 0.93 + 0.01 * np.sin(9.0 * clock)
     return pd.DataFrame(columns)
 
@@ -71,7 +71,6 @@ def write_walk(
         model,
         about={"title": title},
         frames_per_second=FRAMES_PER_SECOND,
-        belt_speed=BELT_SPEED,
         patient=PATIENT,
         **more,  # type: ignore[arg-type]
     )
@@ -390,7 +389,7 @@ def test_arrow_is_as_long_and_as_tilted_as_the_force(worn_twin: LegModel) -> Non
 
 
 def test_belt_marks_run_backwards_with_the_belt() -> None:
-    track = _belt_track(2.0, BELT_SPEED)
+    track = _belt_track(np.full(2001, BELT_SPEED))
     at = np.linspace(0.0, 2.0, 400)
     offset = np.interp(at, track.times, track.values[:, 0])
     speed = np.diff(offset) / np.diff(at)

@@ -10,9 +10,7 @@ from .arms import anchored_friction_force as anchored_friction_force
 from .arms import dragged_anchor as dragged_anchor
 from .assistance import adapted_assistance as adapted_assistance
 from .belt import belt_speed as belt_speed
-from .belt import belt_travel as belt_travel
 from .belt import treadmill_speed as treadmill_speed
-from .belt import treadmill_travel as treadmill_travel
 from .blending import blend as blend
 from .blending import blend_share as blend_share
 from .contact import contact_friction_force as contact_friction_force

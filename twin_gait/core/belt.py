@@ -34,19 +34,6 @@ def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: floa
     return cruise * (up - blend_share((time - stop) / ramp, BLEND_MINIMUM_JERK))
 
 
-def belt_travel(time: float, cruise: float, start: float, stop: float, ramp: float) -> float:
-    r"""Way in [m] that the belt has gone since time 0: the integral of :func:`belt_speed`.
-
-    .. math::
-
-        x(t) = u_c\,T\,\Bigl[S\Bigl(\frac{t - t_1}{T}\Bigr) - S\Bigl(\frac{t - t_2}{T}\Bigr)\Bigr],
-        \qquad S(p) = \tfrac{5}{2} p^4 - 3 p^5 + p^6
-
-    on the ramp, :math:`S = p - \tfrac{1}{2}` behind it, 0 before; t_1 is 0 or later.
-    """
-    return cruise * ramp * (_ramp_way((time - start) / ramp) - _ramp_way((time - stop) / ramp))
-
-
 def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
     r"""Speed in [m] / [s] of the belt of a treadmill, backwards positive, which a trip brings to rest.
 
@@ -60,29 +47,6 @@ def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
     if time > trip_time:
         speed *= 1.0 - blend_share((time - trip_time) / belt.stop_ramp, BLEND_MINIMUM_JERK)
     return speed
-
-
-def treadmill_travel(belt: Belt, time: float, trip_time: float) -> float:
-    """Way in [m] that the belt has gone since time 0: the integral of :func:`treadmill_speed`."""
-    before = min(time, trip_time)
-    way = belt.cruise * before
-    if belt.ramp > 0.0:
-        way = belt_travel(before - belt.delay, belt.cruise, belt.start, belt.stop, belt.ramp)
-    if time > trip_time:
-        speed = treadmill_speed(belt, trip_time, trip_time)
-        since = time - trip_time
-        way += speed * since
-        if belt.stop_ramp < math.inf:
-            way -= speed * belt.stop_ramp * _ramp_way(since / belt.stop_ramp)
-    return way
-
-
-def _ramp_way(progress: float) -> float:
-    if progress <= 0.0:
-        return 0.0
-    if progress >= 1.0:
-        return progress - 0.5
-    return progress * progress * progress * progress * (2.5 + progress * (progress - 3.0))
 
 
 def walk_command(time: float, start: float, stop: float) -> float:

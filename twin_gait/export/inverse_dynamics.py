@@ -17,7 +17,6 @@ the guides of both in one sum, so that what OpenSim finds as ``pelvis_tx_force``
 then what the guide does.
 """
 
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -131,8 +130,7 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     """Force and moment about the origin on each foot in the axes of the belt, shape ``(n, 6)``.
 
     A belt takes the speed of a tick at once, as a motor its torque, and the log has the pull of the new one:
-    an acceleration at the tick is about that of the mean pull of both speeds. A belt that was changed by hand
-    did not run as the scenario says; there the pull is the log's.
+    an acceleration at the tick is about that of the mean pull of both speeds.
     """
     walking, contacts, ground = run.experiment.scenario.walking, GroundContacts(world), world.ground()
     if walking is None:
@@ -145,7 +143,7 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     q, v = run.log[positions].to_numpy(dtype=float), run.log[velocities].to_numpy(dtype=float)
     q, v = q[:, -world.model.nv :], v[:, -world.model.nv :]  # with braces, the wearer's
     found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
-    tripped = math.inf if run.trip is None else run.trip.time
+    speeds = run.log["belt_speed_m_per_s"].tolist()
     logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
     axes = _belt_axes(world)
 
@@ -156,7 +154,7 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
         return {side: np.concatenate([half @ axes for half in both]) for side, both in halves.items()}
 
     for tick in range(len(q)):
-        now, last = (walking.belt_speed_at(max(tick - back, 0) * TICK, tripped) for back in (0, 1))
+        now, last = speeds[tick], speeds[max(tick - 1, 0)]
         wrenches = {speed: pressed(tick, speed) for speed in dict.fromkeys((now, last))}
         for side, new in wrenches[now].items():
             if new.any():

@@ -179,7 +179,9 @@ def _records(shown: Run, first: int) -> list[LegRecord]:
     begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.scenario.steady)
     steady = ((begin, end),) if shown.experiment.modes is None else shown.steady
     names = shown.table.phase_names
-    return [leg_record(shown.log, side, names, TICK, steady=steady) for side in shown.sides]
+    return [
+        leg_record(shown.log, side, names, TICK, steady=steady, waiting=shown.waiting) for side in shown.sides
+    ]
 
 
 def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:

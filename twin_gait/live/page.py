@@ -17,11 +17,10 @@ from tornado.web import RequestHandler
 from twin_gait.experiment import Experiment
 from twin_gait.live import protocol
 from twin_gait.live.session import LiveSession
-from twin_gait.runs.run_page import belt_speed_of, describe, modes_of, setting_of
+from twin_gait.runs.run_page import describe, modes_of, setting_of
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.page import About, live_page
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
-from twin_gait.worlds.scenario import BELT_SPEED
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
 READ_OUT = 100  # ticks between two read-outs of a panel
@@ -140,9 +139,7 @@ class LivePage(LiveServer):
         is free.
         """
         self._session, self._user = session, user
-        self._belt_speed = belt_speed_of(experiment)
-        self._scenario, self._modes = experiment.scenario, modes_of(experiment)
-        self._walked_until = 0.0  # the last moment seen without a trip
+        self._modes = modes_of(experiment)
         self._sides = tuple(map(str, experiment.leg.legs))
         self._state: protocol.State | None = None
         self._short: dict[str, Any] = {}
@@ -153,7 +150,7 @@ class LivePage(LiveServer):
             experiment.build_world().model, drives=experiment.joints,
             about=About(
                 title=f"twin_gait live · {experiment.name}",
-                subtitle=describe(experiment.patient, self._belt_speed), modes=self._modes,
+                subtitle=describe(experiment), modes=self._modes,
             ),
             phases=experiment.table.phase_names, **setting_of(experiment),
         )  # fmt: skip
@@ -172,26 +169,14 @@ class LivePage(LiveServer):
     def _show(self, frame: Message) -> None:
         """Show a moment on all pages."""
         if frame["log"]:  # empty before the first tick
-            belt_speed, traces = self._belt_speed * self._belt_share(frame), self._session.news.traces()
-            self.figure.show(
-                frame["time_s"], frame["q"], frame["log"], belt_speed=belt_speed, traces=traces,
-                events=frame["events"],
-            )  # fmt: skip
+            traces = self._session.news.traces()
+            self.figure.show(frame["time_s"], frame["q"], frame["log"], traces=traces, events=frame["events"])
             self.show(self.figure.window.changes())
         self.tick, status = frame["tick"], self._short.get("status")
         self._short = self._shortened(frame)
         if status != frame["status"] or abs(frame["tick"] - self._told_at) >= READ_OUT:
             self._told_at = frame["tick"]
             self.tell(self._short, key="frame")
-
-    def _belt_share(self, frame: Message) -> float:
-        """Share of the speed that is set which the belt has, by its profile and after a trip."""
-        walking = self._scenario.walking
-        if walking is None or walking.belt.cruise == 0.0:
-            return 1.0
-        if not frame["log"]["safety_state"]:
-            self._walked_until = frame["time_s"]
-        return walking.belt_speed_at(frame["time_s"], self._walked_until) / walking.belt.cruise
 
     def _shortened(self, frame: Message) -> dict[str, Any]:
         """What a panel reads out of a frame."""
@@ -205,10 +190,6 @@ class LivePage(LiveServer):
         if known is not None and known.controls is state.controls and known.saved == state.saved:
             return  # only its serial number is new
         self._state = state
-        scales = {item.name: item.scale for item in self._scenario.adjustments}
-        for control in state.controls:
-            if control.name == BELT_SPEED:
-                self._belt_speed = float(control.value) * scales[BELT_SPEED]
         self.tell(state.to_dict(), key="state")
 
     # ------------------------------------------------------------------ what the server asks

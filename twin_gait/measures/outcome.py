@@ -13,8 +13,8 @@ applies counts:
 - *stalled*: a leg made no stride for ``LONGEST_STRIDE``, or its settled strides differ by more than
   ``HIGHEST_STRIDE_VARIATION``. Stride times of healthy people vary by 1 to 3 %, those of people with
   Huntington's disease by some 10 % (J. M. Hausdorff: J. NeuroEng. Rehabil. 2:19, 2005; recalled); the
-  limit is an assumption well beyond both. The time in which the legs wait for somebody to ask for a step
-  does not count.
+  limit is an assumption well beyond both. The time in which the legs wait for somebody to ask for a step,
+  or in which the belt stands, does not count.
 - *walked*: none of these.
 """
 

@@ -44,7 +44,6 @@ class Walkway:
 
     # weight of wearer and device less what the support carries, in [N]; NaN if that is all
     carried_weight: float
-    belt_speed: float  # backwards positive, in [m] / [s]
     friction_coefficient: float  # of soles on the belt
     transition_velocity: float  # of the regularised friction in [m] / [s]
 
@@ -124,10 +123,11 @@ def walk_measures(
         strides=len(bounds),
         stride_time=_mean(times),
         cadence=strides.cadence(times),
-        step_length=ground_speed(log, bounds, leg.tick, walkway) * _mean(counted_steps(leg, other, bounds)),
+        step_length=ground_speed(log, bounds, leg.tick) * _mean(counted_steps(leg, other, bounds)),
         load_peak=_mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
+        belt_power=-mean_over(fore_aft * log["belt_speed_m_per_s"].to_numpy(), bounds),
         **_pressure(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
         **_joints(log, leg.side, bounds),
         clearance=float(min(clearances, default=math.nan)),
@@ -157,14 +157,15 @@ def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.nd
 WALK_COLUMNS = (
     "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_patient_torque_Nm", "_foot_normal_force_N",
     "_foot_friction_force_N", "_foot_pressure_place", "_foot_clearance_m", "guide_force_N",
-    "pelvis_forward_m", "pelvis_forward_velocity_m_per_s",
+    "pelvis_forward_m", "pelvis_forward_velocity_m_per_s", "belt_speed_m_per_s",
 )  # fmt: skip
 
 
-def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float, walkway: Walkway) -> float:
+def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float) -> float:
     """Mean speed over the ground in some strides, in [m] / [s]: of a belt, or of the pelvis without one."""
-    if walkway.belt_speed != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
-        return walkway.belt_speed
+    belt = mean_over(log["belt_speed_m_per_s"].to_numpy(), bounds)
+    if belt != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
+        return belt
     place = log["pelvis_forward_m"].to_numpy()
     first, last = strides.walks(bounds).clip(max=len(log) - 1).T
     return float(np.sum(place[last] - place[first]) / (tick * np.sum(last - first)))
@@ -224,13 +225,12 @@ def knee_shape(cycle: np.ndarray) -> dict[str, float]:
 
 
 def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkway) -> dict[str, float]:
-    time, mean = _mean(strides.stride_times(bounds, tick)), mean_over(force, bounds)
+    time = _mean(strides.stride_times(bounds, tick))
     return {
         "braking_impulse": time * mean_over(np.minimum(force, 0.0), bounds),
         "propulsion_impulse": time * mean_over(np.maximum(force, 0.0), bounds),
-        "fore_aft_force": mean,
+        "fore_aft_force": mean_over(force, bounds),
         **fore_aft_peaks(mean_stride(force, bounds) / walkway.carried_weight),
-        "belt_power": -walkway.belt_speed * mean,
     }
 
 
@@ -329,20 +329,20 @@ def walk_power(
     belt, wearer = sum(leg.belt_power for leg in legs), sum(leg.wearer_power for leg in legs)
     motors = sum(sum(leg.motor_power.values()) for leg in legs)
     force, power = log["guide_force_N"].to_numpy(), 0.0
-    holding = mean_over(force, bounds)
+    holding, speed = mean_over(force, bounds), mean_over(log["belt_speed_m_per_s"].to_numpy(), bounds)
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
         if forward in log:  # with braces the harness is the wearer's
             power = mean_over(force * log[forward].to_numpy(), bounds)
-    carried_by_belt = belt_carries(holding, motors + wearer, walkway)
+    carried_by_belt = belt_carries(holding, speed, motors + wearer, walkway.carried_weight)
     return WalkPower(belt, motors, wearer, power, holding, carried_by_belt)
 
 
-def belt_carries(holding: float, legs: float, walkway: Walkway) -> bool:
+def belt_carries(holding: float, speed: float, legs: float, carried_weight: float) -> bool:
     """Whether the belt carries a walk: it drags the wearer along, and gives more than the legs do themselves.
 
     Told by what holds the pelvis against it: on level ground what the feet are dragged with, on a slope
     without what the weight pulls. ``holding``: mean forward force of guide or harness on the pelvis in [N];
-    ``legs``: net power of motors and wearer in [W]. Returns false without strides.
+    ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors and wearer in [W]; ``carried_weight``:
+    as in :class:`Walkway`. Returns false without strides.
     """
-    counts = holding > LEAST_DRAG * walkway.carried_weight
-    return bool(counts and holding * walkway.belt_speed > legs)
+    return holding > LEAST_DRAG * carried_weight and holding * speed > legs

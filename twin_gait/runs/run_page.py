@@ -1,9 +1,7 @@
 """Runs of any age as a page shows them: one alone, or two beside each other."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +12,6 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
-from twin_gait.measures.outcome import held_from
-from twin_gait.parameters import Patient
 from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
 from twin_gait.simulation.run import Run
@@ -23,7 +19,6 @@ from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
 from twin_gait.viewer.page import About, recorded_page
 from twin_gait.viewer.staging import Setting
-from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import Surroundings
 
 
@@ -46,7 +41,7 @@ def shown_run(run: Run, summary: Mapping[str, Any], *, name: str = "", notes: Se
     experiment = run.experiment
     about = About(
         title=f"twin_gait · {name or experiment.name}",
-        subtitle=describe(experiment.patient, belt_speed_of(experiment)),
+        subtitle=describe(experiment),
         notes=[*filter(None, (*notes, carried_by_belt(summary)))],
         events=run.events,
         outcome=run.verdict.outcome or run.status,
@@ -72,19 +67,12 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             run.log,
             run.experiment.build_world().model,
             about=run.about,
-            belt_speed=belt_motion_of(run.experiment, held_from(run.about.get("events", ()))),
             frames_per_second=frames_per_second,
             moments=moments,
             **setting_of(run.experiment),
         )
     except ViewerError as error:
         raise ViewerError(f"{run.about['title'].split(' · ')[-1]}: {error}") from error
-
-
-def belt_speed_of(experiment: Experiment) -> float:
-    """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
-    walking = experiment.scenario.walking
-    return 0.0 if walking is None else walking.belt.cruise
 
 
 def setting_of(experiment: Experiment) -> Setting:
@@ -106,18 +94,10 @@ def modes_of(experiment: Experiment) -> Sequence[str]:
     return () if experiment.modes is None else tuple(experiment.modes.phases)
 
 
-def belt_motion_of(experiment: Experiment, trip_time: float | None) -> Belt:
-    """How the belt moved in a run that tripped at a time in [s], or did not, as the viewer takes it."""
-    walking = experiment.scenario.walking
-    if walking is not None and (walking.belt.ramp > 0.0 or trip_time is not None):
-        return partial(walking.belt_travel, trip_time=math.inf if trip_time is None else trip_time)
-    return belt_speed_of(experiment)
-
-
-def describe(patient: Patient | None, belt_speed: float) -> str:
-    """One line on wearer, or None, and belt speed in [m] / [s], 0 on the bench."""
-    who = wearer_words(patient)
-    return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"
+def describe(experiment: Experiment) -> str:
+    """One line on the wearer and the speed of a belt between its ramps."""
+    who, walking = wearer_words(experiment.patient), experiment.scenario.walking
+    return f"{who}, {3.6 * walking.belt.cruise:.2f} km/h" if walking and walking.belt.cruise else who
 
 
 _URDF_KEY = "provenance.urdf_sha256"

@@ -106,6 +106,8 @@ FOOT = Columns(
     ),
 )
 
+GROUND = Columns(belt_speed_m_per_s=("e.ground.belt_speed", "of the belt, backwards positive; 0 without one"))
+
 PELVIS = Columns(
     "hung = e.plant[PELVIS + SHIFT]",
     pelvis_height_m=("e.q[PELVIS]", "above the belt"),
@@ -260,6 +262,7 @@ class LogLayout:
             (passive, PASSIVE),
             ([name for name in joints if name.endswith(f"{JointName.ANKLE}_")], ANKLE),
             ([f"{side}_foot_" for side in self.feet], FOOT),
+            (one * bool(self.feet), GROUND),
             (one * self.pelvis, PELVIS),
             (one * self.forward, FORWARD),
             (one * self.free, TRUNK),

@@ -151,12 +151,12 @@ class Run:
 
     def _read_leg(self, side: Side, *, device: bool = False) -> LegRecord:
         names = self.table.phase_names
-        steady, waiting = self.steady, self._waiting
+        steady, waiting = self.steady, self.waiting
         return leg_record(self.log, side, names, TICK, steady=steady, waiting=waiting, device=device)
 
     @cached_property
-    def _waiting(self) -> np.ndarray:
-        """Whether at each tick both legs stand until somebody asks for a step."""
+    def waiting(self) -> np.ndarray:
+        """Whether at each tick the legs stand: until somebody asks for a step, or on a belt at rest."""
         modes, waiting = self.experiment.modes, np.zeros(len(self.log), dtype=bool)
         if modes is not None:
             codes = [code for code, name in enumerate(modes.phase_names) if modes.waits_for_step(name)]
@@ -164,6 +164,9 @@ class Run:
             waiting |= self.log["mode"].isin(codes)
             for side in self.sides:
                 waiting &= ~self.log[f"{side}_phase"].isin(swings)
+        walking = self.experiment.scenario.walking
+        if walking is not None and walking.belt.cruise > 0.0:
+            waiting |= self.log["belt_speed_m_per_s"] == 0.0
         return waiting
 
     @cached_property
@@ -175,7 +178,6 @@ class Run:
         contact = walking.contact
         return Walkway(
             carried_weight=walking.carried_share * self.body_weight or math.nan,
-            belt_speed=walking.belt.cruise,
             friction_coefficient=contact.friction_coefficient,
             transition_velocity=contact.transition_velocity,
         )
@@ -238,7 +240,7 @@ class Run:
             asked = np.concatenate(([0], self.log["mode"].isin(walking), [0]))
             begins, ends = np.flatnonzero(np.diff(asked) > 0), np.flatnonzero(np.diff(asked) < 0) - 1
             bounds = zip(begins.tolist(), ends.tolist(), strict=True)
-            spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self._waiting[i:k].all())
+            spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self.waiting[i:k].all())
         clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
         return tuple((begin, end) for begin, end in clipped if begin < end)
 

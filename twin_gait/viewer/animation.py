@@ -22,12 +22,11 @@ from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, r
 from twin_gait.viewer.page import About, leg_entry, packed, packed_json, page_data, recorded_page
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import Setting, build_scene, build_urdf_scene
-from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
-_BELT_LOOK = 0.04  # [s] between two looks at the belt
+_BELT_LOOK = 40  # ticks between two looks at the belt
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
 _CURVE_DECIMALS = 4  # of angles in [deg] and torques in [N m]
 _DECIMALS_OF = {"force": 2, "crutch": 2}  # of forces in [N]
@@ -42,16 +41,14 @@ def recorded_run(
     *,
     about: About,
     frames_per_second: float,
-    belt_speed: Belt = 0.0,
     moments: Sequence[float] = (),
     **setting: Unpack[Setting],
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
     The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
-    Each change of a phase has a frame, and so have ``moments`` in [s]. ``belt_speed`` in
-    [m] / [s], or the way that the belt has gone by a time. Raises ModelError if the URDF cannot be read,
-    ViewerError if the log does not fit the model.
+    Each change of a phase has a frame, and so have ``moments`` in [s]. Raises ModelError if the URDF cannot
+    be read, ViewerError if the log does not fit the model.
     """
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Window()
@@ -59,7 +56,10 @@ def recorded_run(
     scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
     scene.apply(scene.state_at(motion, 0))
-    recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))
+    tracks = list(_tracks(scene, motion))
+    if "belt_speed_m_per_s" in log and log["belt_speed_m_per_s"].any():
+        tracks.append(_belt_track(log["belt_speed_m_per_s"].to_numpy()))
+    recorder.send(set_animation(tracks, frames_per_second))
     return page_data(
         about,
         mode="recorded",
@@ -115,7 +115,7 @@ def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in rounded]
 
 
-def _tracks(scene: Scene, motion: Motion, belt_speed: Belt) -> Iterator[Track]:
+def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
     """Everything that moves or changes colour; what stays as it is has no track."""
     states = [scene.state_at(motion, frame) for frame in range(len(motion.times))]
     for place, name in states[0]:
@@ -131,8 +131,6 @@ def _tracks(scene: Scene, motion: Motion, belt_speed: Belt) -> Iterator[Track]:
     for side, leg in motion.legs.items():
         for cover in scene.covers.get(side, ()):
             yield from _colour_track(f"{cover}/<object>", leg, motion)
-    if belt_speed != 0.0:
-        yield _belt_track(motion.duration, belt_speed)
 
 
 def _thinned(track: Track) -> Track:
@@ -153,11 +151,14 @@ def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
     yield Track(path, "material.color", times, np.round(np.repeat(colours, 2, axis=0)[:-1], 4))
 
 
-def _belt_track(duration: float, belt: Belt) -> Track:
-    """Marks that go back with the belt and jump forward by one spacing, which nobody sees."""
-    spacing = surroundings.BELT_MARK_SPACING
-    looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK))).tolist()
-    ways = [belt(time) if callable(belt) else belt * time for time in looks]
+def _belt_track(speed: np.ndarray) -> Track:
+    """Marks that go back with the belt and jump forward by one spacing, which nobody sees.
+
+    ``speed`` of the belt at every tick in [m] / [s].
+    """
+    spacing, every = surroundings.BELT_MARK_SPACING, _BELT_LOOK
+    looks = (np.arange(len(speed))[::every] * TICK).tolist()
+    ways = (TICK * (np.cumsum(speed) - speed)[::every]).tolist()
     times, offsets = [0.0], [surroundings.belt_offset(ways[0])]
     for (before, old), (time, way) in pairwise(zip(looks, ways, strict=True)):
         if way // spacing > old // spacing:

@@ -101,15 +101,13 @@ class LiveFigure:
         q: Sequence[float],
         row: Mapping[str, Any],
         *,
-        belt_speed: float = 0.0,
         traces: Iterable[Trace] = (),
         events: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         """Move everything to a moment.
 
         ``time`` in [s]; ``q``: coordinates of the model, shape ``(nv,)``; ``row``: row of the log of that
-        moment, by column; a phase is a name; ``belt_speed`` of the treadmill since the last moment in
-        [m] / [s]; ``traces``: what the curves did since the last moment, in order.
+        moment, by column; a phase is a name; ``traces``: what the curves did since the last moment, in order.
         """
         posture = np.asarray(q, dtype=float)  # null is not a number
         if not np.isfinite(posture).all():
@@ -127,7 +125,7 @@ class LiveFigure:
         }
         motion = Motion(now, posture[None, :], legs, self._phases, columns)
         self._scene.apply(self._scene.state_at(motion, 0))
-        # The way that the belt has gone, because its speed may change.
+        belt_speed = row.get("belt_speed_m_per_s", 0.0)
         self._travelled += belt_speed * max(0.0, time - self._time)
         self._time = time
         if belt_speed != 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 Range = tuple[float, float]
 Triple = tuple[float, float, float]
-# Speed of a belt that runs evenly in [m] / [s]; of another the way in [m] that it has gone by a time in [s].
-Belt = float | Callable[[float], float]
 
 ROOT = "/meshcat/surroundings"
 TREADMILL = f"{ROOT}/treadmill"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
-from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
+from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ContactParameters
@@ -34,22 +34,6 @@ class Walking:
     def carried_share(self) -> float:
         """Share of the weight that the legs carry."""
         return 1.0 - self.support_share
-
-    def belt_speed_at(self, time: float, trip_time: float = math.inf) -> float:
-        """Speed of the belt at a time.
-
-        ``time``: in [s]. ``trip_time``: of the trip that brings the belt to rest, in [s]; infinite if there
-        is none. Returns the speed in [m] / [s], backwards positive.
-        """
-        return treadmill_speed(self.belt, time, trip_time)
-
-    def belt_travel(self, time: float, trip_time: float = math.inf) -> float:
-        """Way that the belt has gone since time 0.
-
-        ``time``: in [s]. ``trip_time``: as in :meth:`belt_speed_at`. Returns the way in [m], backwards
-        positive.
-        """
-        return treadmill_travel(self.belt, time, trip_time)
 
 
 class Adjustment(NamedTuple):

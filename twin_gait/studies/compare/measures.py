@@ -49,7 +49,7 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
     assert own.loaded is not None and others.loaded is not None  # there is ground
     assert leg.run.walkway is not None  # it carries a share of the weight
     known, times = leg.by_contact(), strides.stride_times(leg.strides, TICK)
-    speed = ground_speed(leg.run.log, leg.strides, TICK, leg.run.walkway)
+    speed = ground_speed(leg.run.log, leg.strides, TICK)
     return {
         "strides": float(len(leg.strides)),
         "stride_time_s": known["stride_time_mean_s"],
@@ -64,15 +64,12 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
 
 
 def _mean_speed(run: Run) -> float:
-    """Over the ground in [m] / [s], of the whole run if the belt starts and stops; a walk has no trip."""
-    walking = run.experiment.scenario.walking
-    assert walking is not None  # there is ground
-    if walking.belt.cruise == 0.0:
-        way = run.log["pelvis_forward_m"]
-        return float(way.iloc[-1] - way.iloc[0]) / run.duration
-    if walking.belt.ramp == 0.0:
-        return walking.belt.cruise
-    return walking.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
+    """Over the ground in [m] / [s], of the whole run."""
+    belt = float(run.log["belt_speed_m_per_s"].mean())
+    if belt != 0.0:
+        return belt
+    way = run.log["pelvis_forward_m"]
+    return float(way.iloc[-1] - way.iloc[0]) / run.duration
 
 
 def _shape(leg: MeasuredLeg, joint: JointName) -> Measures:

@@ -18,7 +18,7 @@ from twin_gait.report.canvas import draw_cycle_curve, picture_bytes, put_legend,
 from twin_gait.report.pages import paragraphs, render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.run_page import belt_speed_of, describe
+from twin_gait.runs.run_page import describe
 from twin_gait.runs.summary import versions
 from twin_gait.studies.compare.comparing import Comparison, Controller, Interval
 from twin_gait.vocabulary import JointName, Side
@@ -78,7 +78,7 @@ def subtitle_of(comparison: Comparison, who: str) -> str:
     """The wearer, the walk, and how long and how often, in one line."""
     experiment = comparison.experiment
     days = f"{comparison.seeds} days" if comparison.seeds > 1 else "one run"
-    walk = describe(experiment.patient, belt_speed_of(experiment))
+    walk = describe(experiment)
     often = " each, mean ± 95 % interval" if comparison.seeds > 1 else " each"
     return f"{who}, {walk}, {experiment.duration:g} s, {days}{often}"
 
