@@ -129,11 +129,13 @@ def test_without_python_can_the_extra_is_named(monkeypatch):
         open_bus("virtual:x")
 
 
-def test_the_command_refuses_a_wrong_bus_before_it_makes_a_folder(tmp_path, capsys):
+@pytest.mark.parametrize("name", ["nonsense", ""])
+def test_the_command_refuses_a_wrong_bus_before_it_makes_a_folder(tmp_path, capsys, name):
     out = tmp_path / "run"
     command = ["live", "bench_leg", "--no-browser", "--no-record", "--port", "0", "--out", str(out)]
-    assert main([*command, "--can", "nonsense"]) == 2
-    assert "CAN bus 'nonsense': expected INTERFACE:CHANNEL" in capsys.readouterr().err
+    assert main([*command, "--can", name]) == 2
+    said = capsys.readouterr().err
+    assert f"CAN bus {name!r}: expected INTERFACE:CHANNEL" in said and "set points" not in said
     assert not list(tmp_path.iterdir())
 
 

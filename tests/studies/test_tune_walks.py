@@ -239,6 +239,14 @@ def test_the_numbers_told_are_those_of_the_table(folder: Path, told: dict[str, A
     assert any(item["tuned"] != item["start"] for item in told["parameters"])
 
 
+def test_the_costs_of_the_cases_add_up_to_that_of_the_robust_set(told: dict[str, Any]) -> None:
+    weight = told["nominal_weight"]
+    for which in ("before", "after"):
+        nominal, *others = (case[which]["cost"] for case in told["robust_set"])
+        whole = weight * nominal + (1.0 - weight) * sum(others) / len(others)
+        assert whole == pytest.approx(told["cost"]["robust"][which])
+
+
 class _Page(HTMLParser):
     """Addresses and cells of a page."""
 

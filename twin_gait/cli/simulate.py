@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> None:
     add("--user", default="", metavar="NAME", help="whose session it is in the record")
     options.add(parser, "--port", "--no-browser")
     text = "put the walk on a CAN bus, and take its monitor's commands: udp_multicast:239.74.163.2, "
-    add("--can", default="", metavar="BUS", help=f"{text}socketcan:vcan0, …")
+    add("--can", metavar="BUS", help=f"{text}socketcan:vcan0, …")
     options.add(parser, "--no-pictures")
     add("--no-record", action="store_true", help="keep no record of the session")
 
@@ -179,7 +179,7 @@ def walk_live(arguments: argparse.Namespace) -> int:
     from twin_gait.experiment import LONGEST_RUN
 
     options.check_port(arguments.port)
-    if arguments.can and live.can_link.leaves_machine(arguments.can):
+    if arguments.can is not None and live.can_link.leaves_machine(arguments.can):
         print(f"{arguments.can}: set points go out; no board that obeys them may hang on it", file=sys.stderr)
     longest = live.protocol.LONGEST_NAME
     if len(arguments.user) > longest or not arguments.user.isprintable():

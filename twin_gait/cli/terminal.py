@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -131,8 +132,9 @@ def warn_on_one_line() -> None:
     warnings.formatwarning = line
 
 
+@cache
 def note_compilation() -> None:
-    """Say why the first run on a machine takes its time."""
+    """Say why the first run on a machine takes its time; once, however many loops are compiled."""
     clear_line()
     print(
         "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …",

@@ -104,10 +104,7 @@ def open_bus(name: str) -> can.BusABC:
         import can
     except ImportError as error:
         raise MissingOptionalDependency("python-can", "can", "a CAN bus") from error
-    interface, _, channel = name.partition(":")
-    if not channel:
-        example = "such as udp_multicast:239.74.163.2 or socketcan:vcan0"
-        raise ParameterError(f"CAN bus {name!r}: expected INTERFACE:CHANNEL, {example}")
+    interface, channel = _place_of(name)
     try:
         return can.Bus(channel, interface, **OPTIONS.get(interface, {}))
     except Exception as error:  # drivers raise what they like
@@ -115,9 +112,17 @@ def open_bus(name: str) -> can.BusABC:
         raise ParameterError(f"CAN bus {name!r}: cannot be opened ({reason}); is the channel up?") from error
 
 
-def leaves_machine(name: str) -> bool:
-    """Whether frames on a bus may reach other devices than this machine."""
+def _place_of(name: str) -> tuple[str, str]:
     interface, _, channel = name.partition(":")
+    if not interface or not channel:
+        example = "such as udp_multicast:239.74.163.2 or socketcan:vcan0"
+        raise ParameterError(f"CAN bus {name!r}: expected INTERFACE:CHANNEL, {example}")
+    return interface, channel
+
+
+def leaves_machine(name: str) -> bool:
+    """Whether frames on a bus may reach other devices than this machine; raises as :func:`open_bus`."""
+    interface, channel = _place_of(name)
     return interface not in ("virtual", "udp_multicast") and not channel.startswith("vcan")
 
 
@@ -173,9 +178,13 @@ class CanLink:
 
     def _run(self) -> None:
         with undisturbed(alone=True):
-            while not self._closed.is_set():
-                self._serve()
-                self._ask()
+            try:
+                while not self._closed.is_set():
+                    self._serve()
+                    self._ask()
+            except Exception:  # drivers raise what they like; the terminal has the rest
+                self._note("the link to the CAN bus has ended: no frame is sent or heard any more")
+                raise
 
     def _serve(self) -> None:
         """Send what is due, and wait for a frame until more is."""

@@ -55,7 +55,7 @@ class LiveSession:
         force: bool = False,
         pictures: bool = True,
         records: Path | None = None,
-        can: str = "",
+        can: str | None = None,
         on_compile: Callable[[], None] = lambda: None,
         on_step: Callable[[str], None] = lambda name: None,
     ) -> None:
@@ -64,7 +64,7 @@ class LiveSession:
         ``loaded``: experiment; its duration is the longest time of a walk; ``force``: whether an existing run
         folder may be replaced; ``pictures``: whether to draw figures and animation at the end; ``records``:
         folder of the record of sessions, or None to keep no record; ``can``: bus that the walk is put on, as
-        :func:`~twin_gait.live.can_link.open_bus` takes it; empty for none; ``on_compile``: called if the walk
+        :func:`~twin_gait.live.can_link.open_bus` takes it; None for none; ``on_compile``: called if the walk
         has to be compiled first, which takes 10 to 20 s; ``on_step``: called at the end with the name of each
         file before it is written.
         """
@@ -105,7 +105,7 @@ class LiveSession:
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=bool(self._setup["force"]))
-        if self._setup["can"]:
+        if self._setup["can"] is not None:
             self._link = CanLink(
                 str(self._setup["can"]), self._tuning.problem, book=self.book, submit=self.submit,
                 controls=lambda: self._tuning.controls,

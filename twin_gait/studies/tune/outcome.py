@@ -22,9 +22,25 @@ from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
-from twin_gait.studies.tune.parts import AIM, EXCESS, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, part_costs
+from twin_gait.studies.tune.parts import (
+    AIM,
+    EXCESS,
+    HELD_TO,
+    NEEDED_CLEARANCE,
+    WORST,
+    Rating,
+    nominal_cost,
+    part_costs,
+)
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
-from twin_gait.studies.tune.walks import SEARCH_CASES, check_walker, standing, table_of, walker
+from twin_gait.studies.tune.walks import (
+    NOMINAL_WEIGHT,
+    SEARCH_CASES,
+    check_walker,
+    standing,
+    table_of,
+    walker,
+)
 from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -123,14 +139,15 @@ def outcome(tuning: Tuning, chosen: Chosen, wearer: str) -> dict[str, Any]:
         "walk_s": settings.robust_duration,
         "needed_clearance_mm": NEEDED_CLEARANCE,
         "worst_cost": WORST,
+        "nominal_weight": NOMINAL_WEIGHT,
         "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": HELD_TO},
         "cost": {
             "search": {"before": generations[0].cost, "after": after.search_cost},
             "robust": {"before": before.cost, "after": after.cost},
         },
         "robust_set": [
-            {"case": name, "before": _walk(first), "after": _walk(second)}
-            for (name, first), (_, second) in zip(before.walks, after.walks, strict=True)
+            {"case": name, "before": _walk(first, number == 0), "after": _walk(second, number == 0)}
+            for number, ((name, first), (_, second)) in enumerate(zip(before.walks, after.walks, strict=True))
         ],
         "trade_offs": _trade_offs(tuning, after),
         "parameters": _parameters(tuning, after),
@@ -206,8 +223,13 @@ def _trade_offs(tuning: Tuning, after: Finalist) -> dict[str, Any]:
     return {"cases": names[1:], "candidates": candidates, "before": before, "after": after_it}
 
 
-def _walk(walk: Rating) -> dict[str, Any]:
-    return {"cost": walk.cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
+def _walk(walk: Rating, nominal: bool) -> dict[str, Any]:
+    return {
+        "cost": nominal_cost(walk) if nominal else walk.cost,
+        "fell": walk.fell,
+        "lasted_share": walk.lasted,
+        **walk.values,
+    }
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:

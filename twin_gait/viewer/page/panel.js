@@ -19,6 +19,7 @@
     ["friction_control", "Friction control", ["gain"]], ["torque_control", "Torque control", ["torque"]],
     ["impedance_control", "Impedance control", ["stiffness", "equilibrium", "damping"]],
   ];
+  const OVER = ["held", "fell", "diverged", "ended", "died"]; // only a new start goes on from there
   const ANSWER_WITHIN = 130000; // [ms]; before a new start the run of the walk is written
   const LOG_LINES = 400;
   const USUAL_FRAME = 34, LONGEST_REST = 400; // [ms]
@@ -173,6 +174,7 @@
           (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))
           || (button.dataset.action === "pause" && status === "paused"),
         ));
+        button.disabled = button.dataset.action !== "restart" && OVER.includes(status);
       }
     },
 
