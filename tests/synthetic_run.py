@@ -107,7 +107,7 @@ def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
     columns = {name: np.zeros(LENGTH) for name in layout.names}
     for side in Side:
         columns.update(_leg_columns(side, experiment))
-    columns.update(_common_columns())
+    columns.update(_common_columns(), belt_speed_m_per_s=np.full(LENGTH, experiment.scenario.belt_speed))
     found = [item for side in Side for item in switches(side, experiment.table, timed_out)]
     return Run(
         experiment=experiment,

@@ -157,6 +157,14 @@ def test_a_folder_that_is_not_a_run_is_refused(tmp_path):
         load_run(tmp_path)
 
 
+def test_a_run_with_other_columns_is_refused_with_what_makes_it_again(tmp_path, directory):
+    old = shutil.copytree(directory, tmp_path / "old")
+    summary = json.loads((old / "summary.json").read_text())
+    (old / "summary.json").write_text(json.dumps({**summary, "log_schema_version": 1}))
+    with pytest.raises(RunDirectoryError, match=r"twin-gait simulate .*old/experiment\.yaml$"):
+        load_run(old)
+
+
 def test_a_broken_log_is_one_line(tmp_path, directory):
     for name in ("experiment.yaml", "summary.json"):
         (tmp_path / name).write_bytes((directory / name).read_bytes())

@@ -95,9 +95,9 @@ def finite_mean(values: np.ndarray) -> float:
 def coefficient_of_variation(values: np.ndarray) -> float:
     """Sample standard deviation over mean.
 
-    ``values``: positive numbers, shape ``(n,)``. Returns the ratio; NaN for fewer than two values.
+    ``values``: positive numbers, shape ``(n,)``. Returns the ratio; NaN for fewer than two values, or noughts.
     """
-    if len(values) < 2:
+    if len(values) < 2 or not values.any():
         return math.nan
     return float(np.std(values, ddof=1) / np.mean(values))
 

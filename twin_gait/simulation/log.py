@@ -11,7 +11,7 @@ from itertools import count
 from twin_gait.leg_model import LegModel
 from twin_gait.vocabulary import JointName, Side
 
-LOG_SCHEMA_VERSION = 1
+LOG_SCHEMA_VERSION = 2
 # How a unit is written at the end of a name.
 SUFFIXES = {
     "rad": "rad",

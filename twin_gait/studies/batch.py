@@ -96,7 +96,7 @@ Named = Mapping[str, Mapping[str, dict[str, Any]]]
 READ_IN_BRIEF = (
     "_angle_rad", "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
     "_foot_normal_force_N", "_foot_clearance_m", "battery_power_W", "kinetic_energy_J", "potential_energy_J",
-    "_work_J",
+    "_work_J", "belt_speed_m_per_s",
 )  # fmt: skip
 
 # Columns of a flat summary with their types, by what has them: the run, each leg, each joint.
