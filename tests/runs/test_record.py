@@ -19,7 +19,7 @@ from twin_gait.files import write_atomically
 from twin_gait.runs.folders import staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, load_run, write_run
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation.log import LogLayout, unit_of
+from twin_gait.simulation.log import LOG_SCHEMA_VERSION, LogLayout, unit_of
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_switches_that_the_table_does_not_have_are_refused(directory, tmp_path):
 
 def test_log_carries_units_schema_version_and_status(directory):
     metadata = pq.read_schema(directory / "log.parquet").metadata
-    assert metadata[b"twin_gait.schema_version"] == b"1"
+    assert metadata[b"twin_gait.schema_version"] == str(LOG_SCHEMA_VERSION).encode()
     assert metadata[b"twin_gait.status"] == b"completed"
     units = json.loads(metadata[b"twin_gait.units"])
     assert units["right_hip_motor_torque_Nm"] == "N m"
