@@ -18,7 +18,6 @@ import pandas as pd
 import pytest
 import yaml
 from example_robots import robot_urdf
-from firmware_tools import TARGET_TOOLS, require_tools
 
 from twin_gait import load_experiment, load_gait_table, simulate
 from twin_gait.cli.program import main
@@ -99,13 +98,17 @@ def desk(tmp_path_factory):
 
 
 def run_line(line: str) -> None:
-    """Run a line of the shell that calls the program, without a shell."""
+    """Run a line of the shell that calls the program, without a shell.
+
+    Pictures and the proof of printed C take minutes in all and have tests of their own.
+    """
     words = shlex.split(re.sub(r"\s*>\s*\S+$", "", line))
     assert words[0] == "twin-gait", f"{line}: who runs this?"
     files = {word: sorted(map(str, Path().glob(word))) for word in words if "*" in word}
     words = [name for word in words[1:] for name in files.get(word, [word])]
     try:
-        status = main([word for word in words if word != "--view"])
+        words = [word for word in words if word not in ("--view", "--verify")]
+        status = main([*words, "--no-pictures"] if words[0] == "simulate" else words)
     except SystemExit as leave:  # --print-completion
         status = leave.code
     assert status == 0, line
@@ -121,8 +124,6 @@ def lines_here(block: str) -> list[str]:
 def test_commands_run_in_the_order_of_their_block(block, desk, tmp_path, monkeypatch):
     shutil.copytree(desk, tmp_path / "desk")
     monkeypatch.chdir(tmp_path / "desk")
-    if "--verify" in block:
-        require_tools(*TARGET_TOOLS)
     if "human.urdf" in block:
         shutil.copy(robot_urdf("human_description/robots/human.urdf"), "human.urdf")
     for line in lines_here(block):
