@@ -95,7 +95,7 @@ def finite_mean(values: np.ndarray) -> float:
 def coefficient_of_variation(values: np.ndarray) -> float:
     """Sample standard deviation over mean.
 
-    ``values``: positive numbers, shape ``(n,)``. Returns the ratio; NaN for less than two values, or noughts.
+    ``values``: positive numbers, shape ``(n,)``. Returns the ratio; NaN for fewer than 2 values, or noughts.
     """
     if len(values) < 2 or not values.any():
         return math.nan

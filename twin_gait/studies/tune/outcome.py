@@ -146,7 +146,11 @@ def outcome(tuning: Tuning, chosen: Chosen, wearer: str) -> dict[str, Any]:
             "robust": {"before": before.cost, "after": after.cost},
         },
         "robust_set": [
-            {"case": name, "before": _walk(first, number == 0), "after": _walk(second, number == 0)}
+            {
+                "case": name,
+                "before": _walk(first, nominal=number == 0),
+                "after": _walk(second, nominal=number == 0),
+            }
             for number, ((name, first), (_, second)) in enumerate(zip(before.walks, after.walks, strict=True))
         ],
         "trade_offs": _trade_offs(tuning, after),
@@ -223,7 +227,7 @@ def _trade_offs(tuning: Tuning, after: Finalist) -> dict[str, Any]:
     return {"cases": names[1:], "candidates": candidates, "before": before, "after": after_it}
 
 
-def _walk(walk: Rating, nominal: bool) -> dict[str, Any]:
+def _walk(walk: Rating, *, nominal: bool) -> dict[str, Any]:
     return {
         "cost": nominal_cost(walk) if nominal else walk.cost,
         "fell": walk.fell,
