@@ -295,6 +295,16 @@ def test_a_bus_that_fails_is_told_once_and_the_link_goes_on(rig, monkeypatch):
     assert heard[0] <= 1.2 * heard[1]
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_an_error_that_no_driver_should_raise_ends_the_link_with_a_word(rig, monkeypatch):
+    def fail(*_):
+        raise RuntimeError("a defect of the driver")
+
+    monkeypatch.setattr(rig.link._bus, "recv", fail)
+    rig.wait_for(lambda: not rig.link._thread.is_alive())
+    assert ["link to the CAN bus has ended" in event.text for event in rig.book.after(0)] == [True]
+
+
 WALKED = {}
 
 

@@ -169,6 +169,20 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     assert not belt_carries(math.nan, SPEED, math.nan, CARRIED)
 
 
+def test_a_belt_that_was_made_faster_counts_as_it_ran() -> None:
+    log = walk_log()
+    strides = leg_record(log, Side.LEFT, PHASES, TICK).strides()
+    last = np.arange(len(log)) >= strides[-1, 0]
+    left, faster = (
+        measured(item)[Side.LEFT]
+        for item in (log, log.assign(belt_speed_m_per_s=np.where(last, 2.0 * SPEED, SPEED)))
+    )
+    # One of the counted strides went twice as far, all of them alike in force.
+    share = 1.0 + 1.0 / len(strides)
+    assert faster.belt_power == pytest.approx(share * left.belt_power)
+    assert faster.step_length == pytest.approx(share * left.step_length)
+
+
 def test_standing_between_two_walks_is_in_no_measure() -> None:
     """Six strides, ten seconds of standing, and the same six strides."""
     walk, pause = walk_log(), 10_000

@@ -183,7 +183,8 @@ class CanLink:
                     self._serve()
                     self._ask()
             except Exception:  # drivers raise what they like; the terminal has the rest
-                self._note("the link to the CAN bus has ended: no frame is sent or heard any more")
+                text = "the link to the CAN bus has ended, no frame is sent or heard; start the walk anew"
+                self._book.emit(Response.NOTE, text, user=USER)
                 raise
 
     def _serve(self) -> None:

@@ -168,7 +168,7 @@ def read_run(directory: Path, experiment: Experiment) -> StoredRun:
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
     if summary.get("log_schema_version") != LOG_SCHEMA_VERSION:
-        again = f"twin-gait simulate {directory / EXPERIMENT_FILE}"
+        again = f"use that one, or run it anew: twin-gait simulate {directory / EXPERIMENT_FILE}"
         raise RunDirectoryError(f"{directory}: its log is of another version of the program; {again}")
     return StoredRun(run, summary)
 
