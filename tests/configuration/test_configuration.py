@@ -201,11 +201,7 @@ BAD_SETTINGS = {
     "scenario.kind=moon": "moon",
     "scenario.support.share=1.2": "from 0 to 1",
     "scenario.belt_speed_m_per_s=-1": "belt speed",
-    "scenario.leading_phase=flying": (
-        "scenario: no phase 'flying' for the left leg to start in; gait table 'treadmill' has early_stance, "
-        "middle_stance, late_stance, swing_flexion, swing_extension; set scenario.leading_phase and "
-        "scenario.trailing_phase"
-    ),
+    "scenario.leading_phase=flying": "left leg: expected a phase of gait table 'treadmill', early_stance",
     "modes=walking": "which gait table 'treadmill' does not offer",
     "requests=walk@2s": "requests: input should be a valid list, got 'walk@2s'",
     "leg.urdf=no.urdf": "no such URDF",

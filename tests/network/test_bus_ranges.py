@@ -60,13 +60,8 @@ def test_check_refuses_what_a_network_has_no_room_for():
 
 
 def test_narrower_files_have_less_room(tmp_path):
-    text = shipped_file("twin.dbc").read_text(encoding="ascii")
-    path = tmp_path / "narrow.dbc"
-    wide, narrow = "(0.000006,-0.8) [-0.8|2.345716]", "(0.000001,-0.2) [-0.2|0.32]"
+    text, path = shipped_file("twin.dbc").read_text(encoding="ascii"), tmp_path / "narrow.dbc"
     torque, small = "(0.025,0) [-102.375|102.375]", "(0.01,0) [-40.95|40.95]"
-    path.write_text(text.replace(wide, narrow).replace(torque, small), encoding="ascii")
+    path.write_text(text.replace(torque, small), encoding="ascii")
     lines = values_out_of_range(build_problem(load_experiment("treadmill").experiment), load_messages(path))
-    keys = {line.partition(": ")[0] for line in lines}
-    ends = [("lower", "hip"), ("upper", "hip"), ("upper", "knee")]
-    urdf = {f"URDF, {end} limit of the {side} {joint}" for end, joint in ends for side in ("left", "right")}
-    assert keys == {"control.limits.torque_Nm", *urdf}
+    assert [line.partition(": ")[0] for line in lines] == ["control.limits.torque_Nm"]

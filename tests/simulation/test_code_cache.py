@@ -50,17 +50,6 @@ def test_a_folder_that_others_may_write_is_refused(places: Path, mode: int) -> N
         assert cache_folder() is None
 
 
-def test_the_programs_own_folder_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the user's mask lets the group write, an earlier version left it open to them."""
-    monkeypatch.delenv(CACHE_VARIABLE)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    folder = tmp_path / "twin_gait"
-    folder.mkdir()
-    folder.chmod(0o775)
-    assert cache_folder() == folder
-    assert folder.stat().st_mode & 0o777 == 0o700
-
-
 def test_what_belongs_to_another_user_is_refused(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, other = kept(places), os.geteuid() + 1
     keeping.private_folder.cache_clear()

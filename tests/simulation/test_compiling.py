@@ -24,7 +24,6 @@ from twin_gait.control.controller import NoMemory, UncompiledControllerError
 from twin_gait.simulation import compiling
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiling import (
-    ALONE,
     Pruning,
     compile_loop,
     compiled_in,
@@ -199,7 +198,7 @@ def test_a_loop_is_compiled_with_its_own_settings_and_the_users_are_kept(
     monkeypatch.setattr(Dispatcher, "compile", note)
     before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
     loop = compile_loop(entry, {})
-    assert seen[0] == (ALONE.level, 0, False) and not ALONE.vectorise
+    assert seen[0] == (Pruning.level, 0, False) and not Pruning.vectorise
     assert (numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()) == before
     assert loop.function(0, 3, 10) == 7
 

@@ -33,7 +33,7 @@ from twin_gait.simulation.lane_engine import (
     side_by_side,
     word_of,
 )
-from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
+from twin_gait.simulation.lanes import InLanes, bound_in_lanes
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import RunStatus
 
@@ -458,10 +458,10 @@ def compiled(function: Callable[[Any], Any]) -> Any:
     """A room in lanes, as numba gives it."""
     names = {**ON_BITS, **bound_in_lanes(TOY, 1), "room": function}
     loop = bind(
-        enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, manner=IN_LOCKSTEP)
+        enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, pipeline=InLanes)
     )
     signature = (numba.intp,) * 3
-    with compiled_in(IN_LOCKSTEP):
+    with compiled_in(InLanes):
         loop.compile(signature)
     return loop.overloads[signature]
 
@@ -517,7 +517,7 @@ def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd)
     block[word_of(TOY, "episode.step")] = np.array(0.25).view(np.int64)
     names = {**bound_in_lanes(TOY, 1), "room": function}
     expected = in_plain_python(function, block)
-    compile_loop(enter_at, names, manner=IN_LOCKSTEP).function(block.ctypes.data, 0, 1)
+    compile_loop(enter_at, names, pipeline=InLanes).function(block.ctypes.data, 0, 1)
     assert np.array_equal(block, expected)
 
 
@@ -537,5 +537,5 @@ def bench_and_treadmill() -> dict[str, Problem]:
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
     pattern = CompiledEngine(bench_and_treadmill()[name]).pattern
     names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, len(pattern.log.names))}
-    compile_loop(run_at, names, manner=IN_LOCKSTEP)
+    compile_loop(run_at, names, pipeline=InLanes)
     assert capfd.readouterr().err == ""

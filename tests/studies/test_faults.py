@@ -52,21 +52,21 @@ def test_the_notation_takes_degrees():
 
 
 WRONG = {
-    "encoder_melt:left_knee@4.2s": "no kind 'encoder_melt'; there are encoder_freeze",
-    "encoder_freeze:left_elbow@4.2s": "no place 'left_elbow'; expected left_hip or right_hip",
-    "encoder_freeze:left_ankle@4.2s": "no ankle is controlled; expected left_hip",
+    "encoder_melt:left_knee@4.2s": "kind: expected encoder_freeze",
+    "encoder_freeze:left_elbow@4.2s": "place: expected left_hip or right_hip",
+    "encoder_freeze:left_ankle@4.2s": "expected a controlled joint, left_hip",
     "encoder_freeze:left_foot@4.2s": "expected left_hip or right_hip",
     "encoder_freeze@4.2s": "expected left_hip or right_hip",
     "foot_load_stuck:left_knee@1s": "expected left_foot or right_foot",
     "supply_dip:left_knee@1s": "expected no place",
-    "encoder_freeze:left_knee@soons": "expected a time in seconds, got 'soon'",
+    "encoder_freeze:left_knee@soons": "expected KIND:SIDE_JOINT@TIMEs",
     "encoder_freeze:left_knee@-1s": "expected a number of 0 or more",
-    "encoder_freeze:left_knee@nans": "expected a number of 0 or more",
+    "encoder_freeze:left_knee@nans": "expected KIND:SIDE_JOINT@TIMEs",
     "encoder_freeze:left_knee@4.2": "expected KIND:SIDE_JOINT@TIMEs",
-    "encoder_freeze:left_knee@1s=3deg": "has no magnitude; leave out =3deg",
-    "encoder_drift:left_knee@1s=3deg": "expected a magnitude in rad/s or deg/s, got '3deg'",
+    "encoder_freeze:left_knee@1s=3deg": "unit: expected no magnitude, got 'deg'",
+    "encoder_drift:left_knee@1s=3deg": "unit: expected rad/s or deg/s, got 'deg'",
     "supply_dip@1s=1e999V": "expected a number in V",
-    "encoder_freeze:left_knee@99s": "the run ends at 2 s; choose an earlier time",
+    "encoder_freeze:left_knee@99s": "expected a time before the end of the run at 2 s",
     "": "expected KIND:SIDE_JOINT@TIMEs",
 }
 
@@ -81,8 +81,8 @@ def test_a_wrong_fault_is_refused_in_one_line(text):
 
 def test_a_fault_must_strike_something_that_is_there():
     for text, problem in {
-        "encoder_freeze:left_knee@1s": "there is no left leg, only right",
-        "foot_load_stuck:right_foot@1s": "have no load sensors",
+        "encoder_freeze:left_knee@1s": "expected a leg among right",
+        "foot_load_stuck:right_foot@1s": "expected feet with load sensors",
     }.items():
         with pytest.raises(TwinGaitError, match=problem):
             load_experiment("bench_leg", [f"faults=['{text}']"])
@@ -278,7 +278,7 @@ def test_simulate_takes_faults_and_says_what_tripped(tmp_path, capsys):
     text = (tmp_path / "run" / "experiment.yaml").read_text()
     assert "encoder_missing:right_knee@0.4s" in text
     assert parse_assignment("faults=[a]")[1] == ["a"]
-    with pytest.raises(TwinGaitError, match=r"faults\[0\].*no kind 'nonsense'"):
+    with pytest.raises(TwinGaitError, match=r"faults\[0\].*kind: expected .* got 'nonsense'"):
         run_command(
             simulate_command, *given[:-1], str(tmp_path / "other"), "--fault", "nonsense:right_knee@1s"
         )

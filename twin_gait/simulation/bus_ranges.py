@@ -1,6 +1,5 @@
 """Which values of an experiment the messages of its CAN network cannot say."""
 
-import math
 from collections.abc import Iterator, Mapping
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
@@ -14,8 +13,8 @@ _SETPOINTS = {"stiffness": "Nm/rad", "damping": "Nms/rad", "equilibrium": "rad",
 def values_out_of_range(problem: Problem, messages: Mapping[str, Message]) -> list[str]:
     """Values of an experiment that lie outside the ranges of the signals that carry them.
 
-    Limits of torque and current with what the monitor trips at, damping of the hold, target torques, k, b, θ0
-    and G of every phase as they are driven, and the ends of the joints.
+    Limits of torque and current with what the monitor trips at, damping of the hold, target torques, k, b,
+    θ0 and G of every phase as they are driven.
 
     ``messages``: from :func:`twin_gait.network.dbc.load_messages`. Returns a line for each: key, value, range
     and the way out; none if the bus carries the experiment.
@@ -50,11 +49,6 @@ def _said(problem: Problem, number: int) -> Iterator[tuple[str, float, str, str,
     yield "control.safety.hold_damping_Nms_per_rad", damping, "Nms/rad", "setpoint", "damping"
     target = control.target_torque.get(joint.joint, 0.0)
     yield f"control.target_torque_Nm.{joint.joint}", target, "Nm", "setpoint", "torque"
-    ends = problem.world.model.position_limits(joint.side, joint.joint)
-    for end, angle in zip(("lower", "upper"), ends, strict=True):
-        if math.isfinite(angle):  # one that turns without end has none
-            key = f"URDF, {end} limit of the {joint.side} {joint.joint}"
-            yield key, angle, "rad", "measurement", "angle"
     local = network is not None and network.impedance is ImpedancePlace.CCU
     leg, place = divmod(number, problem.joints_per_leg)
     columns = problem.phase_rows[leg, :, place * COLUMNS_PER_JOINT : (place + 1) * COLUMNS_PER_JOINT]

@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from twin_gait.control.controller import TickFunction
-from twin_gait.kernels.generated import (
-    SIDE_BY_SIDE,
-    KernelBodies,
-    body_values,
-    kernel_structure,
-    write_kernel,
-)
+from twin_gait.kernels import generated
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
@@ -108,7 +102,7 @@ class Pattern(NamedTuple):
 
     episode: np.dtype[Any]  # Layout of the record.
     log: LogLayout  # Of a row.
-    bodies: KernelBodies  # What the kernel is written for.
+    bodies: generated.KernelBodies  # What the kernel is written for.
     structure: Structure  # Constants that are bound.
     controller: str  # Name of the controller.
     functions: Mapping[str, TickFunction]  # Of the controller, that are bound.
@@ -116,7 +110,7 @@ class Pattern(NamedTuple):
     @property
     def text(self) -> str:
         """All that the loop depends on beside its sources, and functions that are not of this package."""
-        bodies = kernel_structure(self.bodies)
+        bodies = generated.kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
         return repr((_text(self.episode), self.log.writer, bodies, self.structure, ours))
 
@@ -126,7 +120,7 @@ class Pattern(NamedTuple):
         return tuple(item for item in self.functions.values() if not is_ours(item))
 
 
-def laid_out(problem: Problem, *, record: bool = True) -> tuple[KernelBodies, Episode, Structure]:
+def laid_out(problem: Problem, *, record: bool = True) -> tuple[generated.KernelBodies, Episode, Structure]:
     """Bodies of a problem, its episode at tick 0, and the constants to bind."""
     world = problem.world
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
@@ -135,9 +129,15 @@ def laid_out(problem: Problem, *, record: bool = True) -> tuple[KernelBodies, Ep
     # The last guide of each pelvis, or on the bench the first joint of each chain.
     guides = range(world.model.pelvis_index or 0, len(bodies), world.model.nv)
     episode = new_episode(
-        problem, body_values(bodies, points), body_values(control_bodies), len(points), record=record
+        problem,
+        generated.body_values(bodies, points),
+        generated.body_values(control_bodies),
+        len(points),
+        record=record,
     )
-    kernel = KernelBodies(bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0)
+    kernel = generated.KernelBodies(
+        bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0
+    )
     return kernel, episode, structure_of(problem, len(points))
 
 
@@ -196,9 +196,11 @@ def _text(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
+def bound_kernel(bodies: generated.KernelBodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    return kernel_functions(write_kernel(bodies), {item.name: item.function for item in SIDE_BY_SIDE})
+    return kernel_functions(
+        generated.write_kernel(bodies), {item.name: item.function for item in generated.SIDE_BY_SIDE}
+    )
 
 
 @lru_cache(maxsize=32)

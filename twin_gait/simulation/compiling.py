@@ -1,8 +1,8 @@
 """Compile a bound loop with numba.
 
-Four internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
-when one of the first three changes, tests/simulation/test_controllers.py of the last: a pipeline of passes of
-one's own, the template that types a call, what is made of a function once it is lowered, and its types.
+Three internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
+when one of them changes: a pipeline of passes of one's own, the template that types a call, and what is made
+of a function once it is lowered.
 """
 
 import ctypes
@@ -10,14 +10,12 @@ import gc
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core import ir as numba_ir
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
@@ -27,12 +25,7 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import DeadBranchPrune, ReconstructSSA
 from numba.extending import intrinsic
 
-from twin_gait.control.controller import (
-    TickFunction,
-    UncompiledControllerError,
-    require_no_answer,
-    require_whole_numbers,
-)
+from twin_gait.control.controller import TickFunction, UncompiledControllerError, require_no_answer
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.keeping import ARGUMENTS, MachineCode, NativeFunction, function_at
 
@@ -71,6 +64,9 @@ class Pruning(CompilerBase):  # type: ignore[misc]
     """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
 
     lowering: type[NativeLowering] = Lowering  # The pass that makes LLVM's code.
+    # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops
+    # over the coordinates for long ones and makes the treadmill 15 to 20 % slower.
+    level, vectorise = 1, False
 
     def define_pipelines(self) -> list[Any]:
         """Passes of the one pipeline."""
@@ -84,20 +80,8 @@ class Pruning(CompilerBase):  # type: ignore[misc]
         return [manager]
 
 
-class Manner(NamedTuple):
-    """How loops are compiled."""
-
-    pipeline: type[CompilerBase]  # numba's passes.
-    level: int  # Of LLVM's optimisation.
-    vectorise: bool  # Whether LLVM turns loops into vectors.
-
-
-# LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
-# the coordinates for long ones and makes the treadmill 15 to 20 % slower.
-ALONE = Manner(Pruning, 1, False)
-
 # Functions of the loops of this process: the next one compiles only what is different in it.
-_made: dict[Manner, dict[Hashable, Any]] = {}
+_made: dict[type[Pruning], dict[Hashable, Any]] = {}
 
 _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -144,9 +128,9 @@ _whole_number = _instruction(types.float64, types.int64, lambda builder, n: buil
 ON_BITS = {"power_of_two": _power_of_two, "whole_number": _whole_number}
 
 
-def jit(function: Any, *, inline: bool = True, manner: Manner = ALONE) -> Any:
+def jit(function: Any, *, inline: bool = True, pipeline: type[Pruning] = Pruning) -> Any:
     """A function of a loop, to be compiled with its callers' types."""
-    made = numba.njit(**_OPTIONS, pipeline_class=manner.pipeline, forceinline=inline)(function)
+    made = numba.njit(**_OPTIONS, pipeline_class=pipeline, forceinline=inline)(function)
     template = made.get_call_template
     # Otherwise every literal 0, 1, -1 in a call is a type of its own, and compiled anew.
     plain = types.unliteral  # type: ignore[attr-defined]  # numba has no types
@@ -177,7 +161,7 @@ class CompiledLoop(NamedTuple):
 
 
 def compile_loop(
-    entry: Callable[..., int], names: Mapping[str, Any], own: str = "", manner: Manner = ALONE
+    entry: Callable[..., int], names: Mapping[str, Any], own: str = "", pipeline: type[Pruning] = Pruning
 ) -> CompiledLoop:
     """Bind an entry, which takes and returns whole numbers, to names, and compile it.
 
@@ -186,11 +170,11 @@ def compile_loop(
     loop = bind(
         entry,
         {**ON_BITS, **names},
-        lambda function: jit(function, inline=function.__name__ != entry.__name__, manner=manner),
-        _made.setdefault(manner, {}),
+        lambda function: jit(function, inline=function.__name__ != entry.__name__, pipeline=pipeline),
+        _made.setdefault(pipeline, {}),
     )
     signature = (numba.intp,) * ARGUMENTS
-    with compiled_in(manner):
+    with compiled_in(pipeline):
         loop.compile(signature)
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
@@ -202,11 +186,11 @@ def compile_loop(
 
 
 @contextmanager
-def compiled_in(manner: Manner = ALONE) -> Iterator[None]:
-    """Whatever is compiled in here is compiled as the loops are."""
+def compiled_in(pipeline: type[Pruning] = Pruning) -> Iterator[None]:
+    """Whatever is compiled in here is compiled as the loops of these passes are."""
     config, collects = numba.config, gc.isenabled()
     kept = config.OPT, config.LOOP_VECTORIZE
-    config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(manner.level), int(manner.vectorise)
+    config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(pipeline.level), int(pipeline.vectorise)
     gc.disable()  # looking through the compiler's millions of small objects takes a tenth of the time
     try:
         yield
@@ -229,8 +213,7 @@ def compiled_ticks(
     """The user's functions among those of a controller, compiled.
 
     ``device``: layout of the record that they are handed, with their memory in it. Raises
-    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something, or keeps a
-    float in a field of whole numbers.
+    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something.
     """
     return {
         name: _compiled_tick(controller, tick, name == "assisted_tick", device)
@@ -251,33 +234,4 @@ def _compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: 
         raise UncompiledControllerError(f"numba cannot compile the controller {controller!r}") from error
     answer = compiled.overloads[kinds].signature.return_type
     require_no_answer(controller, None if answer == types.none else answer)
-    require_whole_numbers(controller, next(_cut(compiled.overloads[kinds]), None))
     return compiled
-
-
-def _cut(made: Any) -> Iterator[str]:
-    """Fields of whole numbers into which a compiled function, or one that it calls, writes a float.
-
-    Machine code would cut it without a word, where Python keeps it.
-    """
-    kinds, calls = made.type_annotation.typemap, made.type_annotation.calltypes
-    lists: dict[str, str] = {}
-    for statement in chain.from_iterable(block.body for block in made.type_annotation.blocks.values()):
-        value: Any = getattr(statement, "value", None)
-        if isinstance(statement, numba_ir.SetAttr):
-            name, kind = statement.attr, calls[statement].args[1]
-        elif isinstance(statement, (numba_ir.SetItem, numba_ir.StaticSetItem)):
-            name, kind = lists.get(statement.target.name, "a list"), calls[statement].args[0].dtype
-        elif not isinstance(value, numba_ir.Expr):
-            continue
-        elif value.op == "getattr":
-            lists[statement.target.name] = value.attr
-            continue
-        elif value.op == "call" and isinstance(kinds[value.func.name], types.Dispatcher):
-            called = kinds[value.func.name].dispatcher.overloads
-            yield from _cut(called[calls[value].args]) if calls[value].args in called else ()
-            continue
-        else:
-            continue
-        if isinstance(kind, types.Integer) and isinstance(kinds[value.name], types.Float):
-            yield name

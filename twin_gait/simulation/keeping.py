@@ -65,20 +65,15 @@ def cache_folder() -> Path | None:
     try:
         if chosen:
             return private_folder(Path(chosen))
-        return private_folder(_home("XDG_CACHE_HOME", ".cache") / "twin_gait", close=True)
+        return private_folder(_home("XDG_CACHE_HOME", ".cache") / "twin_gait")
     except (OSError, RuntimeError):  # pathlib's error where the user has no home
         return None
 
 
 @lru_cache(maxsize=8)
-def private_folder(folder: Path, *, close: bool = False) -> Path | None:
-    """A folder that is the user's alone to write, made if needed; a warning and None if it is not.
-
-    ``close``: whether it is this program's own, to be closed to others where an earlier version left it open.
-    """
+def private_folder(folder: Path) -> Path | None:
+    """A folder that is the user's alone to write, made if needed; a warning and None if it is not."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if close and folder.stat().st_uid == os.geteuid():
-        folder.chmod(0o700)
     if only_mine(folder.stat()):
         return folder
     warnings.warn(
@@ -159,8 +154,8 @@ def source_files(*names: str) -> list[Path]:
     """Modules of this package by name, of a folder all of them."""
     home, found = Path(__file__).parent, []
     for name in names:
-        path = home / f"{name}.py"  # before a folder: an older version may have left one of this name
-        found += [path] if path.is_file() else sorted((home / name).glob("*.py"))
+        folder = home / name
+        found += sorted(folder.glob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
     return found
 
 

@@ -129,10 +129,10 @@ def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None = None) ->
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
-        from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
+        from twin_gait.simulation.lanes import InLanes, bound_in_lanes
 
         names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, len(pattern.log.names))}
-        return compile_loop(run_at, names, manner=IN_LOCKSTEP)
+        return compile_loop(run_at, names, pipeline=InLanes)
 
     return kept_loop(_key_of(pattern), make, on_compile)
 

@@ -27,7 +27,7 @@ from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
-from twin_gait.simulation.compiling import Lowering, Manner, Pruning, distinct, jit, numbers_at
+from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, numbers_at
 from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
@@ -93,6 +93,7 @@ class InLanes(Pruning):
     """The passes of a single episode's loop, with loops over lanes marked."""
 
     lowering = _MarkingPass
+    level, vectorise = 3, True
 
 
 def block_at(dtype: np.dtype[Any]) -> Any:
@@ -147,9 +148,6 @@ def rows_beside(width: int) -> Any:
     return row_beside
 
 
-IN_LOCKSTEP = Manner(InLanes, 3, True)
-
-
 @lru_cache(maxsize=32)
 def bound_in_lanes(episode: np.dtype[Any], width: int) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is."""
@@ -162,5 +160,5 @@ def bound_in_lanes(episode: np.dtype[Any], width: int) -> dict[str, Any]:
     def noise_row(e: Any, tick: int) -> Any:
         return readings(e.recording.noise, min(tick, e.recording.n_noise - 1))
 
-    found = {item.__name__: jit(item, manner=IN_LOCKSTEP) for item in (log_row, noise_row)}
+    found = {item.__name__: jit(item, pipeline=InLanes) for item in (log_row, noise_row)}
     return {"episode_at": block_at(episode), "lanes": _through(True), "each": _through(False), **found}

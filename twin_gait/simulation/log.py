@@ -54,28 +54,16 @@ JOINT = Columns(
     angle_rad=("e.q[place]", "true angle; of the device, if braces bind the wearer to it"),
     velocity_rad_per_s=("e.v[place]", "true velocity"),
     measured_angle_rad=("joint.board.encoder.angle", "encoder angle"),
-    velocity_fast_rad_per_s=(
-        "joint.board.encoder.velocity_fast",
-        "first-order estimate, for damper and guards",
-    ),
-    velocity_slow_rad_per_s=(
-        "joint.board.encoder.velocity_slow",
-        "decimated and averaged estimate, for the friction compensation",
-    ),
-    impedance_torque_Nm=(
-        "asked.impedance",
-        "of virtual spring and damper, and what a runaway adds; in the hold, of the brake",
-    ),
+    velocity_fast_rad_per_s=("joint.board.encoder.velocity_fast", "first-order, for damper and guards"),
+    velocity_slow_rad_per_s=("joint.board.encoder.velocity_slow", "averaged, for friction compensation"),
+    impedance_torque_Nm=("asked.impedance", "of spring and damper, with a runaway; in the hold of the brake"),
     friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
     gravity_compensation_torque_Nm=("asked.gravity", "share of the gravity torque that the controller gives"),
     inertia_compensation_torque_Nm=("asked.inertia", "share of the inertia torque that it gives"),
     target_torque_Nm=("asked.target", "added to the command"),
     motor_command_torque_Nm=("asked.torque", "sum of the five, before limits"),
     motor_torque_Nm=("e.motor[place]", "of the motor times the gear ratio, before the losses of the gear"),
-    friction_torque_Nm=(
-        "e.plant[place].friction_torque",
-        "of motor and gear on the joint, with what the gear loses under load",
-    ),
+    friction_torque_Nm=("e.plant[place].friction_torque", "of motor and gear, with its losses under load"),
     stop_torque_Nm=("e.plant[place].stop_torque", "of the mechanical stops"),
     patient_torque_Nm=("joint.outside", "of the wearer, a push or an imposed motion"),
     target_current_A=("asked.target_current", "that the drive is asked for"),
@@ -100,10 +88,7 @@ FOOT = Columns(
     normal_force_N=("sole.normal", "of the ground, at right angles to it"),
     friction_force_N=("sole.friction", "of the ground, along it, forwards positive"),
     clearance_m=("sole.clearance", "height of the lowest point of the sole over the ground"),
-    pressure_place=(
-        "sole.pressure_place",
-        "centre of pressure: 0 at the first point of the sole, 1 at the last; 0 in the air",
-    ),
+    pressure_place=("sole.pressure_place", "centre of pressure, 0 at first to 1 at last point; 0 in the air"),
 )
 
 GROUND = Columns(belt_speed_m_per_s=("e.ground.belt_speed", "of the belt, backwards positive; 0 without one"))

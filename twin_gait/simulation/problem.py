@@ -1,7 +1,7 @@
 """An experiment laid out as the arrays that every engine steps through."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,20 +12,17 @@ from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.safety import Bounds
-from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST
-from twin_gait.parameters import ActuatorParameters, Patient
+from twin_gait.parameters import ActuatorParameters, Patient, require
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.episode import UNIT_READINGS, Limb
 from twin_gait.simulation.wearer import limbs_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
-from twin_gait.worlds.faults import Fault as InjectedFault
-from twin_gait.worlds.faults import FaultKind
 from twin_gait.worlds.world import World
 
 NEVER = int(np.iinfo(np.int64).max)  # a tick
@@ -105,13 +102,8 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     world = placed.build_world()
     table = scaled_table(experiment, world)
     for side, phase in world.initial_phases.items():
-        if phase not in (None, *table.phases):
-            known = f"gait table {table.name!r} has {', '.join(table.phases)}"
-            keys = [item.name for item in fields(placed.scenario) if item.name.endswith("_phase")]
-            way_out = f"; set {' and '.join(f'scenario.{key}' for key in keys)}" if keys else ""
-            raise ParameterError(
-                f"scenario: no phase {phase!r} for the {side} leg to start in; {known}{way_out}"
-            )
+        known = f"a phase of gait table {table.name!r}, {', '.join(table.phases)}"
+        require(phase in (None, *table.phases), f"scenario: phase of the {side} leg", known, phase)
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
         for side in world.model.sides
@@ -208,19 +200,13 @@ def _noise(experiment: Experiment, offset: np.ndarray, limbs: int) -> np.ndarray
 
 def fault_records(problem: Problem) -> list[Fault]:
     """Faults of an experiment as :mod:`twin_gait.core.faults` reads them."""
+    places: dict[tuple[Side | None, JointName | None], int]
+    places = {(side, None): number for number, side in enumerate(problem.sides)}  # of feet
+    places |= {(joint.side, joint.joint): number for number, joint in enumerate(problem.joints)}
     return [
-        Fault(fault.kind.code, _place(problem, fault), ticks(fault.time), float(fault.strength))
-        for fault in problem.experiment.faults
+        Fault(item.kind.code, places.get((item.side, item.joint), -1), ticks(item.time), float(item.strength))
+        for item in problem.experiment.faults
     ]
-
-
-def _place(problem: Problem, fault: InjectedFault) -> int:
-    if fault.side is None:
-        return -1
-    if fault.kind is FaultKind.FOOT_LOAD_STUCK:
-        return problem.sides.index(fault.side)
-    places = [(joint.side, joint.joint) for joint in problem.joints]
-    return places.index((fault.side, fault.joint))  # type: ignore[arg-type]  # checked by the fault
 
 
 def ticks(time: float) -> int:

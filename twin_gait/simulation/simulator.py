@@ -156,33 +156,26 @@ def simulate_together(
         Position and run of each, in the order in which they are done.
 
     Raises:
-        JobFailed: If one cannot be run.
+        JobFailed: If one cannot be run; of those that are laid out with it none is.
     """
     waiting, first = iter(experiments), 0
-    failure: JobFailed | None = None
-    while failure is None:
-        engines, failure = _laid_out(waiting, first)
-        if not engines and failure is None:
-            return
+    while engines := _laid_out(islice(waiting, _LAID_OUT), first):
         for block in blocks_of(_kinds(engines), [engine.problem.experiment.n_ticks for engine in engines]):
             runs = _run([engines[place] for place in block], first + block[0], columns)
             for place in reversed(block):  # each is gone when it has been looked at
                 yield first + place, runs.pop()
         first += len(engines)
-    raise failure
 
 
-def _laid_out(waiting: Iterator[Experiment], first: int) -> tuple[list[EpisodeEngine], JobFailed | None]:
-    """Engines of the next episodes, up to the first that cannot be laid out."""
+def _laid_out(experiments: Iterable[Experiment], first: int) -> list[EpisodeEngine]:
+    """Engines of some episodes, of which the first has a number; JobFailed if one cannot be laid out."""
     engines: list[EpisodeEngine] = []
     try:
-        for experiment in islice(waiting, _LAID_OUT):
+        for experiment in experiments:
             engines.append(engine_of(build_problem(experiment)))
     except TwinGaitError as error:
-        failure = JobFailed(first + len(engines), str(error))
-        failure.__cause__ = error
-        return engines, failure
-    return engines, None
+        raise JobFailed(first + len(engines), str(error)) from error
+    return engines
 
 
 def _kinds(engines: Sequence[EpisodeEngine]) -> list[Hashable | None]:

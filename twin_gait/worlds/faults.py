@@ -10,8 +10,8 @@ from twin_gait.parameters.quantities import DEGREE, NOT_NEGATIVE, require
 from twin_gait.vocabulary import Coded, JointName, Side
 
 FOOT = "foot"
-_SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=(\S+))?")
-_MAGNITUDE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)([A-Za-z/]*)")
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
+_SHAPE = re.compile(rf"([a-z_]+)(?::([a-z]+)_([a-z]+))?@({_NUMBER})s(?:=({_NUMBER})([A-Za-z/]*))?")
 
 
 class FaultKind(Coded):
@@ -108,41 +108,26 @@ def parse_fault(text: str) -> Fault:
 
     Raises ParameterError if it cannot be read.
     """
+    match = _SHAPE.fullmatch(text.strip())
     try:
-        return _parsed(text.strip())
+        shape = "KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s"
+        require(match is not None, "notation", shape, text)
+        assert match is not None
+        name, leg, part, time, size, unit = match.groups()
+        require(name in list(FaultKind), "kind", ", ".join(FaultKind), name)
+        kind = FaultKind(name)
+        placed = part is None or (leg in list(Side) and part in (FOOT, *JointName))
+        require(placed, "place", _expected_place(kind), f"{leg}_{part}")
+        require(unit is None or unit in kind.units, "unit", " or ".join(kind.units) or "no magnitude", unit)
+        return Fault(
+            kind=kind,
+            time=float(time),
+            side=None if leg is None else Side(leg),
+            joint=None if part in (None, FOOT) else JointName(part),
+            magnitude=None if size is None else float(size) * kind.units[unit],
+        )
     except ParameterError as error:
         raise ParameterError(f"fault {text!r}: {error}") from error
-
-
-def _parsed(text: str) -> Fault:
-    match = _SHAPE.fullmatch(text)
-    if match is None:
-        raise ParameterError("expected KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s")
-    name, place, time, size = match.groups()
-    if name not in list(FaultKind):
-        raise ParameterError(f"no kind {name!r}; there are {', '.join(FaultKind)}")
-    kind, side, joint = FaultKind(name), None, None
-    try:
-        seconds = float(time)
-    except ValueError:
-        raise ParameterError(f"expected a time in seconds, got {time!r}") from None
-    if place is not None:
-        leg, _, part = place.partition("_")
-        if leg not in list(Side) or part not in (FOOT, *JointName):
-            raise ParameterError(f"no place {place!r}; expected {_expected_place(kind)}")
-        side, joint = Side(leg), None if part == FOOT else JointName(part)
-    return Fault(kind=kind, time=seconds, side=side, joint=joint, magnitude=_magnitude(kind, size))
-
-
-def _magnitude(kind: FaultKind, size: str | None) -> float | None:
-    if size is None:
-        return None
-    match = _MAGNITUDE.fullmatch(size)
-    if not kind.units:
-        raise ParameterError(f"{kind} has no magnitude; leave out ={size}")
-    if match is None or match.group(2) not in kind.units:
-        raise ParameterError(f"expected a magnitude in {' or '.join(kind.units)}, got {size!r}")
-    return float(match.group(1)) * kind.units[match.group(2)]
 
 
 def check_faults(
@@ -157,12 +142,11 @@ def check_faults(
     ``duration``: of the run in [s]. ``joints``: those that are controlled.
     """
     for fault in faults:
-        if fault.side is not None and fault.side not in sides:
-            raise ParameterError(f"fault {fault}: there is no {fault.side} leg, only {', '.join(sides)}")
-        if fault.joint is not None and fault.joint not in joints:
-            expected = _expected_place(fault.kind, joints)
-            raise ParameterError(f"fault {fault}: no {fault.joint} is controlled; expected {expected}")
-        if fault.kind is FaultKind.FOOT_LOAD_STUCK and not feet:
-            raise ParameterError(f"fault {fault}: the feet of this experiment have no load sensors")
-        if fault.time >= duration:
-            raise ParameterError(f"fault {fault}: the run ends at {duration:g} s; choose an earlier time")
+        there = {
+            f"a leg among {', '.join(sides)}": fault.side in (None, *sides),
+            f"a controlled joint, {_expected_place(fault.kind, joints)}": fault.joint in (None, *joints),
+            "feet with load sensors": feet or fault.kind is not FaultKind.FOOT_LOAD_STUCK,
+            f"a time before the end of the run at {duration:g} s": fault.time < duration,
+        }
+        for expected, fits in there.items():
+            require(fits, "fault", expected, str(fault))

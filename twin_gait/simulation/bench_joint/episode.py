@@ -36,10 +36,7 @@ BENCH = Columns(
     position_rad=("encoder.angle", "encoder angle"),
     target_position_rad=("asked.position", "of the path, or the equilibrium of the impedance"),
     measured_current_A=("winding.sample", "sample of the shunts that the current loop works with"),
-    target_current_A=(
-        "winding.target_current",
-        "that the drive is asked for; with a duty, what it should drive",
-    ),
+    target_current_A=("winding.target_current", "that the drive is asked for, or what a duty should drive"),
     bus_voltage_V=("e.bus_voltage", "of the drive"),
     target_torque_Nm=("asked.target", "added to the command, with what the path's acceleration needs"),
     velocity_rad_per_s=("(encoder.angle - encoder.last_angle) / TICK", "of the encoder angle over a tick"),

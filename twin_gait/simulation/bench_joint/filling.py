@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from twin_gait import worlds
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.elementary import sine_cosine
@@ -17,27 +18,14 @@ from twin_gait.parameters import KNEE_FRICTION, require
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
-from twin_gait.worlds.bench_joint import (
-    HORIZONTAL,
-    TRANSPARENCY_STEPS,
-    BenchJoint,
-    CatalogueEfficiency,
-    CompensationVelocity,
-    CosinePath,
-    CurrentLoop,
-    DutyControl,
-    InertialSensor,
-    InertialUnit,
-    LoadAngle,
-    OldFrictionModel,
-    TorqueControl,
-    Torsion,
-)
 
-_SOURCES = {InertialSensor.GYROSCOPE: record.GYROSCOPE, InertialSensor.ACCELEROMETER: record.ACCELEROMETER}
+_SOURCES = {
+    worlds.InertialSensor.GYROSCOPE: record.GYROSCOPE,
+    worlds.InertialSensor.ACCELEROMETER: record.ACCELEROMETER,
+}
 
 
-def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
+def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
     """Draw the noise of a test; what is not noisy draws nothing.
 
     Returns shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial
@@ -54,7 +42,7 @@ def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
     return noise
 
 
-def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
+def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
     """The record of a test at tick 0.
 
     Raises ParameterError if parts of the test do not go together.
@@ -62,9 +50,9 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
     link, friction, sensors = test.link, test.friction, test.sensors
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
-    path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
+    path = worlds.CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
     sine, cosine = sine_cosine(variation.ripple_phase)
-    unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
+    unit = test.inertial_unit or worlds.InertialUnit(sensor=worlds.InertialSensor.GYROSCOPE)
     return record.BenchEpisode(
         test=replace(
             test, control=None, efficiency=None, torsion=None, inertial_unit=None, imposed_motion=None
@@ -77,11 +65,11 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         bus_voltage=test.battery.voltage,
         rotor=record.Body(test.actuator.armature, test.start_angle, test.start_velocity),
         link=record.Body(link.total_inertia, test.start_angle, test.start_velocity),
-        horizontal_angle=HORIZONTAL if link.load_angle is LoadAngle.CORRECTED else 0.0,
+        horizontal_angle=worlds.HORIZONTAL if link.load_angle is worlds.LoadAngle.CORRECTED else 0.0,
         moment=link.total_moment,
-        torsion=test.torsion or Torsion(),
+        torsion=test.torsion or worlds.Torsion(),
         compliant=test.torsion is not None,
-        efficiency=test.efficiency or CatalogueEfficiency(),
+        efficiency=test.efficiency or worlds.CatalogueEfficiency(),
         catalogued=test.efficiency is not None,
         friction=friction.law.scaled(variation.friction_ratio).in_plant(),
         ripple_cosine=friction.ripple * cosine,
@@ -91,56 +79,56 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         acceleration=_acceleration(test, unit),
         torque_control=replace(torque, old_model=None, path=None),
         path=torque.path or path,
-        old_model=torque.old_model or OldFrictionModel(),
+        old_model=torque.old_model or worlds.OldFrictionModel(),
         old=torque.old_model is not None,
-        follows_path=torque.compensation_velocity is CompensationVelocity.REFERENCE,
+        follows_path=torque.compensation_velocity is worlds.CompensationVelocity.REFERENCE,
         transparency=_transparency(test),
     )
 
 
-def _periods(test: BenchJoint) -> int:
+def _periods(test: worlds.BenchJoint) -> int:
     return round(test.drive.rate * TICK)
 
 
-def _winding(test: BenchJoint) -> record.Winding:
+def _winding(test: worlds.BenchJoint) -> record.Winding:
     drive, periods = test.drive, _periods(test)
-    kind = record.PI if drive.loop is CurrentLoop.PI else record.IDEAL
-    if not isinstance(test.control, TorqueControl):
+    kind = record.PI if drive.loop is worlds.CurrentLoop.PI else record.IDEAL
+    if not isinstance(test.control, worlds.TorqueControl):
         kind = record.OPEN if test.control is None else record.DUTY
     gains = current_loop_gains(test.actuator.resistance, drive.inductance, drive.bandwidth)
     return record.Winding(kind, periods, TICK / periods, *gains, new_delay_line(drive.delay))
 
 
-def _acceleration(test: BenchJoint, unit: InertialUnit) -> record.Acceleration:
-    used = test.inertial_unit is not None and isinstance(test.control, TorqueControl)
+def _acceleration(test: worlds.BenchJoint, unit: worlds.InertialUnit) -> record.Acceleration:
+    used = test.inertial_unit is not None and isinstance(test.control, worlds.TorqueControl)
     source = _SOURCES[unit.sensor] if used else record.ENCODER
     time_constant = unit.time_constant if used else test.sensors.fast_time_constant
     return record.Acceleration(source, first_order_gain(TICK, time_constant), new_delay_line(unit.delay))
 
 
-def _imposed_motion(test: BenchJoint) -> ImposedMotion:
+def _imposed_motion(test: worlds.BenchJoint) -> ImposedMotion:
     motion = test.imposed_motion
     if motion is None or (motion.stiffness == 0.0 and motion.damping == 0.0):
         return ImposedMotion()
     return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle)
 
 
-def _torque_control(test: BenchJoint) -> TorqueControl:
-    if not isinstance(test.control, TorqueControl):
-        return TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
+def _torque_control(test: worlds.BenchJoint) -> worlds.TorqueControl:
+    if not isinstance(test.control, worlds.TorqueControl):
+        return worlds.TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
     return replace(test.control, friction_model=test.control.friction_model.normalised())
 
 
-def _transparency(test: BenchJoint) -> Transparency:
+def _transparency(test: worlds.BenchJoint) -> Transparency:
     control, counts = test.control, test.drive.counts
-    if not isinstance(control, DutyControl):
+    if not isinstance(control, worlds.DutyControl):
         return Transparency()
     require(counts > 0, "pwm counts", "1 or more for a controller of duties", counts)
     static, linear, quadratic = control.voltages(test.actuator)
     return taken_from(
         Transparency,
         control,
-        ticks_per_second=TRANSPARENCY_STEPS,
+        ticks_per_second=worlds.TRANSPARENCY_STEPS,
         static_voltage=static,
         voltage_per_velocity=linear,
         voltage_per_velocity_squared=quadratic,

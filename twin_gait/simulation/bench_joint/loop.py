@@ -13,13 +13,13 @@ import pandas as pd
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.bench_joint.episode import BENCH, COLUMNS, LOG_COLUMNS, BenchEpisode, BenchVariation
+from twin_gait.simulation.bench_joint.episode import BENCH, COLUMNS, LOG_COLUMNS, BenchVariation
 from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
 from twin_gait.simulation.bench_joint.tick import bench_at, run_ticks
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import kept_loop, source_key
+from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
 from twin_gait.simulation.log import writer_of
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
@@ -27,8 +27,6 @@ from twin_gait.worlds.bench_joint import BenchJoint
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
-
-Advance = Callable[[int], tuple[int, int]]  # from ticks asked for to ticks done and status
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +81,20 @@ def simulate_bench(
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or BenchVariation()), bench_noise(test, ticks, seed)
     rows = np.zeros((ticks, len(COLUMNS)))
-    advance = _compiled(episode, noise, rows, on_compile) if compiled else _plain(episode, noise, rows)
-    done, ending = advance(ticks)
-    return BenchRun(test, rows[:done], RunStatus.DIVERGED if ending == DIVERGED else RunStatus.COMPLETED)
+    writer = kernel_functions(writer_of([(0, BENCH)]), {"TICK": TICK})
+    # The laws beside (3.1) slow the others down.
+    names = {"OTHER_LAWS": episode.friction.law > ROTATIONAL, **writer}
+    if compiled:
+        recording = episode.recording
+        recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
+        store = stored(episode)
+        done = _compiled(store.dtype, names, on_compile)(store.ctypes.data, 0, ticks)
+        status = int(store[0]["status"])
+    else:
+        table = noise.reshape(-1, 1).tolist()
+        found = {"log_row": lambda e, tick: rows[tick], "noise_row": lambda e, number: table[number]}
+        done, status = bind(run_ticks, {**names, **found})(episode, 0, ticks), episode.status
+    return BenchRun(test, rows[:done], RunStatus.DIVERGED if status == DIVERGED else RunStatus.COMPLETED)
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -94,35 +103,17 @@ def run_at(address: int, first: int, end: int) -> int:
 
 
 def _compiled(
-    episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, on_compile: Callable[[], None] | None
-) -> Advance:
-    """The compiled loop of a test; the caller keeps noise and rows."""
-    recording = episode.recording
-    recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
-    store, names = stored(episode), _names(episode)
+    episode: np.dtype[Any], names: dict[str, Any], on_compile: Callable[[], None] | None
+) -> NativeFunction:
+    """The compiled loop of tests of one layout."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
 
         rows = compiled_rows(len(COLUMNS), 1)
-        return compile_loop(run_at, {**names, **rows, "bench_at": record_at(store.dtype)})
+        return compile_loop(run_at, {**names, **rows, "bench_at": record_at(episode)})
 
-    loop = kept_loop(_key(store.dtype, names["OTHER_LAWS"]), make, on_compile)
-    return lambda ticks: (loop(store.ctypes.data, 0, ticks), int(store[0]["status"]))
-
-
-def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray) -> Advance:
-    """The same rooms as plain Python."""
-    table = noise.reshape(-1, 1).tolist()
-    found = {"log_row": lambda e, tick: rows[tick], "noise_row": lambda e, number: table[number]}
-    run = bind(run_ticks, {**_names(episode), **found})
-    return lambda ticks: (run(episode, 0, ticks), episode.status)
-
-
-def _names(episode: BenchEpisode) -> dict[str, Any]:
-    """What a loop is bound to beside its rows; the laws beside (3.1) slow the others down."""
-    writer = kernel_functions(writer_of([(0, BENCH)]), {"TICK": TICK})
-    return {"OTHER_LAWS": episode.friction.law > ROTATIONAL, **writer}
+    return kept_loop(_key(episode, names["OTHER_LAWS"]), make, on_compile)
 
 
 @lru_cache(maxsize=8)

@@ -77,23 +77,16 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
                 brace.torque = brace_torque(brace, q[i], v[i], q[i + SHIFT], v[i + SHIFT])
                 one.torque[i] -= brace.torque
                 one.torque[i + SHIFT] += brace.torque
-    if PITCH >= 0:
-        for one in lanes(e):
-            q, v = _state(one, staged)
-            pull_harness(one, q, v)
-    if SEATED:
-        for one in lanes(e):
-            q, v = _state(one, staged)
-            press_seat(one, q, v)
     for one in lanes(e):
         q, v = _state(one, staged)
+        if PITCH >= 0:
+            pull_harness(one, q, v)
+        if SEATED:
+            press_seat(one, q, v)
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
-    if SEATED:
-        for one in lanes(e):
+        if SEATED:
             one.contact_power += one.seat.power
-    if CRUTCHES > 0:
-        for one in lanes(e):
-            q, v = _state(one, staged)
+        if CRUTCHES > 0:
             move_tips(one, q, v)
 
 
