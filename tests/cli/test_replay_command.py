@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import re
 
-import numpy as np
 import pandas as pd
 import pytest
 from table_builder import FIVE_PHASES
@@ -66,9 +64,7 @@ def test_the_summary_counts_strides_and_switches(walk, tmp_path):
             assert counted[item["from"], item["to"], item["cause"]] == item["count"]
         assert sum(item["count"] for item in values["switches"]) == counted.sum()
         assert values["strides"] == values["strides_with_the_whole_cycle"]
-        matrix = pd.DataFrame(values["agreement"]["confusion_ticks"])
-        assert matrix.to_numpy().sum() == 4000 and np.trace(matrix.to_numpy()) == 4000
-        assert values["agreement"]["phase_share"] == dict.fromkeys(PHASES, 1.0)
+        assert values["agreement"]["equal_share"] == 1.0
 
 
 @pytest.mark.parametrize("file_format", ["csv", "mot", "sto"])
@@ -87,22 +83,12 @@ def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_pa
     pd.testing.assert_frame_equal(found[columns], original[columns])
 
 
-def test_one_leg_goes_through_the_table_of_the_bench_and_mirrored_through_that_of_the_treadmill(
-    bench, capsys
-):
+def test_one_leg_goes_through_the_table_of_the_bench_and_not_through_one_for_two(bench, capsys):
     assert run("replay", bench) == 0
     assert "right: 1 stride of" in capsys.readouterr().out
     assert run("replay", bench, "--table", "treadmill") == 2
     error = capsys.readouterr().err
-    assert "other.phase in early_stance → middle_stance (other_swings); " in error
-    assert "late_stance → swing_flexion (trailing_limb), but" in error and "--mirror" in error
-    assert run("replay", bench, "--mirror", 2.0) == 0
-    printed = capsys.readouterr().out
-    # Mirrored, both legs begin in the phase that was recorded then, and go on as recorded.
-    shares = [float(text) for text in re.findall(r"recorded phases: ([\d.]+) % of the ticks equal", printed)]
-    assert len(shares) == 2 and min(shares) > 99.0
-    assert run("replay", bench, "--table", "treadmill", "--mirror", 2.0) == 0
-    assert "left: " in capsys.readouterr().out
+    assert "other.phase in early_stance → middle_stance (other_swings), " in error and "both legs" in error
 
 
 def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
@@ -121,7 +107,7 @@ def test_the_trunk_was_upright_in_a_run_and_is_not_known_of_a_file(walk, tmp_pat
     assert capsys.readouterr().out.count("recorded phases: 100.0 % of the ticks equal") == 2
     assert run("replay", walk / "log.parquet", "--table", table, "--total-mass", 90) == 2
     said = capsys.readouterr().err
-    assert "no measured_trunk_pitch_rad: name it in --columns" in said and said.count("\n") == 1
+    assert "trunk.pitch_deg" in said and "name its column with --columns" in said and said.count("\n") == 1
 
 
 def test_healthy_walking_goes_through_the_table(capsys):
@@ -183,15 +169,10 @@ BAD = {
     "columns twice": ["koopman@1.5", "--columns", "time=a,time=b"],
     "no such quantity": ["koopman@1.5", "--columns", "elbow=b"],
     "columns of a walk without any": ["koopman@1.5", "--columns", "time=b"],
-    "offset of what": ["koopman@1.5", "--offset-deg", "elbow=3"],
-    "offset of how much": ["koopman@1.5", "--offset-deg", "hip=a little"],
-    "infinite offset": ["koopman@1.5", "--offset-deg", "hip=inf"],
     "start side": ["koopman@1.5", "--start", "both=late_stance"],
     "start phase": ["koopman@1.5", "--start", "left=flight"],
     "speed": ["koopman@1.5", "--speed", "0"],
     "mass": ["koopman@1.5", "--total-mass", "-70"],
-    "mirror a pair": ["koopman@1.5", "--mirror"],
-    "mirror by a word": ["koopman@1.5", "--mirror", "twice"],
     "units": ["koopman@1.5", "--units", "grad"],
     "out of range": ["koopman@50"],
 }

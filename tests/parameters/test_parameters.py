@@ -30,7 +30,6 @@ from twin_gait.parameters import (
     StopParameters,
     SupportParameters,
 )
-from twin_gait.replay.request import ReplayRequest
 from twin_gait.studies.campaign import TwoWayProtocol
 from twin_gait.worlds.bench_joint import (
     CatalogueEfficiency,
@@ -99,7 +98,6 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (BenchSetup, "mass", -0.1),
     (ProcessingOptions, "cutoff", 0.0),
     (TwoWayProtocol, "cycles", 0),
-    (ReplayRequest, "speed", 0.0),
     (Transition, "debounce_ticks", 0),
     (Transition, "time_out_ticks", 0),
 ]
@@ -108,7 +106,6 @@ REQUIRED: dict[Any, dict[str, Any]] = {
     CosinePath: {"start_angle": 0.0, "amplitude": 0.1, "frequency": 1.0},
     DriveParameters: {"inductance": 1e-3},
     BenchSetup: {"actuator": KNEE_ACTUATOR},
-    ReplayRequest: {"log": "run"},
     Transition: {
         "source": "late_stance",
         "target": "swing_flexion",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ from twin_gait import configuration, gait, replay
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer, progress_bar
 from twin_gait.exceptions import ParameterError
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
     from twin_gait.checking.finding import Finding
@@ -23,10 +22,8 @@ if TYPE_CHECKING:
 WIDTH = 100
 # What each format of a diagram is called in a folder.
 _ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
-FOUND = "found"  # --mirror without a number: the stride time is found in the angles
 _REPLAY_TEXTS = (
     ("--columns", "Q=NAME,…", "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"),
-    ("--offset-deg", "JOINT=X,…", "added to the angles of a joint, such as hip=5"),
     ("--start", "SIDE=PHASE,…", "phases at the start (the recorded ones, or the table's first)"),
 )
 _REPLAY_NUMBERS = (
@@ -69,8 +66,6 @@ def add_parser(commands: Any) -> None:
         add(flag, default="", metavar=metavar, help=text)
     add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
     options.add_numbers(parser, _REPLAY_NUMBERS)
-    text = "make the other leg: this one half a stride (of S seconds) earlier"
-    add("--mirror", nargs="?", const=FOUND, metavar="S", help=text)
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
     options.add(parser, "--no-pictures", "--json")
 
@@ -223,44 +218,32 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, or normative gait:
     koopman@1.5 (speed in km/h) or winter.
     """
-    request = make_request(arguments)
+    from twin_gait.conventions import find_convention
+    from twin_gait.measures import KILOMETRES_PER_HOUR
+
+    speed, named = arguments.speed, arguments.convention
+    starts = options.pairs("--start", arguments.start, list(Side))
+    log_format = replay.LogFormat(
+        convention=named and find_convention(named),
+        columns=options.pairs("--columns", arguments.columns),
+        units=arguments.units,
+    )
     with progress_bar("replaying", "tick") as progress:
-        result = replay.replay_log(request, progress=progress)
+        result = replay.replay_log(
+            arguments.log,
+            table=arguments.table,
+            log_format=log_format,
+            speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
+            mass=arguments.total_mass,
+            start_phases={Side(side): phase for side, phase in starts.items()},
+            progress=progress,
+        )
     if arguments.out is not None:
         replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = replay.summarise_replay(result)
     folder = [] if arguments.out is None else [str(arguments.out)]
     answer(arguments, [*replay_lines(summary), *folder], lambda: {**summary, "directory": arguments.out})
     return DONE
-
-
-def make_request(arguments: argparse.Namespace) -> replay.ReplayRequest:
-    """Turn arguments into a request."""
-    from twin_gait.conventions import find_convention
-    from twin_gait.measures import KILOMETRES_PER_HOUR
-
-    offsets = {
-        JointName(joint): math.radians(options.number(f"--offset-deg {joint}", text))
-        for joint, text in options.pairs("--offset-deg", arguments.offset_deg, list(JointName)).items()
-    }
-    starts = options.pairs("--start", arguments.start, list(Side))
-    speed, mirror, named = arguments.speed, arguments.mirror, arguments.convention
-    columns = options.pairs("--columns", arguments.columns)
-    return replay.ReplayRequest(
-        log=arguments.log,
-        table=arguments.table,
-        log_format=replay.LogFormat(
-            convention=named and find_convention(named),
-            columns=columns,
-            units=arguments.units,
-            offsets=offsets,
-        ),
-        speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
-        mass=arguments.total_mass,
-        mirror=mirror is not None,
-        stride_time=None if mirror in (None, FOUND) else options.number("--mirror", mirror),
-        start_phases={Side(side): phase for side, phase in starts.items()},
-    )
 
 
 def replay_lines(summary: dict[str, Any]) -> Iterator[str]:

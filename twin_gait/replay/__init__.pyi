@@ -4,10 +4,7 @@ from .reading import LogFormat as LogFormat
 from .reading import read_recording as read_recording
 from .recording import Recording as Recording
 from .recording import at_ticks as at_ticks
-from .recording import mirrored as mirrored
-from .recording import stride_period as stride_period
 from .request import NormativeWalk as NormativeWalk
-from .request import ReplayRequest as ReplayRequest
 from .request import normative_walk as normative_walk
 from .request import replay_log as replay_log
 from .writing import Agreement as Agreement

@@ -5,25 +5,25 @@ machine, tick by tick in the order of the engines: measure, then advance both le
 that lacks a signal which a guard reads is refused.
 """
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait import TICK, GaitTable, compile_guards
-from twin_gait.gait import signals as declared
+from twin_gait.gait.guards import PhaseMembership, atoms
 from twin_gait.gait.machine import POSTURE, GaitStateMachine, PhaseSwitch
-from twin_gait.gait.signals import ANGLE, LOAD, OTHER, OTHER_TIME, TIME, TIME_IN_PHASE, VELOCITY, signal_of
+from twin_gait.gait.signals import ANGLE, LOAD, OTHER, OTHER_TIME, TIME, VELOCITY, is_device, signal_of
 from twin_gait.parameters import SensorParameters
 from twin_gait.replay.recording import Recording
 from twin_gait.vocabulary import Side
 
 PROGRESS_TICKS = 500
+OTHER_PHASE = f"{OTHER}phase"
+Signals = dict[str, np.ndarray]  # by name in SI, shape ``(n,)``
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,12 @@ class Replay:
 
     table: GaitTable  # the gait table
     recording: Recording  # the walk
-    # fast velocity estimate of each joint of the table in [rad] / [s], shape ``(n,)``
+    # fast velocity estimate of each recorded joint of the table in [rad] / [s], shape ``(n,)``
     velocities: Mapping[Side, Mapping[str, np.ndarray]]
     phases: Mapping[Side, np.ndarray]  # index of the phase of each leg at each tick, shape ``(n,)``, integers
     switches: tuple[PhaseSwitch, ...]  # every change of phase with its cause
+    # what guards read and nothing recorded, with what it stayed at in the unit of the table
+    assumed: Mapping[str, float]
 
 
 def replay(
@@ -57,20 +59,18 @@ def replay(
     then. Raises GaitTableError if the guards need a signal that was not recorded, or there is no such start
     phase.
     """
-    _check_signals(recording, table, body_weight)
+    own = {side: _own(recording, table, side, body_weight, fast_time_constant) for side in recording.sides}
+    signals = {side: _heard(recording, own, side) for side in recording.sides}
+    assumed = _assumed(recording, table, signals)
     program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
-    nothing, own = np.zeros(total), dict[Side, dict[str, np.ndarray]]()
-    for side, joints in recording.angles.items():
-        own[side] = {LOAD.name: recording.loads.get(side, nothing) / (body_weight or math.inf)}
-        for name in table.joints:
-            measured = _measured(joints.get(name, nothing), fast_time_constant)
-            own[side][ANGLE.of(name)], own[side][VELOCITY.of(name)] = measured
-    time, other_time = table.signals.index(TIME), table.signals.index(OTHER_TIME)
-    starts = {side: _start(recording, table, side, start_phases or {}) for side in sides}
     machines = [
-        GaitStateMachine(table, side, initial_phase=start, program=program) for side, start in starts.items()
+        GaitStateMachine(
+            table, side, initial_phase=_start(recording, table, side, start_phases or {}), program=program
+        )
+        for side in sides
     ]
-    read = [_read(recording, table, own, side) for side in sides]
+    read = [_columns(table, signals[side], total) for side in sides]
+    time, other_time = table.signals.index(TIME), table.signals.index(OTHER_TIME)
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
         if progress is not None and tick % PROGRESS_TICKS == 0:
@@ -83,44 +83,49 @@ def replay(
         times = [machine.time_in_phase(tick) for machine in machines]
         before = [machine.phase_index for machine in machines]
         for leg, machine in enumerate(machines):
-            others, signals = len(machines) - 1 - leg, read[leg][tick].tolist()
-            signals[time] = times[leg]
-            if others != leg:
-                signals[other_time] = times[others]
-            switch = machine.advance(tick, signals, -1 if others == leg else before[others])
+            others, values = len(machines) - 1 - leg, read[leg][tick].tolist()
+            values[time], values[other_time] = times[leg], times[others]
+            switch = machine.advance(tick, values, -1 if others == leg else before[others])
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
     if progress is not None:
         progress(total, total)
-    estimated = {side: {name: own[side][VELOCITY.of(name)] for name in table.joints} for side in sides}
+    velocities = {
+        side: {joint: own[side][VELOCITY.of(joint)] for joint in table.joints if joint in joints}
+        for side, joints in recording.angles.items()
+    }
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
-    return Replay(table, recording, estimated, phases, tuple(switches))
+    return Replay(table, recording, velocities, phases, tuple(switches), assumed)
 
 
-def _read(
-    recording: Recording, table: GaitTable, own: Mapping[Side, Mapping[str, np.ndarray]], side: Side
-) -> np.ndarray:
-    """What the guards of a leg read, without times in a phase; shape ``(n, n_signals)``, in SI.
-
-    As at first where it was not recorded: who walks was told to.
-    """
-    known = {**recording.device, **own[side]}
-    for other in (other for other in own if other is not side):
-        known |= {OTHER + name: values for name, values in own[other].items()}
-    unknown = {name: np.full(recording.n_ticks, signal_of(name).first) for name in table.signals}
-    return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
-
-
-def _measured(angle: np.ndarray, time_constant: float | None) -> np.ndarray:
-    """Angle of a joint as its board has it, 0 if no guard reads it, and the fast estimate of its velocity."""
-    sensors = SensorParameters()
+def _own(
+    recording: Recording, table: GaitTable, side: Side, body_weight: float | None, time_constant: float | None
+) -> Signals:
+    """Recorded signals of a leg: angles as its boards have them, fast estimates of velocities, the load."""
+    sensors, found = SensorParameters(), Signals()
     gain = first_order_gain(TICK, sensors.fast_time_constant if time_constant is None else time_constant)
-    encoder, found = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, len(angle)))
-    for tick, value in enumerate(angle.tolist()):
-        measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
-        found[:, tick] = encoder.angle, encoder.velocity_fast
+    for joint in (joint for joint in table.joints if joint in recording.angles[side]):
+        encoder, measured = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, recording.n_ticks))
+        for tick, value in enumerate(recording.angles[side][joint].tolist()):
+            measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
+            measured[:, tick] = encoder.angle, encoder.velocity_fast
+        found[ANGLE.of(joint)], found[VELOCITY.of(joint)] = measured
+    if body_weight and side in recording.loads:
+        found[LOAD.name] = recording.loads[side] / body_weight
     return found
+
+
+def _heard(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
+    """What is known to the guards of a leg, but for times in a phase."""
+    others = {OTHER + name: item for other in own if other is not side for name, item in own[other].items()}
+    return {**recording.device, **own[side], **others}
+
+
+def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
+    """Signals in the order of the table, shape ``(ticks, n_signals)``; unknown ones as at first, or 0."""
+    unknown = {name: np.full(ticks, np.nan_to_num(signal_of(name).first)) for name in table.signals}
+    return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
 def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Mapping[Side, str]) -> str:
@@ -134,64 +139,25 @@ def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Map
     return asked or (recorded if recorded in table.phases else table.phase_names[0])
 
 
-OTHER_PHASE = f"{OTHER}phase"
+def _read_by_guards(table: GaitTable) -> Iterator[tuple[str, str]]:
+    """Signals that the guards of a table read, each with a transition that does."""
+    for item in table.transitions:
+        for atom in atoms(item.guard):
+            names = (OTHER_PHASE,) if isinstance(atom, PhaseMembership) else atom.names
+            yield from ((name, f"{item.source} → {item.target} ({item.cause})") for name in names)
 
 
-def needed_signals(table: GaitTable) -> dict[str, list[str]]:
-    """Signals that the guards of a table read, and which transitions read them; off the compiled guards."""
-    program, names = compile_guards(table), declared.all_signal_names(table.joints)
-    needed: dict[str, dict[str, None]] = {}
-    for item, rule in zip(table.transitions, program.transitions, strict=True):
-        label = f"{item.source} → {item.target} ({item.cause})"
-        for node in program.nodes[rule.first_node : rule.end_node]:
-            found = [OTHER_PHASE] if node.operation == OP_PHASE else []
-            if node.operation == OP_COMPARE:
-                comparison = program.comparisons[node.operand]
-                found = [names[comparison.signal_a]]
-                found += [names[comparison.signal_b]] if comparison.factor_b != 0.0 else []
-            for signal in found:
-                needed.setdefault(signal, {})[label] = None
-    return {signal: list(readers) for signal, readers in needed.items()}
-
-
-_HEARD = (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)  # without which no log is replayed
-
-
-def assumed_signals(recording: Recording, table: GaitTable) -> dict[str, float]:
-    """Signals that guards read and nothing recorded, with what they stay at in the unit of the table."""
-    needed = {name: signal_of(name) for name in needed_signals(table) if name != OTHER_PHASE}
-    return {
-        name: signal.first / signal.unit.factor
-        for name, signal in needed.items()
-        if signal not in _HEARD and name not in recording.device
-    }
-
-
-def _check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:
-    """Refuse a walk that lacks a signal which a guard reads."""
-    for signal, readers in needed_signals(table).items():
-        problem = _lacking(recording, signal, body_weight)
-        if problem:
-            reads = f"the table {table.name} reads {signal} in {'; '.join(readers)}"
-            raise GaitTableError(f"{recording.source}: {reads}, but {problem}")
-
-
-def _lacking(recording: Recording, signal: str, body_weight: float | None) -> str:
-    """Why a signal cannot be had; empty if it can."""
-    if signal.startswith(OTHER) and len(recording.sides) < 2:
-        return "the log has one leg: add --mirror to make the other one of it, or take another table"
-    if signal == OTHER_PHASE:
-        return ""
-    said = signal_of(signal)
-    if said is LOAD:
-        lacking = [side for side in recording.sides if side not in recording.loads]
-        if lacking:
-            return f"the log has no {lacking[0]}_foot_normal_force_N: name it in --columns"
-        return "" if body_weight else "the weight is not known: add --total-mass KG"
-    if said.column and signal not in recording.device:
-        return f"the log has no {said.column}: name it in --columns"
-    joint = declared.part_of(signal.removeprefix(OTHER)) if said.scope is declared.Scope.JOINT else ""
-    for side, joints in recording.angles.items():
-        if joint and joint not in joints:
-            return f"the log has no angle of the {side} {joint}: name its column in --columns"
-    return ""
+def _assumed(recording: Recording, table: GaitTable, signals: Mapping[Side, Signals]) -> dict[str, float]:
+    """What was told and is in no log, and what it is taken for; refuses a walk that lacks anything else."""
+    counted = {TIME} if len(signals) == 1 else {TIME, OTHER_TIME, OTHER_PHASE}
+    assumed = {}
+    for name, reader in _read_by_guards(table):
+        for side in (side for side, known in signals.items() if name not in counted and name not in known):
+            if name == OTHER_PHASE or not is_device(name) or signal_of(name).column:
+                raise GaitTableError(
+                    f"{recording.source}: the table {table.name} reads {name} in {reader}, not known of the "
+                    f"{side} leg: name its column with --columns (of {LOAD.name} add --total-mass KG; of "
+                    f"{OTHER}… name those of both legs), or take another table"
+                )
+            assumed[name] = signal_of(name).first / signal_of(name).unit.factor
+    return assumed

@@ -1,6 +1,5 @@
 """From the columns of a log file to a recording: which column is what, in which unit and sign."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -20,10 +19,7 @@ from twin_gait.vocabulary import JointName, Side
 TIME = "time"
 _TIME_COLUMNS = ("time_s", "time", "Time", "t")
 _UNIT_ENDINGS = {"_rad": RADIANS, "_deg": DEGREES, "[rad]": RADIANS, "[deg]": DEGREES, "(deg)": DEGREES}
-
-
-# Signals of the device by quantity.
-_OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
+_OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}  # signals by quantity
 
 QUANTITIES = (
     TIME, *(f"{side}_{joint}_angle" for side in Side for joint in JointName),
@@ -41,9 +37,6 @@ class LogFormat:
     # column of a quantity, where it has a name of its own: ``{"left_hip_angle": "hip_l"}``
     columns: Mapping[str, str] = field(default_factory=dict)
     units: str | None = None  # ``rad`` or ``deg``, for columns that do not say
-    # added to the angles of a joint in [rad], after its sign was put right: posture of the pelvis, or another
-    # zero
-    offsets: Mapping[JointName, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check names and units."""
@@ -51,8 +44,6 @@ class LogFormat:
             if quantity not in QUANTITIES:
                 raise ParameterError(f"columns: no quantity {quantity!r}; there are {', '.join(QUANTITIES)}")
         require(self.units in (None, RADIANS, DEGREES), "units", "rad or deg", self.units)
-        for joint, offset in self.offsets.items():
-            require(math.isfinite(offset), f"offset of the {joint}", "a finite angle", offset)
 
 
 def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording:
@@ -63,28 +54,17 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
     message names file, column and the way out. Of a run whose legs were held, what comes before it.
     """
-    return _Reader(_before_a_hold(read_table(path)), log_format or LogFormat()).recording()
-
-
-def _before_a_hold(table: LogTable) -> LogTable:
-    """A log of this package up to a trip of the monitor, from which on no guard moves the legs."""
-    if "safety_state" not in table:
-        return table
-    held = np.flatnonzero(table.numbers("safety_state") == SafetyState.HOLD.code)
-    return replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
-
-
-def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recording:
-    """Add a constant angle to joints. ``offsets``: per joint in [rad]."""
-    if not offsets:
-        return recording
-    return replace(
-        recording,
-        angles={
-            side: {joint: values + offsets.get(JointName(joint), 0.0) for joint, values in joints.items()}
-            for side, joints in recording.angles.items()
-        },
-    )
+    table, log_format = read_table(path), log_format or LogFormat()
+    if "safety_state" in table:  # from a trip on no guard moves the legs
+        held = np.flatnonzero(table.numbers("safety_state") == SafetyState.HOLD.code)
+        table = replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
+    if log_format.convention is None and table.opensim:
+        text = (
+            "OpenSim's models differ in the sign of the knee: add --convention opensim_gait2392 "
+            "(flexion negative) or rajagopal (flexion positive)"
+        )
+        raise ParameterFileError(table.source, "convention", text)
+    return _Reader(table, log_format, log_format.convention or HOUSE).recording()
 
 
 @dataclass(frozen=True)
@@ -93,12 +73,13 @@ class _Reader:
 
     table: LogTable
     log_format: LogFormat
+    convention: Convention
 
     def recording(self) -> Recording:
         """The walk."""
-        table, convention = self.table, self._convention()
+        table = self.table
         time = table.numbers(self._column(TIME, *_TIME_COLUMNS) or TIME)
-        angles = self._angles(convention)
+        angles = self._angles()
         loads, phases, device = {}, {}, {}
         for side in angles:
             if load := self._column(f"{side}_foot_normal_force", f"{side}_foot_normal_force_N"):
@@ -108,7 +89,7 @@ class _Reader:
         for key, signal in _OF_DEVICE.items():
             if column := self._column(key, signal.column):
                 turns = signal.column.endswith("_rad")
-                device[signal.name] = self._radians(convention, column) if turns else table.numbers(column)
+                device[signal.name] = self._radians(column) if turns else table.numbers(column)
         return at_ticks(Recording(table.source, 0.0, angles, loads, phases, device), time)
 
     def _column(self, quantity: str, *usual: str) -> str | None:
@@ -116,53 +97,35 @@ class _Reader:
         asked = self.log_format.columns.get(quantity)
         return self.table.full_name(asked) if asked else next(filter(self.table.__contains__, usual), None)
 
-    def _convention(self) -> Convention:
-        log_format, source = self.log_format, self.table.source
-        if log_format.convention is None and self.table.opensim:
-            text = (
-                "OpenSim's models differ in the sign of the knee: add --convention opensim_gait2392 "
-                "(flexion negative) or rajagopal (flexion positive)"
-            )
-            raise ParameterFileError(source, "convention", text)
-        convention = log_format.convention or HOUSE
-        if not convention.columns and not log_format.columns:
-            text = f"{convention.name} has no column names of its own: give --columns right_knee_angle=NAME,…"
-            raise ParameterFileError(source, "convention", text)
-        return convention
-
-    def _angles(self, convention: Convention) -> dict[Side, dict[str, np.ndarray]]:
-        angles: dict[Side, dict[str, np.ndarray]] = {}
+    def _angles(self) -> dict[Side, dict[str, np.ndarray]]:
+        convention, angles = self.convention, dict[Side, dict[str, np.ndarray]]()
         for side, joint in product(Side, JointName):
             key, own = f"{side}_{joint}_angle", convention.columns.get((side, joint))
-            usual = [] if own is None else [own]
+            usual = [own] if own else []
             if convention.name == HOUSE.name:
                 # The controller saw the measured angle; a log of another device may have degrees.
                 usual = [f"{side}_{joint}_measured_angle_rad", *usual, f"{key}_deg"]
             if column := self._column(key, *usual):
-                values = convention.turned(joint, self._radians(convention, column))
-                zero = self.log_format.offsets.get(joint, 0.0)
-                angles.setdefault(side, {})[str(joint)] = values + zero
+                angles.setdefault(side, {})[joint] = convention.turned(joint, self._radians(column))
         if not angles:
-            asked = ", ".join(convention.columns.values()) or "the given columns"
+            asked = (
+                ", ".join(convention.columns.values()) or f"columns, of which {convention.name} names none"
+            )
             way_out = "name the columns with --columns, or choose one of --convention"
             text = f"has none of {asked}; {way_out} {', '.join(CONVENTIONS)}"
             raise ParameterFileError(self.table.source, "", text)
         return angles
 
-    def _radians(self, convention: Convention, column: str) -> np.ndarray:
-        values = self.table.numbers(column)
-        return np.radians(values) if self._unit(convention, column) == DEGREES else values
-
-    def _unit(self, convention: Convention, column: str) -> str:
-        """Unit of a column: what its name says, then the file, then the user, then the convention."""
+    def _radians(self, column: str) -> np.ndarray:
+        """Angles in the unit that the name of their column says, else the file, the user, the convention."""
         table, asked = self.table, self.log_format.units
         endings = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
         stated = next(endings, table.unit)
         if stated is not None and asked not in (None, stated):
             text = f"is in {stated} by name or header; leave --units {asked} out"
             raise ParameterFileError(table.source, column, text)
-        unit = stated or asked or convention.unit
+        unit = stated or asked or self.convention.unit
         if unit is None:
             text = "does not say its unit: add --units deg or --units rad"
             raise ParameterFileError(table.source, column, text)
-        return unit
+        return np.radians(table.numbers(column)) if unit == DEGREES else table.numbers(column)

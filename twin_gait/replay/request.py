@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,11 +18,11 @@ from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.signals import DEVICE_SIGNALS, STEP, WALK
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures import reference
-from twin_gait.parameters import Patient
-from twin_gait.parameters.quantities import POSITIVE, Mass, Parameters, Speed, Time
+from twin_gait.parameters import Patient, require
+from twin_gait.parameters.quantities import POSITIVE
 from twin_gait.replay.machine import Replay, replay
-from twin_gait.replay.reading import LogFormat, read_recording, shifted
-from twin_gait.replay.recording import Recording, mirrored
+from twin_gait.replay.reading import LogFormat, read_recording
+from twin_gait.replay.recording import Recording
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import JointName, Side
 
@@ -71,87 +71,69 @@ def _speed(name: str) -> float:
         speed = float(text) / reference.KILOMETRES_PER_HOUR
     except ValueError:
         speed = math.nan
-    if kind != KOOPMAN or not math.isfinite(speed):
-        raise ParameterError(f"{name}: expected {KOOPMAN}@SPEED with the speed in km/h, such as koopman@1.5")
+    expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
+    require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
     return speed
 
 
 DEFAULT_TABLE = "treadmill"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReplayRequest(Parameters):
-    """What to replay, and how.
-
-    Attributes:
-        log: Run directory, log file, or a walk from the literature such as ``koopman@1.5``.
-        table: Packaged table or file; None takes the table of a run, or ``treadmill``.
-        log_format: Columns, units and signs of the log.
-        speed: Belt speed in [m] / [s] that the table is scaled to; None takes that of a run, or leaves
-            the table as it is written.
-        mass: Of wearer and device in [kg], for guards on the load of the foot; None takes that of a run.
-        mirror: Whether to make the other leg of a one-legged log.
-        stride_time: For ``mirror`` in [s]; None finds it in the angles.
-        start_phases: Phase of each leg at the first tick, where it is to be another than the recorded one.
-    """
-
-    log: str
-    table: str | None = None
-    log_format: LogFormat = field(default_factory=LogFormat)
-    speed: Annotated[Speed | None, POSITIVE] = None
-    mass: Annotated[Mass | None, POSITIVE] = None
-    mirror: bool = False
-    stride_time: Time | None = None
-    start_phases: Mapping[Side, str] = field(default_factory=dict)
-
-
-def replay_log(request: ReplayRequest, *, progress: Callable[[int, int], None] | None = None) -> Replay:
+def replay_log(
+    log: str,
+    *,
+    table: str | None = None,
+    log_format: LogFormat | None = None,
+    speed: float | None = None,
+    mass: float | None = None,
+    start_phases: Mapping[Side, str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Replay:
     """Replay a walk.
 
-    ``request``: what to replay, and how; ``progress``: called with ticks done and ticks in all, now and then.
-    Raises TwinGaitError if log, table or request have a mistake, or do not fit each other.
+    ``log``: run directory, log file, or a walk from the literature such as ``koopman@1.5``; ``table``:
+    packaged table or file, by default that of a run, or ``treadmill``; ``log_format``: columns, units and
+    signs of the log; ``speed`` of the belt in [m] / [s] that the table is scaled to, by default that of a
+    run, or else the table is taken as it is written; ``mass`` of wearer and device in [kg], for guards on the
+    load of the foot, by default that of a run; ``start_phases``: phase of each leg at the first tick, where
+    it is to be another than the recorded one; ``progress``: called with ticks done and ticks in all, now and
+    then. Raises TwinGaitError if log, table or options have a mistake, or do not fit each other.
     """
-    recording, experiment = _open(request)
-    table, starts, time_constant = _table(request, experiment), request.start_phases, None
-    postures = dict[int, str]()
-    weight = None if request.mass is None else request.mass * PlantParameters().gravity
-    if experiment is not None:
-        world = experiment.build_world()
-        weight = world.body_weight if weight is None else weight
-        time_constant = experiment.sensors.fast_time_constant
-        told, postures = _told(experiment, table, recording)
-        recording = replace(recording, device={**recording.device, **told})
-        if not request.mirror:  # it cuts off the first half stride, and with it the instant of these phases
-            known = {
-                side: str(phase) for side, phase in world.initial_phases.items() if phase in table.phases
-            }
-            starts = {**known, **starts}
+    for name, value in (("speed", speed), ("mass", mass)):
+        if value is not None:
+            POSITIVE.require(name, value)
+    recording, experiment = _open(log, log_format or LogFormat())
+    chosen = _table(table, speed, experiment)
+    weight = None if mass is None else mass * PlantParameters().gravity
+    if experiment is None:
+        return replay(recording, chosen, body_weight=weight, start_phases=start_phases, progress=progress)
+    world = experiment.build_world()
+    told, postures = _told(experiment, chosen, recording)
+    known = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
     return replay(
-        mirrored(recording, request.stride_time) if request.mirror else recording,
-        table,
-        body_weight=weight,
-        start_phases=starts,
+        replace(recording, device={**recording.device, **told}),
+        chosen,
+        body_weight=weight or world.body_weight,
+        start_phases={**known, **(start_phases or {})},
         postures=postures,
-        fast_time_constant=time_constant,
+        fast_time_constant=experiment.sensors.fast_time_constant,
         progress=progress,
     )
 
 
-def _open(request: ReplayRequest) -> tuple[Recording, Experiment | None]:
+def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None]:
     """The recording, and the experiment if it is of a run."""
-    path = Path(request.log).expanduser()
-    if is_normative(request.log):
-        if request.log_format != LogFormat(offsets=request.log_format.offsets):
-            raise ParameterError(
-                f"{request.log}: has no columns to choose; leave columns, units, convention out"
-            )
-        return shifted(normative_walk(request.log).recording, request.log_format.offsets), None
+    path = Path(log).expanduser()
+    if is_normative(log):
+        if log_format != LogFormat():
+            raise ParameterError(f"{log}: has no columns to choose; leave columns, units, convention out")
+        return normative_walk(log).recording, None
     if not path.is_dir():
-        return read_recording(path, request.log_format), None
+        return read_recording(path, log_format), None
     for name in (EXPERIMENT_FILE, LOG_FILE):
         if not (path / name).is_file():
             raise RunDirectoryError(f"{path}: not a run directory: it has no {name}")
-    recording = read_recording(path / LOG_FILE, request.log_format)
+    recording = read_recording(path / LOG_FILE, log_format)
     # What a run does not log of the device stayed as at first: nothing in it moved the signal.
     still = {signal.name: np.full(recording.n_ticks, signal.first) for signal in DEVICE_SIGNALS}
     experiment = load_experiment(path / EXPERIMENT_FILE).experiment
@@ -179,13 +161,13 @@ def _told(
     return {WALK.name: np.array([walk_command(time, start, stop) for time in recording.time])}, {}
 
 
-def _table(request: ReplayRequest, experiment: Experiment | None) -> GaitTable:
+def _table(name: str | None, speed: float | None, experiment: Experiment | None) -> GaitTable:
     """The table asked for, else that of the run, scaled as guards need it: to the speed and the wearer."""
-    walking = None if experiment is None else experiment.scenario.walking
-    speed = walking.speed if request.speed is None and walking is not None else request.speed
-    if request.table is None and experiment is not None:
-        table = experiment.table
-    else:
-        table = load_gait_table(request.table or DEFAULT_TABLE)
-    known = None if experiment is None or walking is None else experiment.known_patient
-    return scale_table(table, carried_mass=None, speed=speed, height=None if known is None else known.height)
+    if experiment is None:
+        return scale_table(load_gait_table(name or DEFAULT_TABLE), carried_mass=None, speed=speed)
+    table, walking = experiment.table if name is None else load_gait_table(name), experiment.scenario.walking
+    if walking is None:
+        return scale_table(table, carried_mass=None, speed=speed)
+    known = experiment.known_patient
+    height = None if known is None else known.height
+    return scale_table(table, carried_mass=None, speed=speed or walking.speed, height=height)

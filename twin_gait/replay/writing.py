@@ -1,7 +1,6 @@
 """What a replay tells and leaves behind in a folder: strides, agreement with recorded phases, a picture."""
 
 from collections import Counter
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,70 +8,46 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import blended_transform_factory
 
 from twin_gait.files import finite_or_none, write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
 from twin_gait.palette import BLACK, JOINT_COLOURS
-from twin_gait.replay.machine import Replay, assumed_signals
+from twin_gait.replay.machine import Replay
 from twin_gait.report import canvas
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
 from twin_gait.vocabulary import JointName, Side
 
+PHASES_FILE = "phases.csv"
+REPLAY = FolderKind("a replay", PHASES_FILE)
+FIGURE = "figures/replay.png"
+SHOWN_TICKS = 6000
+WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
+
 
 class Agreement(NamedTuple):
     """Replayed against recorded phases of one leg."""
 
-    # ticks in each pair of phases: rows are recorded ones, those of the table first, then further names of
-    # the log; columns are replayed ones
-    confusion: pd.DataFrame
+    equal_share: float  # of the ticks
     # for each phase of the table, the time in [s] by which the replay enters it later than the record, for
     # every recorded entry; NaN for one that the replay has no partner for
     lags: dict[str, np.ndarray]
 
-    @property
-    def equal_share(self) -> float:
-        """Share of the ticks with equal phases."""
-        ticks = self.confusion.to_numpy()
-        return float(np.trace(ticks) / ticks.sum())
-
-    def phase_share(self, phase: str) -> float:
-        """Share of the ticks recorded in a phase that the replay spends in it too.
-
-        Returned in [0, 1]; NaN if it was not recorded.
-        """
-        row = self.confusion.loc[phase].to_dict()
-        total = sum(row.values())
-        return row[phase] / total if total else float("nan")
-
 
 def agreement(result: Replay) -> dict[Side, Agreement]:
-    """Compare replayed with recorded phases.
-
-    Returns one comparison for each leg whose phases were recorded.
-    """
-    names = result.table.phase_names
-    return {
-        side: _compare(result.phases[side], recorded, names)
-        for side, recorded in result.recording.phases.items()
-    }
-
-
-def _compare(replayed: np.ndarray, recorded: np.ndarray, names: tuple[str, ...]) -> Agreement:
-    further = sorted(set(recorded.tolist()) - set(names))
-    rows = (*names, *further)
-    codes = pd.Index(rows).get_indexer(recorded)
-    counts = pd.crosstab(recorded, np.array(names)[replayed])
-    lags = {
-        # entry_lags counts a phase that begins before the event as positive; a late replay is positive here.
-        name: 0.0 - entry_lags(_entries(replayed, index), _entries(codes, index), TICK)
-        for index, name in enumerate(names)
-    }
-    return Agreement(counts.reindex(index=rows, columns=names, fill_value=0), lags)
+    """Compare replayed with recorded phases of each leg whose phases were recorded."""
+    names, found = result.table.phase_names, {}
+    for side, recorded in result.recording.phases.items():
+        ours, theirs = result.phases[side], pd.Index(names).get_indexer(pd.Index(recorded))
+        lags = {
+            # entry_lags counts what begins before the event as positive; a late replay is positive here.
+            name: 0.0 - entry_lags(_entries(ours, index), _entries(theirs, index), TICK)
+            for index, name in enumerate(names)
+        }
+        found[side] = Agreement(float(np.mean(ours == theirs)), lags)
+    return found
 
 
 def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
@@ -88,19 +63,6 @@ class StridePhases(NamedTuple):
     end: int  # first tick of the next stride
     phases: tuple[int, ...]  # indices of the phases in order
 
-    @property
-    def duration(self) -> float:
-        """In [s]."""
-        return (self.end - self.start) * TICK
-
-
-def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
-    """Orders of phases that a stride may have."""
-    if not table.cycles:
-        return {tuple(range(len(table.phases)))}
-    cycles = [tuple(map(table.phase_index, cycle)) for cycle in table.cycles]
-    return {cycle[cycle.index(0) :] + cycle[: cycle.index(0)] for cycle in cycles if 0 in cycle}
-
 
 def stride_phases(phases: np.ndarray) -> list[StridePhases]:
     """Split a leg's phases into strides. ``phases``: index of the phase at each tick, shape ``(n,)``."""
@@ -111,9 +73,12 @@ def stride_phases(phases: np.ndarray) -> list[StridePhases]:
     ]
 
 
-PHASES_FILE = "phases.csv"
-REPLAY = FolderKind("a replay", PHASES_FILE)
-FIGURE = "figures/replay.png"
+def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
+    """Orders of phases that a stride may have."""
+    if not table.cycles:
+        return {tuple(range(len(table.phases)))}
+    cycles = [tuple(map(table.phase_index, cycle)) for cycle in table.cycles]
+    return {cycle[cycle.index(0) :] + cycle[: cycle.index(0)] for cycle in cycles if 0 in cycle}
 
 
 def summarise_replay(result: Replay) -> dict[str, Any]:
@@ -122,52 +87,36 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
     Returned by leg: strides and how many pass through a whole cycle of the table, switches by cause, and the
     agreement with recorded phases where there are some.
     """
-    compared, names = agreement(result), result.table.phase_names
+    names, compared = result.table.phase_names, agreement(result)
     return {
         "log": result.recording.source,
         "table": result.table.name,
         "duration_s": result.recording.n_ticks * TICK,
-        "assumed_signals": assumed_signals(result.recording, result.table),
+        "assumed_signals": dict(result.assumed),
         "cycles": [[names[index] for index in cycle] for cycle in sorted(meant_cycles(result.table))],
         "sides": {
-            str(side): {
-                **_strides(result, side),
-                "switches": _switches(result, side),
-                "agreement": _agreement(compared[side]) if side in compared else None,
-            }
-            for side in result.recording.sides
+            str(side): _summary_of(result, side, compared.get(side)) for side in result.recording.sides
         },
     }
 
 
-def _strides(result: Replay, side: Side) -> dict[str, Any]:
-    strides = stride_phases(result.phases[side])
-    cycles = meant_cycles(result.table)
-    durations = np.array([item.duration for item in strides])
+def _summary_of(result: Replay, side: Side, compared: Agreement | None) -> dict[str, Any]:
+    strides, cycles = stride_phases(result.phases[side]), meant_cycles(result.table)
+    own = (item for item in result.switches if item.side is side)
+    # Into postures first, then in the order of the table.
+    counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
     return {
         "strides": len(strides),
         "strides_with_the_whole_cycle": sum(item.phases in cycles for item in strides),
-        "stride_time_mean_s": float(durations.mean()) if len(strides) else None,
-    }
-
-
-def _switches(result: Replay, side: Side) -> list[dict[str, Any]]:
-    """Switches of a leg counted by transition: into postures, then in the order of the table."""
-    own = (item for item in result.switches if item.side is side)
-    counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
-    return [
-        {"from": source, "to": target, "cause": cause, "count": count}
-        for (_, source, target, cause), count in sorted(counts.items())
-    ]
-
-
-def _agreement(compared: Agreement) -> dict[str, Any]:
-    return {
-        "equal_share": compared.equal_share,
-        "phase_share": {name: finite_or_none(compared.phase_share(name)) for name in compared.lags},
-        "confusion_ticks": compared.confusion.to_dict("index"),
-        "entry_lags_s": {
-            name: [finite_or_none(lag) for lag in lags.tolist()] for name, lags in compared.lags.items()
+        "stride_time_mean_s": TICK * (strides[-1].end - strides[0].start) / len(strides) if strides else None,
+        "switches": [
+            {"from": source, "to": target, "cause": cause, "count": count}
+            for (_, source, target, cause), count in sorted(counts.items())
+        ],
+        "agreement": compared
+        and {
+            "equal_share": compared.equal_share,
+            "entry_lags_s": {name: list(map(finite_or_none, lags)) for name, lags in compared.lags.items()},
         },
     }
 
@@ -178,39 +127,24 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     ``force``: whether the folder of an earlier replay may be replaced; ``pictures``: whether to draw the
     figure. Raises RunDirectoryError if it exists, or cannot be written.
     """
+    names, recording = np.array(result.table.phase_names), result.recording
+    phases = {f"{side}_phase": names[phases] for side, phases in result.phases.items()}
+    time = [f"{instant:.3f}" for instant in recording.time]
+    table = pd.DataFrame({"time_s": time, **phases}).rename_axis("tick")
+    measured = {"angle_rad": recording.angles, "velocity_rad_per_s": result.velocities}
+    switches = switches_csv(
+        result.switches,
+        joints_of(result),
+        lambda side, joint, name: measured[name][side][joint],
+        recording.start,
+    )
     with staged_directory(target, REPLAY, force=force) as staging:
-        write_atomically(staging / PHASES_FILE, _phases_csv(result))
-        write_atomically(staging / SWITCHES_FILE, replayed_switches_csv(result))
+        write_atomically(staging / PHASES_FILE, table.to_csv(lineterminator="\n"))
+        write_atomically(staging / SWITCHES_FILE, switches)
         write_json(staging / SUMMARY_FILE, summarise_replay(result))
         if pictures:
             (staging / FIGURE).parent.mkdir()
             canvas.save(replay_figure(result), staging / FIGURE)
-
-
-def _phases_csv(result: Replay) -> str:
-    """Phase of each leg at each tick, as CSV text."""
-    names = np.array(result.table.phase_names)
-    phases = {f"{side}_phase": names[phases] for side, phases in result.phases.items()}
-    time = [f"{instant:.3f}" for instant in result.recording.time]
-    table = pd.DataFrame({"time_s": time, **phases}).rename_axis("tick")
-    return table.to_csv(lineterminator="\n")
-
-
-def replayed_switches_csv(result: Replay) -> str:
-    """Switches with their causes and what was measured then, in the columns of a run's file."""
-    measured = {"angle_rad": result.recording.angles, "velocity_rad_per_s": result.velocities}
-    return switches_csv(
-        result.switches,
-        joints_of(result),
-        lambda side, joint, name: measured[name][side][joint],
-        result.recording.start,
-    )
-
-
-SHOWN_TICKS = 6000
-WIDTH, JOINT_HEIGHT, BAND_HEIGHT = 12.0, 1.9, 0.33  # [inches]
-LETTER, LABEL_MARGIN = 4.2, 14.0  # [points] that a letter of a cause and its line take above the first panel
-CLOSE = 0.012  # switches nearer than this share of the width share one place for their labels
 
 
 def joints_of(result: Replay) -> list[str]:
@@ -222,75 +156,38 @@ def joints_of(result: Replay) -> list[str]:
 def replay_figure(result: Replay) -> Figure:
     """Draw the last seconds of a replay, one column of panels for each leg."""
     recording, joints = result.recording, joints_of(result)
-    time = recording.time[-SHOWN_TICKS:]
-    names = list(result.table.phase_names)
+    time, names = recording.time[-SHOWN_TICKS:], list(result.table.phase_names)
     names += sorted({str(name) for phases in recording.phases.values() for name in phases} - set(names))
-    strips = {side: _strips(result, side, names) for side in recording.sides}
-    heights = [JOINT_HEIGHT] * len(joints) + [BAND_HEIGHT * max(map(len, strips.values())) + 0.25]
-    figure = Figure(figsize=(WIDTH, sum(heights) + 2.1), layout="constrained")
-    figure.suptitle(
-        f"{Path(recording.source).name} through the gait table {result.table.name}", fontsize="large"
-    )
-    panels = figure.subplots(
-        len(heights), len(strips), sharex=True, sharey="row", squeeze=False, height_ratios=heights
-    )
-    longest = max((len(item.cause) for item in result.switches), default=0)
-    first = recording.n_ticks - len(time)
-    lines: list[Artist] = []
-    for column, side in enumerate(recording.sides):
-        mine = [item for item in result.switches if item.side is side and item.tick >= first]
-        switches = [(float(time[item.tick - first]), item.cause) for item in mine]
-        for axes, joint in zip(panels[:-1, column], joints, strict=True):
-            canvas.shade_phases(axes, time, strips[side][0][1], names)
-            for instant, _ in switches:
-                axes.axvline(instant, color="0.45", linewidth=0.7, linestyle=(0, (2, 2)))
-            angle = np.degrees(recording.angles[side][joint][first:])
+    heights = [JOINT_HEIGHT] * len(joints) + [2.0 * ROW_HEIGHT]
+    figure = Figure(figsize=(WIDTH, sum(heights) + 2.0), layout="constrained")
+    figure.suptitle(f"{Path(recording.source).name} through the gait table {result.table.name}")
+    shape = len(heights), len(recording.sides)
+    panels = figure.subplots(*shape, sharex=True, sharey="row", squeeze=False, height_ratios=heights)
+    lines, occurring = list[Artist](), set[int]()
+    for column, side in zip(panels.T, recording.sides, strict=True):
+        rows = [("replayed", result.phases[side][-SHOWN_TICKS:])]
+        if side in recording.phases:
+            recorded = recording.phases[side][-SHOWN_TICKS:].tolist()
+            rows.append(("recorded", np.array([names.index(name) for name in recorded])))
+        for axes, joint in zip(column, joints, strict=False):
+            canvas.style_panel(axes, "", canvas.flexion(joint))
+            canvas.shade_phases(axes, time, rows[0][1], names)
+            angle = np.degrees(recording.angles[side][joint][-SHOWN_TICKS:])
             colour = JOINT_COLOURS[JointName(joint)] if joint in set(JointName) else BLACK
             lines += axes.plot(time, angle, color=colour, label=f"{joint} angle")
-            canvas.style_panel(axes, "", canvas.flexion(joint) if column == 0 else "")
-        _draw_strips(panels[-1, column], time, strips[side], names)
-        _label_causes(panels[0, column], switches, float(time[-1] - time[0]))
-        panels[0, column].set_title(f"{side} leg", pad=LABEL_MARGIN + LETTER * longest)
-        panels[-1, column].set_xlabel("time [s]")
-    occurring = np.concatenate([phases for rows in strips.values() for _, phases in rows])
-    canvas.put_legend(figure, lines, canvas.phase_handles(names, occurring))
+        for switch in result.switches:
+            if switch.side is side and switch.tick >= recording.n_ticks - len(time):
+                column[0].text(
+                    recording.start + switch.time,
+                    1.03,
+                    canvas.readable(switch.cause),
+                    transform=column[0].get_xaxis_transform(),
+                    rotation=90,
+                    ha="center",
+                    size="x-small",
+                )
+        canvas.draw_phase_bars(column[-1], time, rows, names, height=0.8, linewidth=0)
+        column[-1].set_xlabel(f"{side} leg, time [s]")
+        occurring.update(*(phases.tolist() for _, phases in rows))
+    canvas.put_legend(figure, lines, canvas.phase_handles(names, np.array(list(occurring))))
     return figure
-
-
-def _strips(result: Replay, side: Side, names: Sequence[str]) -> list[tuple[str, np.ndarray]]:
-    """Indices of the replayed and, if there are some, the recorded phases."""
-    strips = [("replayed", result.phases[side][-SHOWN_TICKS:])]
-    if side in result.recording.phases:
-        recorded = result.recording.phases[side].tolist()[-SHOWN_TICKS:]
-        strips.append(("recorded", np.array([names.index(name) for name in recorded])))
-    return strips
-
-
-def _draw_strips(
-    axes: Axes, time: np.ndarray, strips: Sequence[tuple[str, np.ndarray]], names: Sequence[str]
-) -> None:
-    canvas.draw_phase_bars(axes, time, strips, names, height=0.8, linewidth=0)
-    axes.set_ylim(0.5 - len(strips), 0.5)
-    axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.tick_params(axis="y", length=0)
-
-
-def _label_causes(axes: Axes, switches: Sequence[tuple[float, str]], span: float) -> None:
-    """Write the causes upright above the first panel; close ones are pushed apart."""
-    transform = blended_transform_factory(axes.transData, axes.transAxes)
-    last = -np.inf
-    for instant, cause in switches:
-        last = max(instant, last + 2.0 * CLOSE * span)
-        axes.annotate(
-            canvas.readable(cause),
-            xy=(instant, 1.0),
-            xytext=(last, 1.06),
-            xycoords=transform,
-            textcoords=transform,
-            rotation=90,
-            fontsize="x-small",
-            ha="center",
-            va="bottom",
-            annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": "0.6", "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0},
-        )
