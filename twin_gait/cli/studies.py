@@ -80,12 +80,9 @@ def sweep(arguments: argparse.Namespace) -> int:
     try:
         with (
             studies.Workers(number, arguments.scheduler) as workers,
-            terminal.progress_bar("checking", "episode") as checking,
             terminal.watched("sweeping", "episode") as watch,
         ):
-            result = studies.run_sweep(
-                spec, arguments.out, workers=workers, pictures=pictures, checking=checking, **watch
-            )
+            result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except studies.WorkersLost as error:
         return terminal.lost(error, again)
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
@@ -102,8 +99,8 @@ def report_sweep(result: SweepResult) -> Iterator[str]:
     yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
     if last["episodes"]:
         yield f"  {last['wall_s']:.1f} s for {last['episodes']} of them"
-    if result.not_drawn:
-        yield f"  not drawn, because no completed episode has it: {', '.join(result.not_drawn)}"
+    if summary["not_drawn"]:
+        yield f"  not drawn, because no completed episode has it: {', '.join(summary['not_drawn'])}"
     yield f"  {result.directory}"
 
 

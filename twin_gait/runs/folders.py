@@ -109,9 +109,7 @@ def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
     if not force:
         raise RunDirectoryError(f"{target}: exists; choose another --out, or replace it with --force")
     if not kind.owns(target):
-        raise RunDirectoryError(
-            f"{target}: is not {kind.name}, so --force does not replace it; choose another --out"
-        )
+        raise RunDirectoryError(f"{target}: exists and is not {kind.name}; choose another --out")
 
 
 def _put_in_place(staging: Path, target: Path) -> None:

@@ -39,7 +39,7 @@ def run_episodes(
     columns: tuple[str, ...] | None = None,
     block: int | None = None,
     workers: int | Workers = 1,
-    keep: Callable[[dict[int, Result], str], None] | None = None,
+    keep: Callable[[dict[int, Result]], None] | None = None,
     **watch: Unpack[Watch],
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; a log lives no longer than that.
@@ -165,9 +165,9 @@ def simulate_batch(
     except JobFailed as error:
         raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
     status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
-    names = setting_columns(key for row in overrides for key in row)
-    changes = [{names[key]: value for key, value in row.items()} for row in overrides[: len(rows)]]
-    settings = pd.DataFrame(changes, columns=list(names.values()), index=range(len(rows)))
+    keys = dict.fromkeys(key for override in overrides for key in override)
+    settings = pd.DataFrame(overrides[: len(rows)], columns=list(keys), index=range(len(rows)))
+    settings = settings.rename(columns=setting_columns(keys))
     settings.insert(0, "episode", range(len(rows)))
     return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
 
@@ -253,9 +253,9 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
     raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
 
 
-def setting_columns(keys: Iterable[str]) -> dict[str, str]:
+def setting_columns(keys: Iterable[Any]) -> dict[str, str]:
     """Column by overridden key: the key, ``set.`` in front where the summary has such a column."""
-    return {key: f"set.{key}" if key in _RUN else key for key in keys}
+    return {str(key): f"set.{key}" if key in _RUN else str(key) for key in keys}
 
 
 def summary_table(rows: Sequence[Flat]) -> pd.DataFrame:
