@@ -29,14 +29,13 @@ from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.parts import Rating, part_values, parts_of, rate_walk
 from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.tune import Settings, tune
-from twin_gait.studies.tune.walks import Case, quick_errors, standing, table_of, walk_all
+from twin_gait.studies.tune.walks import quick_errors, robust_cases, standing, table_of, walk_all
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 JOINTS = ("hip", "knee")
 TITLES = [part.title for part in parts_of(JOINTS)]
 FALLS = (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
-NOMINAL, LOW = Case("nominal"), Case("23 V", voltage=23.0)
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +152,8 @@ def test_the_quick_rules_find_an_error_of_a_table() -> None:
 
 def test_walks_do_not_depend_on_who_walks_nor_on_which_columns_are_kept() -> None:
     experiment = replace(load_experiment("treadmill").experiment, duration=10.0)
-    walks = [case.change(experiment) for case in (NOMINAL, LOW, Case("slow", speed=0.3))]
+    cases = robust_cases(experiment)
+    walks = [cases[name] for name in ("nominal", "bus 23 V", "belt −10 %")]
     alone = [rate_walk(simulate(walk)) for walk in walks]
     assert walk_all(walks, Workers()) == alone
     with Workers(2) as workers:
@@ -186,9 +186,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(stages, "FINALISTS", 1)
         # Alone, which the loop of lanes is proven to equal.
         patch.setattr(simulator, "FEWEST_IN_ALL", math.inf)
-        patch.setattr(stages.walks, "robust_cases", lambda item: (NOMINAL, LOW))
-        for module in (stages.walks, outcome):
-            patch.setattr(module, "SEARCH_CASES", (NOMINAL, LOW))
+        cases = robust_cases(replace(experiment, seed=SETTINGS.seed))
+        two = {name: cases[name] for name in ("nominal", "bus 23 V")}
+        patch.setattr(stages.walks, "robust_cases", lambda item: two)
+        patch.setattr(stages.walks, "search_cases", lambda item: two)
         result = tune(experiment, SETTINGS)
         assert result is not None
         candidates = tuple(item for item in result.ranked if item.points is not None)
@@ -244,7 +245,7 @@ def test_the_costs_of_the_cases_add_up_to_that_of_the_robust_set(told: dict[str,
     for which in ("before", "after"):
         nominal, *others = (case[which]["cost"] for case in told["robust_set"])
         whole = weight * nominal + (1.0 - weight) * sum(others) / len(others)
-        assert whole == pytest.approx(told["cost"]["robust"][which])
+        assert whole == pytest.approx(told["cost"][which])
 
 
 class _Page(HTMLParser):

@@ -11,22 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from twin_gait.gait.signals import ANGLE
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report import canvas
-from twin_gait.report.canvas import draw_cycle_curve, put_legend, readable, style_panel
+from twin_gait.report.canvas import draw_cycle_curve, put_legend, style_panel
 from twin_gait.report.pages import paragraphs, render
 from twin_gait.vocabulary import Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
-_WORDS = {
-    ".stiffness_Nm_per_deg": ", stiffness", ".equilibrium_deg": ", equilibrium angle",
-    ".damping_ratio": ", damping ratio", ".damping_Nms_per_rad": ", damping",
-    ".friction_compensation_gain": ", friction compensation",
-    "blending.duration_ms": "duration of the blend", ANGLE.of(""): " angle",
-}  # fmt: skip
-
 _TRIED: dict[str, Any] = {"marker": "o", "markersize": 3.5, "markeredgewidth": 0, "color": GREY}
 _BEST: dict[str, Any] = {"marker": "o", "markersize": 6.5, "markeredgewidth": 0, "color": AFTER_COLOUR}
 _MARK: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.9, "zorder": 4}
@@ -58,14 +50,7 @@ def summary(outcome: Outcome) -> list[str]:
 def _content(outcome: Outcome) -> dict[str, Any]:
     known = {name: value for name, value in outcome.items() if name != "version"}
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**known, "errors": errors, "amount": canvas.amount, "name_of": name_of}
-
-
-def name_of(name: str) -> str:
-    """A parameter such as ``early_stance.hip.stiffness_Nm_per_deg`` in words, without the unit."""
-    for key, word in _WORDS.items():
-        name = name.replace(key, word)
-    return readable(name.replace(".", " "))
+    return {**known, "errors": errors, "amount": canvas.amount}
 
 
 def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:

@@ -31,8 +31,9 @@ from twin_gait.vocabulary import JointName, PelvisGuide
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
-# Without the excess the search trades one goal for the other; the tool is held to those of the errors.
-HELD_TO, EXCESS = 20.0, 6.0  # weights
+# Without the excess the search trades one goal for the other; the tool is held to those of the errors, whose
+# weight is larger.
+EXCESS = 6.0  # weight
 AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
 
@@ -50,33 +51,20 @@ class Part:
 
 
 SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
-ERROR_GOALS = {JointName.HIP: 4.0, JointName.KNEE: 6.5, JointName.ANKLE: 7.0}
-_OTHERS, _FREE = (
-    tuple(Part(name, **row) for name, row in rows.items())
-    for rows in yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8")).values()
-)
+_ROWS = yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
+ERRORS = {JointName(joint): Part(f"{joint}_error_deg", **row) for joint, row in _ROWS["errors"].items()}
+_CARRIED_ANKLE = replace(ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
+_OTHERS, _FREE = ([Part(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk"))
 
 
-_ERRORS = {
-    joint: Part(f"{joint}_error_deg", f"{joint} error", "°", goal, 1.0, HELD_TO)
-    for joint, goal in ERROR_GOALS.items()
-}
-_CARRIED_ANKLE = replace(_ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
+def parts_of(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[Part, ...]:
+    """What a walk is rated by: first the errors of the joints that its table drives, in its order.
 
-
-def errors_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
-    """The errors of the joints that a table drives, in its order."""
-    return tuple(_ERRORS[JointName(joint)] for joint in joints)
-
-
-def parts_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
-    """What a table for these joints is rated by; an ankle that it does not drive counts a little."""
-    return (*errors_of(joints), *_OTHERS, *(() if JointName.ANKLE in joints else (_CARRIED_ANKLE,)))
-
-
-def rated_parts(values: Mapping[str, float | None], joints: tuple[str, ...]) -> tuple[Part, ...]:
-    """What a walk with these values is rated by."""
-    return (*parts_of(joints), *(part for part in _FREE if part.name in values))
+    An ankle that it does not drive counts a little.
+    """
+    errors = (ERRORS[JointName(joint)] for joint in joints)
+    carried = () if JointName.ANKLE in joints else (_CARRIED_ANKLE,)
+    return (*errors, *_OTHERS, *carried, *(_FREE if free_trunk else ()))
 
 
 def part_values(run: Run) -> dict[str, float | None]:
@@ -183,7 +171,7 @@ class Rating(NamedTuple):
     @property
     def parts(self) -> tuple[Part, ...]:
         """What it is rated by."""
-        return rated_parts(self.values, self.joints)
+        return parts_of(self.joints, free_trunk=_FREE[0].name in self.values)
 
 
 def rate_walk(run: Run) -> Rating:
@@ -207,7 +195,7 @@ def walk_cost(
     """
     if fell:
         return WORST + (FALL - WORST) * (1.0 - lasted)
-    if any(values[part.name] is None for part in errors_of(joints)):
+    if any(values[f"{joint}_error_deg"] is None for joint in joints):
         return WORST
     return min(WORST, sum(part_costs(values, joints).values()))
 
@@ -215,7 +203,7 @@ def walk_cost(
 def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
     """Cost of each part; its weight where it is not defined."""
     costs = {}
-    for part in rated_parts(values, joints):
+    for part in parts_of(joints, free_trunk=_FREE[0].name in values):
         value = values[part.name]
         ratio = 1.0 if value is None else value / part.goal
         costs[part.name] = part.weight * ratio * ratio
@@ -270,5 +258,5 @@ def _deviations(run: Run) -> tuple[float, ...]:
             if not len(cycles) or reference is None:
                 return ()
             apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLES_APART]
-            found += (apart / (ERROR_GOALS[joint] * math.sqrt(len(legs) * len(apart)))).tolist()
+            found += (apart / (ERRORS[joint].goal * math.sqrt(len(legs) * len(apart)))).tolist()
     return tuple(found)

@@ -1,7 +1,7 @@
 """Walks of candidates, what they cost, and the wearers, plants and sensors that they are tried on."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Unpack
 
 from twin_gait.checking import exits, graph, leaving, stability
@@ -18,7 +18,7 @@ from twin_gait.parameters import HEAVIEST_WEARER, Patient
 from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.jobs import Watch
-from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
+from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds import Walking
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
@@ -91,7 +91,7 @@ def standing(walks: Sequence[Rating]) -> list[float | None]:
     None if it fell or has no error; and the mean cost of the other walks, None without.
     """
     nominal, *others = walks
-    errors = [nominal.values[part.name] for part in errors_of(nominal.joints)]
+    errors = [nominal.values[f"{joint}_error_deg"] for joint in nominal.joints]
     known = [error for error in errors if error is not None]
     walked = not nominal.fell and len(known) == len(errors)
     return [
@@ -123,45 +123,29 @@ def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
     return walking, patient
 
 
-@dataclass(frozen=True)
-class Case:
-    """One way in which the world differs from the person and place that a table is tuned for.
+def _rough(walked: Experiment, ratio: float) -> Experiment:
+    """Another true friction over the model's."""
+    plant = walked.plant
+    return replace(walked, plant=replace(plant, friction_ratio=dict.fromkeys(plant.friction, ratio)))
 
-    What is None, or 1 of a ratio, stays as it is.
-    """
 
-    name: str  # in words
-    mass_ratio: float = 1.0  # true mass over that which the device goes on assuming
-    friction_ratio: float | None = None  # true friction over the model's
-    efficiency: float | None = None  # of the gears
-    voltage: float | None = None  # of the battery in [V]
-    noise: bool = False  # whether the encoders are noisy
-    wearer: tuple[float, float] | None = None  # mass in [kg] and height in [m], of which the device knows
-    support: float | None = None  # supported share of the weight
-    speed: float | None = None  # of the belt in [m] / [s]
+def _geared(walked: Experiment, efficiency: float) -> Experiment:
+    gears = walked.plant.actuators.items()
+    actuators = {joint: replace(drive, gear_efficiency=efficiency) for joint, drive in gears}
+    return replace(walked, plant=replace(walked.plant, actuators=actuators))
 
-    def change(self, walked: Experiment) -> Experiment:
-        """An experiment in this world, whatever its table."""
-        plant, scenario = walked.plant, walked.scenario
-        if self.friction_ratio is not None:
-            plant = replace(plant, friction_ratio=dict.fromkeys(plant.friction, self.friction_ratio))
-        if self.efficiency is not None:
-            gears = {k: replace(v, gear_efficiency=self.efficiency) for k, v in plant.actuators.items()}
-            plant = replace(plant, actuators=gears)
-        if self.voltage is not None:
-            plant = replace(plant, battery=replace(plant.battery, voltage=self.voltage))
-        if self.support is not None:
-            scenario = scenario.adjusted(SUPPORT_SHARE, self.support)
-        if self.speed is not None:
-            scenario = scenario.adjusted(BELT_SPEED, self.speed)
-        if self.noise:
-            walked = replace(walked, sensors=replace(walked.sensors, ideal=False, angle_noise=ANGLE_NOISE))
-        if self.mass_ratio != 1.0:
-            walked = _weighing(walked, self.mass_ratio)
-        if self.wearer is not None:
-            patient = replace(check_walker(walked)[1], mass=self.wearer[0], height=self.wearer[1])
-            walked = replace(walked, patient=patient, control=replace(walked.control, patient=None))
-        return replace(walked, plant=plant, scenario=scenario)
+
+def _charged(walked: Experiment, voltage: float) -> Experiment:
+    battery = replace(walked.plant.battery, voltage=voltage)
+    return replace(walked, plant=replace(walked.plant, battery=battery))
+
+
+def _noisy(walked: Experiment) -> Experiment:
+    return replace(walked, sensors=replace(walked.sensors, ideal=False, angle_noise=ANGLE_NOISE))
+
+
+def _adjusted(walked: Experiment, name: str, value: float) -> Experiment:
+    return replace(walked, scenario=walked.scenario.adjusted(name, value))
 
 
 def _weighing(walked: Experiment, ratio: float) -> Experiment:
@@ -178,44 +162,55 @@ def _weighing(walked: Experiment, ratio: float) -> Experiment:
     return replace(walked, patient=replace(patient, mass=mass), control=control, table=table)
 
 
-NOMINAL = Case("nominal")
-SEARCH_CASES = (  # which every candidate walks: as it is (first), and two corners of the robust set
-    NOMINAL,
-    Case("heavy, rough, empty battery", 1.1, HIGH_FRICTION, voltage=LOW_VOLTAGE, noise=True),
-    Case("light, smooth", 0.9, LOW_FRICTION),
-)
+def in_case(walked: Experiment, table: GaitTable) -> Experiment:
+    """A walk of a case with another table, scaled as the case has it."""
+    return replace(walked, table=replace(table, scaling=walked.table.scaling))
 
 
-def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
+def search_cases(nominal: Experiment) -> dict[str, Experiment]:
+    """What every candidate walks, by names: as it is (first), and two corners of the robust set."""
+    heavy = _charged(_rough(_weighing(nominal, 1.1), HIGH_FRICTION), LOW_VOLTAGE)
+    return {
+        "nominal": nominal,
+        "heavy, rough, empty battery": _noisy(heavy),
+        "light, smooth": _rough(_weighing(nominal, 0.9), LOW_FRICTION),
+    }
+
+
+def robust_cases(nominal: Experiment) -> dict[str, Experiment]:
     """The robust set, which the best candidates walk; the nominal case first."""
-    walking, _ = check_walker(experiment)
+    walking, _ = check_walker(nominal)
     less, more = (min(0.95, max(0.0, walking.support_share + step)) for step in (-0.1, 0.1))
-    belts = Case("belt −10 %", speed=0.9 * walking.speed), Case("belt +10 %", speed=1.1 * walking.speed)
-    return (
-        NOMINAL,
-        Case("mass −10 %", mass_ratio=0.9),
-        Case("mass +10 %", mass_ratio=1.1),
-        Case(f"friction ratio {LOW_FRICTION:g}", friction_ratio=LOW_FRICTION),
-        Case(f"friction ratio {HIGH_FRICTION:g}", friction_ratio=HIGH_FRICTION),
-        Case(f"gear efficiency {LOW_EFFICIENCY:g}", efficiency=LOW_EFFICIENCY),
-        Case("support −10 points", support=less),
-        Case("support +10 points", support=more),
-        *(belts if experiment.scenario.adjusts(BELT_SPEED) else ()),
-        Case(f"bus {LOW_VOLTAGE:g} V", voltage=LOW_VOLTAGE),
-        Case(f"bus {HIGH_VOLTAGE:g} V", voltage=HIGH_VOLTAGE),
-        Case("sensor noise", noise=True),
-        *SEARCH_CASES[1:],
-    )
+    belts = {}
+    if nominal.scenario.adjusts(BELT_SPEED):
+        belts = {
+            "belt −10 %": _adjusted(nominal, BELT_SPEED, 0.9 * walking.speed),
+            "belt +10 %": _adjusted(nominal, BELT_SPEED, 1.1 * walking.speed),
+        }
+    return {
+        "nominal": nominal,
+        "mass −10 %": _weighing(nominal, 0.9),
+        "mass +10 %": _weighing(nominal, 1.1),
+        f"friction ratio {LOW_FRICTION:g}": _rough(nominal, LOW_FRICTION),
+        f"friction ratio {HIGH_FRICTION:g}": _rough(nominal, HIGH_FRICTION),
+        f"gear efficiency {LOW_EFFICIENCY:g}": _geared(nominal, LOW_EFFICIENCY),
+        "support −10 points": _adjusted(nominal, SUPPORT_SHARE, less),
+        "support +10 points": _adjusted(nominal, SUPPORT_SHARE, more),
+        **belts,
+        f"bus {LOW_VOLTAGE:g} V": _charged(nominal, LOW_VOLTAGE),
+        f"bus {HIGH_VOLTAGE:g} V": _charged(nominal, HIGH_VOLTAGE),
+        "sensor noise": _noisy(nominal),
+        **search_cases(nominal),
+    }
 
 
-def corner_cases() -> tuple[Case, ...]:
+def corner_cases(nominal: Experiment) -> dict[str, Experiment]:
     """Other wearers, whom the device is told of, with other support on other belts; see ``CORNERS``."""
-    return tuple(
-        Case(
-            f"{mass:g} kg, {height:g} m, {100.0 * share:g} % supported, {speed:g} km/h",
-            wearer=(mass, height),
-            support=share,
-            speed=speed / KILOMETRES_PER_HOUR,
-        )
-        for mass, height, share, speed in CORNERS
-    )
+    found = {}
+    for mass, height, share, speed in CORNERS:
+        patient = replace(check_walker(nominal)[1], mass=mass, height=height)
+        worn = replace(nominal, patient=patient, control=replace(nominal.control, patient=None))
+        belt = _adjusted(worn, BELT_SPEED, speed / KILOMETRES_PER_HOUR)
+        name = f"{mass:g} kg, {height:g} m, {100.0 * share:g} % supported, {speed:g} km/h"
+        found[name] = _adjusted(belt, SUPPORT_SHARE, share)
+    return found
