@@ -23,7 +23,7 @@ from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import shown_measures
 from twin_gait.studies.fault_campaign import draw_faults
 from twin_gait.studies.tune.outcome import gait_curves
-from twin_gait.studies.tune.parts import WORST, parts_of, rate_walk, residuals, walk_cost
+from twin_gait.studies.tune.parts import ERRORS, WORST, parts_of, rate_walk, residuals, walk_cost
 from twin_gait.studies.tune.space import editable_document, parameters_of
 from twin_gait.studies.tune.walks import robust_cases
 from twin_gait.vocabulary import JointName, Side
