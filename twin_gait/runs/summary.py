@@ -75,7 +75,6 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "safety": _safety(run),
         **({} if run.experiment.modes is None else {"requests_refused": " | ".join(run.refused)}),
         **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
-        **_guide(run),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),
         **energy_in_numbers(run),
@@ -112,17 +111,6 @@ def battery_in_numbers(run: Run) -> dict[str, float]:
         "battery_capacity_Wh": battery.energy / 3600.0,
         "battery_life_h": effort.battery_life(battery.energy, use["power_mean_W"]) / 3600.0,
         "battery_life_stated_h": STATED_AUTONOMY / 3600.0,
-    }
-
-
-def _guide(run: Run) -> dict[str, float]:
-    """Range of the wrench of the pelvis guide; nothing on the bench."""
-    if "guide_force_N" not in run.log or len(run.log) == 0:
-        return {}
-    return {
-        f"guide_{name}_{end}_{unit}": float(value)
-        for name, unit in (("force", "N"), ("moment", "Nm"))
-        for end, value in run.log[f"guide_{name}_{unit}"].agg(lowest="min", highest="max").items()
     }
 
 

@@ -18,7 +18,7 @@ import pandas as pd
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
 from twin_gait.configuration.experiments import named_document
-from twin_gait.configuration.validation import assign, parse_assignment, refuse_two_units
+from twin_gait.configuration.validation import assign, converting, parse_assignment, refuse_two_units
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
@@ -40,11 +40,13 @@ def run_episodes(
     block: int | None = None,
     workers: int | Workers = 1,
     keep: Callable[[dict[int, Result]], None] | None = None,
+    named: Callable[[int], str] = "episode {}".format,
     **watch: Unpack[Watch],
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; a log lives no longer than that.
 
-    Results, errors, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`.
+    Results, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`. An episode that cannot
+    be run is a ParameterError.
 
     Args:
         experiment_of: Makes the experiment; like ``measure`` and the items it goes to the workers.
@@ -54,11 +56,15 @@ def run_episodes(
             :func:`~twin_gait.simulation.simulator.simulate_together` takes it; everything by default.
         block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
         keep: Takes the results as they come, see :func:`twin_gait.studies.jobs.run_blocks`.
+        named: What an error calls an episode, by its number.
     """
     if block is None:
         block = _block_ahead(experiment_of, items, watch.get("on_compile"))
     walk = partial(_measured, experiment_of, measure, columns)
-    return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
+    try:
+        return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
+    except JobFailed as error:
+        raise ParameterError(f"{named(error.index)}: {error.problem}") from error
 
 
 def _measured(
@@ -150,20 +156,17 @@ def simulate_batch(
     :func:`twin_gait.studies.run_jobs`, which also says what ``watch`` is.
 
     Raises WorkersLost if a worker process dies. Raises
-    ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
-    ParameterError if the workers make no sense.
+    ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an episode
+    cannot be run, or the workers make no sense.
     """
     base, named = with_document(experiment), dict[str, dict[str, dict[str, Any]]]()
     for index, override in enumerate(overrides):
         read_named(named, override, Path(f"episode {index}"))
         changed(base, override, f"episode {index}", named)
-    try:
-        experiment_of = partial(changed, base, known=named)
-        rows = run_episodes(
-            experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
-        )
-    except JobFailed as error:
-        raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
+    experiment_of = partial(changed, base, known=named)
+    rows = run_episodes(
+        experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
+    )
     status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
     keys = dict.fromkeys(key for override in overrides for key in override)
     settings = pd.DataFrame(overrides[: len(rows)], columns=list(keys), index=range(len(rows)))
@@ -243,14 +246,11 @@ def flat_summary(run: Run) -> Flat:
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
     """A document with one value changed; what is wrong with the key is told with its name."""
-    try:
-        path, rest = parse_assignment(f"{key}=")
-        if rest is None:
-            assigned: dict[str, Any] = assign(document, path, value)
-            return assigned
-    except ParameterError as error:
-        raise ParameterFileError(source, str(key), "there is no such place; join names by dots") from error
-    raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
+    path, rest = converting(source, str(key), lambda: parse_assignment(f"{key}="))
+    if rest is not None:
+        raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
+    assigned: dict[str, Any] = converting(source, str(key), lambda: assign(document, path, value))
+    return assigned
 
 
 def setting_columns(keys: Iterable[Any]) -> dict[str, str]:

@@ -74,8 +74,9 @@ class Workers:
     def __exit__(self, *exception: Any) -> None:
         if self._client is None:
             self._end_processes()
-        else:
-            _close(self._client)
+            return
+        with contextlib.suppress(Exception):  # the scheduler may be gone
+            self._client.close(timeout=CONNECTION_TIMEOUT)
 
     def slots(self) -> int:
         """How many jobs run at a time; workers of a cluster may come and go."""
@@ -100,10 +101,13 @@ class Workers:
             self._end_processes()
             unguarded = any(process.exitcode == UNGUARDED for process in self._started)
             raise WorkersLost(_UNGUARDED if unguarded else _DIED) from None
-        except Exception as error:
+        except Exception as error:  # whatever it is that a cluster fails with; what a worker loses it repeats
             if self._client is None or isinstance(error, TwinGaitError):
                 raise
-            raise WorkersLost(_trouble(error)) from error
+            reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            raise WorkersLost(
+                f"the cluster is gone or gave up ({reason}); has every worker the same twin_gait and memory?"
+            ) from error
         finally:
             for future in under_way:
                 future.cancel()  # nobody waits for it if the caller has left
@@ -172,27 +176,6 @@ def _connected(address: str) -> Any:
     with contextlib.suppress(TimeoutError):
         client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
     if not client.nthreads():
-        _close(client)
+        client.close()
         raise WorkersLost(f"{address}: no workers; start some with: dask worker {address} --nthreads 1")
     return client
-
-
-def _close(client: Any) -> None:
-    with contextlib.suppress(*_lost_connection()):
-        client.close(timeout=CONNECTION_TIMEOUT)
-
-
-def _trouble(error: Exception) -> str:
-    """Why a cluster gave up, in one line; what a lost worker had goes to another without anybody's doing."""
-    if isinstance(error, _lost_connection()):
-        return "the scheduler of the cluster is gone; start it and go on"
-    reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-    return f"the cluster gave up ({reason}); has every worker the same twin_gait, and memory enough?"
-
-
-def _lost_connection() -> tuple[type[BaseException], ...]:
-    from concurrent.futures import CancelledError
-
-    from distributed.comm.core import CommClosedError
-
-    return (CommClosedError, CancelledError, OSError, TimeoutError)

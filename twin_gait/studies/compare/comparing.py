@@ -14,7 +14,7 @@ from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
-from twin_gait.exceptions import JobFailed, ParameterError
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, require
 from twin_gait.simulation import Run
@@ -131,10 +131,7 @@ def compare(
     _check(experiment, seeds)
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
     day_of, measure = partial(_changed, experiment), partial(_measured, experiment.seed)
-    try:
-        found = run_episodes(day_of, measure, asked, **watch)
-    except JobFailed as error:
-        raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
+    found = run_episodes(day_of, measure, asked, named=lambda place: asked[place][0].name, **watch)
     if len(found) < len(asked):
         return None
     named = [{"controller": controller.name, "seed": seed} for controller, seed in asked]

@@ -43,7 +43,7 @@ def run_measures(run: Run) -> Measures:
     }
     by_joint = pd.DataFrame(of_joints).T
     of_places |= {f"{side}_{joint}": values for (side, joint), values in of_joints.items()}
-    of_places |= {str(joint): _means(by_joint.xs(joint, level=1)) for joint in run.table.joints}
+    of_places |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
     found |= {f"{place}_{name}": value for place, row in of_places.items() for name, value in row.items()}
     return {**found, **_together(run, by_leg, by_joint)}
 

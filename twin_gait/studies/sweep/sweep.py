@@ -165,7 +165,7 @@ def run_sweep(
     neither the table nor the rows depend on the workers, the blocks or the number of resumptions. The engine
     is compiled in the calling process, so that no worker has to.
 
-    Raises ParameterFileError if an episode is wrong or cannot be run, naming it; what was done is kept.
+    Raises ParameterError if an episode is wrong or cannot be run, naming it; what was done is kept.
     Raises RunDirectoryError if the folder holds something else or cannot be written. Raises WorkersLost if
     a worker dies; what was done is kept.
     """
@@ -221,19 +221,16 @@ def _run(sweep: Sweep, store: SweepStore, workers: Workers, **watch: Unpack[Watc
     total, there = len(store.done), len(store.done) - len(pending)
     tell = watch.get("progress") or (lambda done, total: None)
     tell(there, total)
-    try:
-        batch.run_episodes(
-            partial(experiment_of_episode, json.dumps(sweep.document)),
-            batch.flat_summary,
-            pending,
-            columns=batch.READ_IN_BRIEF,
-            workers=workers,
-            keep=lambda rows: store.append({pending[place]: flat for place, flat in rows.items()}),
-            **watch | {"progress": lambda done, _: tell(there + done, total)},
-        )
-    except JobFailed as error:
-        named = f"episode {pending[error.index]}: "
-        raise ParameterFileError(sweep.source, "", named + error.problem.removeprefix(named)) from error
+    batch.run_episodes(
+        partial(experiment_of_episode, json.dumps(sweep.document)),
+        batch.flat_summary,
+        pending,
+        columns=batch.READ_IN_BRIEF,
+        workers=workers,
+        keep=lambda rows: store.append({pending[place]: flat for place, flat in rows.items()}),
+        named=lambda place: f"{sweep.source}: episode {pending[place]}",
+        **watch | {"progress": lambda done, _: tell(there + done, total)},
+    )
 
 
 def _outcomes(table: pd.DataFrame) -> pd.Series:

@@ -8,7 +8,7 @@ from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
@@ -27,7 +27,7 @@ from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
 # Ends of the names of the columns of a log that the parts are made of, beside time and phases.
 READ = (
-    *(*WALK_COLUMNS, "_crutch_normal_force_N"),
+    *WALK_COLUMNS,
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
@@ -72,10 +72,7 @@ def quick_errors(experiment: Experiment) -> set[str]:
 
 def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating] | None:
     """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
-    try:
-        results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
-    except JobFailed as error:
-        raise ParameterFileError("the tuning", f"walk {error.index}", error.problem) from error
+    results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
     return results if len(results) == len(walks) else None
 
 
@@ -114,11 +111,11 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
 
 
 def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
-    """How an experiment walks, and its wearer; without both it is a ParameterError."""
+    """How an experiment walks, and its wearer; without both, or a belt, it is a ParameterError."""
     walking, patient = experiment.scenario.walking, experiment.patient
-    if walking is None or patient is None:
+    if walking is None or patient is None or not experiment.scenario.adjusts(BELT_SPEED, SUPPORT_SHARE):
         raise ParameterError(
-            f"{experiment.name}: expected a wearer who walks on the ground; there is nothing to tune"
+            f"{experiment.name}: expected a wearer who walks on a belt; there is nothing to tune"
         )
     return walking, patient
 
@@ -181,12 +178,6 @@ def robust_cases(nominal: Experiment) -> dict[str, Experiment]:
     """The robust set, which the best candidates walk; the nominal case first."""
     walking, _ = check_walker(nominal)
     less, more = (min(0.95, max(0.0, walking.support_share + step)) for step in (-0.1, 0.1))
-    belts = {}
-    if nominal.scenario.adjusts(BELT_SPEED):
-        belts = {
-            "belt −10 %": _adjusted(nominal, BELT_SPEED, 0.9 * walking.speed),
-            "belt +10 %": _adjusted(nominal, BELT_SPEED, 1.1 * walking.speed),
-        }
     return {
         "nominal": nominal,
         "mass −10 %": _weighing(nominal, 0.9),
@@ -196,7 +187,8 @@ def robust_cases(nominal: Experiment) -> dict[str, Experiment]:
         f"gear efficiency {LOW_EFFICIENCY:g}": _geared(nominal, LOW_EFFICIENCY),
         "support −10 points": _adjusted(nominal, SUPPORT_SHARE, less),
         "support +10 points": _adjusted(nominal, SUPPORT_SHARE, more),
-        **belts,
+        "belt −10 %": _adjusted(nominal, BELT_SPEED, 0.9 * walking.speed),
+        "belt +10 %": _adjusted(nominal, BELT_SPEED, 1.1 * walking.speed),
         f"bus {LOW_VOLTAGE:g} V": _charged(nominal, LOW_VOLTAGE),
         f"bus {HIGH_VOLTAGE:g} V": _charged(nominal, HIGH_VOLTAGE),
         "sensor noise": _noisy(nominal),
