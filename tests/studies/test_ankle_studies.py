@@ -25,7 +25,7 @@ from twin_gait.studies.fault_campaign import draw_faults
 from twin_gait.studies.tune.outcome import gait_curves
 from twin_gait.studies.tune.parts import ERRORS, WORST, parts_of, rate_walk, residuals, walk_cost
 from twin_gait.studies.tune.space import editable_document, parameters_of
-from twin_gait.studies.tune.walks import robust_cases
+from twin_gait.studies.tune.walks import cases_of
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"
@@ -77,7 +77,7 @@ def test_numbers_of_the_ankle_are_searched_within_its_published_range() -> None:
 
 def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
     experiment = load_experiment(WALK).experiment
-    cases = robust_cases(experiment)
+    cases = cases_of(experiment, "robust")
     rough, worn = cases["friction ratio 0.35"], cases["gear efficiency 0.75"]
     law = experiment.plant.friction[JointName.ANKLE]
     assert rough.plant.true_friction()[JointName.ANKLE] == law.scaled(0.35)

@@ -47,7 +47,7 @@ from twin_gait.studies.tune.space import (
     with_own_sides,
 )
 from twin_gait.studies.tune.tune import Settings, tune
-from twin_gait.studies.tune.walks import corner_cases, robust_cases, search_cases, weighted_cost
+from twin_gait.studies.tune.walks import cases_of, weighted_cost
 from twin_gait.vocabulary import Side
 
 
@@ -251,7 +251,7 @@ def test_three_quarters_of_the_cost_of_a_table_are_its_nominal_walk() -> None:
 def test_another_mass_is_unknown_to_the_device() -> None:
     nominal = load_experiment("treadmill").experiment
     stiffness = scaled_table(nominal, nominal.build_world()).phases
-    cases = robust_cases(nominal)
+    cases = cases_of(nominal, "robust")
     for world in (cases["mass −10 %"], cases["mass +10 %"]):
         assert isinstance(world.patient, Patient) and isinstance(nominal.patient, Patient)
         assert abs(world.patient.mass / nominal.patient.mass - 1.0) == pytest.approx(0.1)
@@ -264,7 +264,7 @@ def test_another_mass_is_unknown_to_the_device() -> None:
 
 def test_the_robust_set_covers_what_it_promises() -> None:
     nominal = load_experiment("treadmill").experiment
-    worlds = list(robust_cases(nominal).values())
+    worlds = list((cases_of(nominal, "robust") | cases_of(nominal, "search")).values())
     ratios = {ratio for world in worlds for ratio in world.plant.friction_ratio.values()}
     assert {0.35, 1.0} <= ratios
     assert {23.0, 33.6} <= {world.plant.battery.voltage for world in worlds}
@@ -278,7 +278,7 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
     told = Patient(mass=80.0, height=1.8)
     nominal = load_experiment("treadmill").experiment
     nominal = replace(nominal, control=replace(nominal.control, patient=told))
-    worlds = list(corner_cases(nominal).values())
+    worlds = list(cases_of(nominal, "everyone").values())
     reached = [
         (w.patient.mass, w.patient.height, w.scenario.support.share, 3.6 * w.scenario.belt_speed)  # type: ignore[union-attr]
         for w in worlds
@@ -466,7 +466,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
     alone = bowl(nominal, None)
     assert alone is not None
     order = sorted(range(len(nominal)), key=lambda place: nominal_cost(alone[place]))[: stages.RACED]
-    size = len(search_cases(experiment)) - 1
+    size = len(cases_of(experiment, "search")) - 1
     assert len(corners) == size * stages.RACED
     assert all(walk.patient == experiment.patient for walk in nominal)
     assert all(walk.patient != experiment.patient for walk in corners)
@@ -509,8 +509,3 @@ def test_a_mistake_is_told_in_one_line_and_makes_no_folder(
     assert message in str(raised.value)
     assert "\n" not in str(raised.value)
     assert not out.exists()
-
-
-def test_the_search_walks_corners_of_the_robust_set() -> None:
-    nominal = load_experiment("treadmill").experiment
-    assert search_cases(nominal).items() <= robust_cases(nominal).items()

@@ -17,12 +17,12 @@ from twin_gait.experiment import Experiment
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.tune.parts import part_values
-from twin_gait.studies.tune.walks import ANGLE_NOISE, QUICK_INTEGRATION, robust_cases
+from twin_gait.studies.tune.walks import QUICK_INTEGRATION, cases_of
 from twin_gait.vocabulary import Side
 
 SEEDS = range(4)
 WALK = 14.0  # [s]
-NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": ANGLE_NOISE}
+NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": 2e-5}
 # Mass is off by a tenth; a loss not much larger than that is called graceful.
 LARGEST_LOSS = 0.15
 PER_SIDE = Path(__file__).parents[1] / "tables" / "stroke_left_per_side.yaml"
@@ -75,7 +75,7 @@ def asymmetry(experiment: Experiment) -> tuple[float, float]:
 def test_errors_of_weight_and_friction_degrade_the_walk_gracefully(joint: str) -> None:
     """Mass ±10 % that nobody tells the device; joints rough, or smooth; gears that lose more."""
     experiment = load_experiment("treadmill").experiment
-    cases = robust_cases(experiment)
+    cases = cases_of(experiment, "robust")
     key = f"{joint}_error_deg"
     _, nominal = interval(parts[key] for parts in walked(cases["nominal"]))
     for name in (

@@ -29,7 +29,7 @@ from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.parts import Rating, part_values, parts_of, rate_walk
 from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.tune import Settings, tune
-from twin_gait.studies.tune.walks import quick_errors, robust_cases, standing, table_of, walk_all
+from twin_gait.studies.tune.walks import cases_of, quick_errors, standing, table_of, walk_all
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import JointName, Outcome, Side
 
@@ -152,7 +152,7 @@ def test_the_quick_rules_find_an_error_of_a_table() -> None:
 
 def test_walks_do_not_depend_on_who_walks_nor_on_which_columns_are_kept() -> None:
     experiment = replace(load_experiment("treadmill").experiment, duration=10.0)
-    cases = robust_cases(experiment)
+    cases = cases_of(experiment, "robust")
     walks = [cases[name] for name in ("nominal", "bus 23 V", "belt −10 %")]
     alone = [rate_walk(simulate(walk)) for walk in walks]
     assert walk_all(walks, Workers()) == alone
@@ -186,10 +186,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(stages, "FINALISTS", 1)
         # Alone, which the loop of lanes is proven to equal.
         patch.setattr(simulator, "FEWEST_IN_ALL", math.inf)
-        cases = robust_cases(replace(experiment, seed=SETTINGS.seed))
+        cases = cases_of(replace(experiment, seed=SETTINGS.seed), "robust")
         two = {name: cases[name] for name in ("nominal", "bus 23 V")}
-        patch.setattr(stages.walks, "robust_cases", lambda item: two)
-        patch.setattr(stages.walks, "search_cases", lambda item: two)
+        patch.setattr(stages, "cases_of", lambda item, kind: two)
         result = tune(experiment, SETTINGS)
         assert result is not None
         candidates = tuple(item for item in result.ranked if item.points is not None)

@@ -139,14 +139,13 @@ def _safety(run: Run) -> dict[str, Any]:
     }
 
 
-def interaction_summary(
-    run: Run, skip_strides: int = SKIPPED_STRIDES
-) -> dict[str, dict[str, dict[str, float]]]:
+def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
     """What device and wearer do to each other, and how far they move apart."""
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
-    angle, *_, torque = BRACE.columns
     log, interaction = run.log, dict[str, dict[str, float]]()
+    angle, *_, torque = BRACE.columns
+    height, _, force = PELVIS_BRACE.columns
     for side in run.sides:
         for place in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
             rms, peak, apart = _brace(log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}")
@@ -156,7 +155,6 @@ def interaction_summary(
         for joint, angles in device.angles.items():
             error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
             interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
-    height, _, force = PELVIS_BRACE.columns
     if force in log:
         rms, peak, apart = _brace(log, force, "pelvis_height_m", height)
         interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}

@@ -15,6 +15,7 @@ from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
 from twin_gait.configuration.experiments import named_document
@@ -105,23 +106,8 @@ READ_IN_BRIEF = (
     "_work_J", "belt_speed_m_per_s",
 )  # fmt: skip
 
-# Columns of a flat summary with their types, by what has them: the run, each leg, each joint.
-_RUN = {
-    "status": "object", "outcome": "object", "fell": "bool", "seed": "UInt64", "duration_s": "float64",
-    "battery_power_mean_W": "float64", "battery_power_peak_W": "float64", "battery_energy_J": "float64",
-    "energy_residual_share": "float64",
-}  # fmt: skip
-_SIDE = {
-    "strides": "Int64", "strides_counted": "Int64", "stride_time_mean_s": "float64",
-    "stride_time_variation": "float64", "swing_share": "float64", "rmse_hip_by_contact_deg": "float64",
-    "rmse_knee_by_contact_deg": "float64", "early_stance_lag_mean_s": "float64",
-    "toe_clearance_mean_m": "float64", "toe_clearance_least_m": "float64", "further_contacts": "Int64",
-    "scuffs": "Int64", "strides_by_phase": "Int64", "phases_in_order": "boolean", "time_outs": "Int64",
-}  # fmt: skip
-_JOINT = dict.fromkeys(
-    ("range_of_motion_deg", "saturated_share", "torque_peak_Nm", "torque_rms_Nm", "torque_continuous_share"),
-    "float64",
-)
+_COLUMNS = yaml.safe_load(Path(__file__).with_name("summary_columns.yaml").read_text(encoding="utf-8"))
+_RUN, _SIDE, _JOINT = _COLUMNS["run"], _COLUMNS["leg"], _COLUMNS["joint"]
 _TYPES = dict(_RUN)
 for _side in Side:
     _TYPES |= {f"{_side}_{name}": kind for name, kind in _SIDE.items()}

@@ -16,8 +16,9 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import GaitTable
-from twin_gait.measures import KILOMETRES_PER_HOUR, PERCENT, normalise_strides, reference_curve
+from twin_gait.measures import KILOMETRES_PER_HOUR, normalise_strides
 from twin_gait.report.canvas import write_pictures
+from twin_gait.report.reference import reference_cycle
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
@@ -153,12 +154,11 @@ def gait_curves(
     ``tables``: their documents as ``before`` and ``after``. ``duration`` of each walk in [s]; one without a
     counted stride has no curve.
     """
-    walking, patient = check_walker(experiment)
-    speed, height = walking.speed, patient.height
-    curves: dict[str, dict[str, np.ndarray]] = {
-        str(joint): {"reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=height))}
-        for joint in experiment.joints
-    }
+    curves: dict[str, dict[str, np.ndarray]] = {str(joint): {} for joint in experiment.joints}
+    for joint in experiment.joints:
+        reference = reference_cycle(experiment, joint)
+        if reference is not None:
+            curves[str(joint)]["reference"] = np.degrees(reference)
     walked = walker(experiment, duration=duration)
     for name, table in tables.items():
         run = simulate(replace(walked, table=table_of(table)))

@@ -12,7 +12,7 @@ with value x, goal g and weight w of each part. A fall after a share s of the ti
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -76,7 +76,9 @@ def part_values(run: Run) -> dict[str, float | None]:
     ]
     # Of the legs the larger value counts; what is not defined in one is not in both.
     values = {name: float(np.max([0.0, *(leg[name] for leg in found)])) for name in found[0]}
-    values |= {"fore_aft_pct": _fore_aft(run, walks.values()), "asymmetry_pct": _asymmetry(legs, contacts)}
+    assert run.walkway is not None  # a walk to be tuned carries weight
+    dragged = sum(walk.fore_aft_force for walk in walks.values()) / run.walkway.carried_weight
+    values |= {"fore_aft_pct": 100.0 * abs(dragged), "asymmetry_pct": _asymmetry(legs, contacts)}
     return {name: finite_or_none(value) for name, value in values.items()}
 
 
@@ -123,12 +125,6 @@ def _offset(leg: MeasuredLeg, joint: JointName) -> float:
     return math.degrees(
         error_parts(normalise_strides(leg.record.angles[joint], leg.strides), reference).offset
     )
-
-
-def _fore_aft(run: Run, walks: Iterable[WalkMeasures]) -> float:
-    """Mean fore-aft force of both feet in [%] of the carried weight."""
-    assert run.walkway is not None  # a walk to be tuned carries weight
-    return 100.0 * abs(sum(walk.fore_aft_force for walk in walks) / run.walkway.carried_weight)
 
 
 def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]]) -> float:

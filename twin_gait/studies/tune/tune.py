@@ -16,7 +16,7 @@ from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
-from twin_gait.studies.tune.walks import in_case, standing, table_of, walker, weighted_cost
+from twin_gait.studies.tune.walks import cases_of, in_case, standing, table_of, walker, weighted_cost
 from twin_gait.studies.workers import Workers
 
 # Share of the minutes for the search; the robust set and the report take the rest.
@@ -110,9 +110,9 @@ class Stages:
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
         self._generations: list[Generation] = []
-        corners = walks.corner_cases(self._experiment) if settings.everyone else {}
-        self._search_cases = walks.search_cases(self._experiment) | corners
-        self._robust_cases = walks.robust_cases(self._experiment) | corners
+        corners = cases_of(self._experiment, "everyone") if settings.everyone else {}
+        self._search_cases = cases_of(self._experiment, "search") | corners
+        self._robust_cases = cases_of(self._experiment, "robust") | self._search_cases
 
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
         """Run all stages, unless somebody asks to stop."""

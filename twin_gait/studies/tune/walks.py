@@ -2,7 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from pathlib import Path
 from typing import Any, Unpack
+
+import yaml
 
 from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
@@ -12,11 +16,11 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
-from twin_gait.measures.reference import KILOMETRES_PER_HOUR, gait_profile_score
+from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import HEAVIEST_WEARER, Patient
 from twin_gait.simulation.lane_engine import WIDTH
-from twin_gait.studies.batch import run_episodes
+from twin_gait.studies.batch import overridden, run_episodes
 from twin_gait.studies.jobs import Watch
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
@@ -35,21 +39,7 @@ NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the oth
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
-LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
-LOW_EFFICIENCY = 0.75  # of the gears, assumption: as cold grease has it; that of the default walk is 0.85
-ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
-# Corners of whom and what a table that ships is to carry: 50 to 110 kg, 1.50 to 1.95 m, 20 to 80 % support,
-# 0.8 to 1.9 km/h. Mass in [kg], height in [m], supported share, belt in [km/h].
-CORNERS = (
-    (95.0, 1.60, 0.40, 1.08),
-    (55.0, 1.90, 0.70, 1.50),
-    (90.0, 1.75, 0.30, 1.15),
-    (53.0, 1.57, 0.26, 1.80),
-    (105.0, 1.90, 0.50, 0.85),
-    (60.0, 1.60, 0.75, 0.85),
-    (102.0, 1.62, 0.40, 1.85),
-)
+_CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
@@ -120,29 +110,31 @@ def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
     return walking, patient
 
 
-def _rough(walked: Experiment, ratio: float) -> Experiment:
-    """Another true friction over the model's."""
-    plant = walked.plant
-    return replace(walked, plant=replace(plant, friction_ratio=dict.fromkeys(plant.friction, ratio)))
+def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
+    """The cases of a kind by names, as ``cases.yaml`` has them: ``search``, ``robust`` or ``everyone``."""
+    return {name: reduce(_changed, changes.items(), nominal) for name, changes in _CASES[kind].items()}
 
 
-def _geared(walked: Experiment, efficiency: float) -> Experiment:
-    gears = walked.plant.actuators.items()
-    actuators = {joint: replace(drive, gear_efficiency=efficiency) for joint, drive in gears}
-    return replace(walked, plant=replace(walked.plant, actuators=actuators))
-
-
-def _charged(walked: Experiment, voltage: float) -> Experiment:
-    battery = replace(walked.plant.battery, voltage=voltage)
-    return replace(walked, plant=replace(walked.plant, battery=battery))
-
-
-def _noisy(walked: Experiment) -> Experiment:
-    return replace(walked, sensors=replace(walked.sensors, ideal=False, angle_noise=ANGLE_NOISE))
-
-
-def _adjusted(walked: Experiment, name: str, value: float) -> Experiment:
-    return replace(walked, scenario=walked.scenario.adjusted(name, value))
+def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
+    """An experiment with one of the changes that ``cases.yaml`` lists."""
+    (what, value), (walking, _) = change, check_walker(walked)
+    plant, scenario = walked.plant, walked.scenario
+    match what:
+        case "mass_ratio":
+            return _weighing(walked, value)
+        case "friction_ratio":
+            plant = replace(plant, friction_ratio=dict.fromkeys(plant.friction, value))
+        case "gear_efficiency":
+            gears = {joint: replace(gear, gear_efficiency=value) for joint, gear in plant.actuators.items()}
+            plant = replace(plant, actuators=gears)
+        case "support_more":
+            share = min(0.95, max(0.0, walking.support_share + value))
+            scenario = scenario.adjusted(SUPPORT_SHARE, share)
+        case "belt_ratio":
+            scenario = scenario.adjusted(BELT_SPEED, value * walking.speed)
+        case key:
+            return overridden(walked, {key: value})
+    return replace(walked, plant=plant, scenario=scenario)
 
 
 def _weighing(walked: Experiment, ratio: float) -> Experiment:
@@ -162,47 +154,3 @@ def _weighing(walked: Experiment, ratio: float) -> Experiment:
 def in_case(walked: Experiment, table: GaitTable) -> Experiment:
     """A walk of a case with another table, scaled as the case has it."""
     return replace(walked, table=replace(table, scaling=walked.table.scaling))
-
-
-def search_cases(nominal: Experiment) -> dict[str, Experiment]:
-    """What every candidate walks, by names: as it is (first), and two corners of the robust set."""
-    heavy = _charged(_rough(_weighing(nominal, 1.1), HIGH_FRICTION), LOW_VOLTAGE)
-    return {
-        "nominal": nominal,
-        "heavy, rough, empty battery": _noisy(heavy),
-        "light, smooth": _rough(_weighing(nominal, 0.9), LOW_FRICTION),
-    }
-
-
-def robust_cases(nominal: Experiment) -> dict[str, Experiment]:
-    """The robust set, which the best candidates walk; the nominal case first."""
-    walking, _ = check_walker(nominal)
-    less, more = (min(0.95, max(0.0, walking.support_share + step)) for step in (-0.1, 0.1))
-    return {
-        "nominal": nominal,
-        "mass −10 %": _weighing(nominal, 0.9),
-        "mass +10 %": _weighing(nominal, 1.1),
-        f"friction ratio {LOW_FRICTION:g}": _rough(nominal, LOW_FRICTION),
-        f"friction ratio {HIGH_FRICTION:g}": _rough(nominal, HIGH_FRICTION),
-        f"gear efficiency {LOW_EFFICIENCY:g}": _geared(nominal, LOW_EFFICIENCY),
-        "support −10 points": _adjusted(nominal, SUPPORT_SHARE, less),
-        "support +10 points": _adjusted(nominal, SUPPORT_SHARE, more),
-        "belt −10 %": _adjusted(nominal, BELT_SPEED, 0.9 * walking.speed),
-        "belt +10 %": _adjusted(nominal, BELT_SPEED, 1.1 * walking.speed),
-        f"bus {LOW_VOLTAGE:g} V": _charged(nominal, LOW_VOLTAGE),
-        f"bus {HIGH_VOLTAGE:g} V": _charged(nominal, HIGH_VOLTAGE),
-        "sensor noise": _noisy(nominal),
-        **search_cases(nominal),
-    }
-
-
-def corner_cases(nominal: Experiment) -> dict[str, Experiment]:
-    """Other wearers, whom the device is told of, with other support on other belts; see ``CORNERS``."""
-    found = {}
-    for mass, height, share, speed in CORNERS:
-        patient = replace(check_walker(nominal)[1], mass=mass, height=height)
-        worn = replace(nominal, patient=patient, control=replace(nominal.control, patient=None))
-        belt = _adjusted(worn, BELT_SPEED, speed / KILOMETRES_PER_HOUR)
-        name = f"{mass:g} kg, {height:g} m, {100.0 * share:g} % supported, {speed:g} km/h"
-        found[name] = _adjusted(belt, SUPPORT_SHARE, share)
-    return found
