@@ -191,8 +191,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(stages, "cases_of", lambda item, kind: two)
         result = tune(experiment, SETTINGS)
         assert result is not None
-        candidates = tuple(item for item in result.ranked if item.points is not None)
-        result = replace(result, ranked=candidates or result.ranked)
+        result.ranked = [item for item in result.ranked if item.points is not None] or result.ranked
         written = outcome.write_tuning(result, directory, wearer="the default wearer")
     assert written["experiment"] == "treadmill"
     return directory

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import yaml
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -32,14 +34,9 @@ MOST_LEVELS = 12
 EPISODES_PER_BIN = 6
 MOST_BINS = 8
 
-_UNITS = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()} | {
-    # Of settings that no log column has.
-    "_kg": "kg", "_deg": "deg", "_Nm_per_deg": "N m/deg", "_Nms_per_deg": "N m s/deg", "_km_per_h": "km/h",
-    "_ms": "ms", "_Hz": "Hz", "_Ohm": "Ohm", "_kgm2": "kg m²", "_N_per_m1p5": "N/m^1.5",
-    "_Ns_per_m": "N s/m", "_s_per_m": "s/m", "_s_per_rad": "s/rad", "_m_per_s2": "m/s²",
-    "_Nm_per_A": "N m/A", "_N_per_m": "N/m", "_per_rad": "1/rad", "_deg_per_s": "deg/s",
-    "_bit_per_s": "bit/s", "_kbit_per_s": "kbit/s", "_us": "µs", "_ppm": "ppm",
-}  # fmt: skip
+_OF_SETTINGS = yaml.safe_load(Path(__file__).with_name("units.yaml").read_text(encoding="utf-8"))
+_UNITS = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()}
+_UNITS |= {f"_{suffix}": unit for suffix, unit in _OF_SETTINGS.items()}
 # Rooms of an experiment that say nothing in a label.
 _ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "control", "sensors"})
 

@@ -7,6 +7,7 @@ columns that the row is made of.
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -82,14 +83,12 @@ def _block_ahead(
     experiment_of: Callable[[Item], Experiment], items: Sequence[Item], on_compile: Callable[[], None] | None
 ) -> int:
     """Compile before the workers need it, and tell how many episodes to hand over at a time."""
-    if not items:
-        return 1
-    try:
-        experiment = experiment_of(items[0])
-    except TwinGaitError:  # a mistake is told when its turn comes
-        return 1
-    compile_ahead(experiment, len(items), on_compile)
-    return block_size(experiment, len(items))
+    if items:
+        with suppress(TwinGaitError):  # a mistake is told when its turn comes
+            experiment = experiment_of(items[0])
+            compile_ahead(experiment, len(items), on_compile)
+            return block_size(experiment, len(items))
+    return 1
 
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.

@@ -67,13 +67,9 @@ CONTROLLERS = {name: Controller(name=name, **row) for name, row in _ROWS.items()
 
 def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
     """Look controllers up, such as ``table`` and ``position``; none, or one twice, is a ParameterError."""
-    if not names:
-        raise ParameterError(f"controllers: expected some of {', '.join(CONTROLLERS)}")
-    for place, name in enumerate(names):
-        if name not in CONTROLLERS:
-            raise ParameterError(f"controllers: no {name!r}; there are {', '.join(CONTROLLERS)}")
-        if name in names[:place]:
-            raise ParameterError(f"controllers: {name} is named twice; leave one out")
+    once = len(set(names)) == len(names) > 0
+    expected = f"some of {', '.join(CONTROLLERS)}, each once"
+    require(once and CONTROLLERS.keys() >= set(names), "controllers", expected, ", ".join(names) or "none")
     return tuple(CONTROLLERS[name] for name in names)
 
 

@@ -26,8 +26,6 @@ from twin_gait.vocabulary import JointName, Side
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
 PICTURE_FILE, RUNS_FILE, SUMMARY_FILE = "compare.png", "runs.csv", "compare.json"
-HOT = 1.0  # RMS current over the continuous one
-UNEVEN = 0.05  # of a symmetry index; less is not called asymmetry
 
 
 class Shown(NamedTuple):
@@ -89,13 +87,12 @@ def conclusions(comparison: Comparison) -> list[str]:
 
 def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
     """The report as HTML."""
-    measures = shown_measures(comparison.experiment.joints)
     content = {
         **_content(comparison),
         "title": "Controllers compared",
         "subtitle": subtitle_of(comparison, who),
         "text": conclusions(comparison),
-        "measures": measures,
+        "measures": shown_measures(comparison.experiment.joints),
         "figure": picture,
     }
     return render("compare.html", content)
@@ -124,8 +121,6 @@ def _content(comparison: Comparison) -> dict[str, Any]:
         "walking": walking,  # of whom there are strides to tell of
         "walked": {name: count for name, count in walked.items() if count},
         "walked_always": [name for name, count in walked.items() if count == comparison.seeds],
-        "uneven": UNEVEN,
-        "hot_share": HOT,
         "mean": mean,
         "extremes": extremes,
         "shown": lambda item, number: text_of(comparison.interval(item.name, number), names[number]),

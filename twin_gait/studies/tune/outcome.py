@@ -101,7 +101,7 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
     """Content of ``tune.json`` but for what the check finds."""
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
     speed, generations = check_walker(experiment)[0].speed, tuning.generations
-    names = tuning.search_cases
+    names = list(tuning.search_cases)
     stood = {
         name: standing([walk for case, walk in finalist.walks if case in names])
         for name, finalist in (("before", before), ("after", after))

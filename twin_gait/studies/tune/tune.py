@@ -72,70 +72,65 @@ class Finalist:
         return weighted_cost([walk for _, walk in self.walks])
 
 
-@dataclass(frozen=True, eq=False)
-class Tuning:
-    """Result of a tuning."""
-
-    experiment: Experiment  # whose table was to be bettered, with the seed of the settings
-    settings: Settings
-    search_cases: tuple[str, ...]  # names of the cases of the search, the nominal one first
-    parameters: tuple[space.Parameter, ...]  # all numbers that were searched for
-    generations: tuple[Generation, ...]  # of the search; the first is its start
-    before: Finalist  # the table that was to be bettered
-    ranked: tuple[Finalist, ...]  # all finalists, the best first; ``before`` is one of them
-    elapsed: float  # time that it took in [s]
-
-
 class Stopped(Exception):  # not an error: somebody asked for it
     """The tuning was asked to stop."""
 
 
-class Stages:
-    """One call of :func:`twin_gait.studies.tune.tune.tune`: what its stages share."""
+class Tuning:
+    """A tuning: what its stages share, and what they leave behind.
+
+    Attributes:
+        experiment: Whose table was to be bettered, with the seed of the settings.
+        settings: Those of the tuning.
+        parameters: All numbers that are searched for.
+        search_cases: Cases of the search by names, the nominal one first.
+        generations: Of the search; the first is its start.
+        ranked: All finalists, the best first; ``before`` is one of them.
+        before: The table that was to be bettered.
+        elapsed: Time that it took in [s].
+    """
+
+    before: Finalist
+    ranked: list[Finalist]
+    elapsed: float
 
     def __init__(
-        self,
-        experiment: Experiment,
-        settings: Settings,
-        workers: Workers,
-        tell: Tell,
-        should_stop: Stop | None,
+        self, experiment: Experiment, settings: Settings, workers: Workers, tell: Tell, stop: Stop | None
     ) -> None:
         """Begin; nothing is walked. The arguments are those of :func:`twin_gait.studies.tune.tune.tune`."""
-        self._settings, self._workers, self._should_stop = settings, workers, should_stop
+        self.settings, self._workers, self._stop = settings, workers, stop
         self._told, self._began = tell, time.perf_counter()
-        self._experiment = replace(experiment, seed=settings.seed)
+        self.experiment = replace(experiment, seed=settings.seed)
         self._table = space.editable_document(experiment.table)
-        self._parameters = space.parameters_of(
+        self.parameters = space.parameters_of(
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
-        self._generations: list[Generation] = []
-        corners = cases_of(self._experiment, "everyone") if settings.everyone else {}
-        self._search_cases = cases_of(self._experiment, "search") | corners
-        self._robust_cases = cases_of(self._experiment, "robust") | self._search_cases
+        self.generations: list[Generation] = []
+        corners = cases_of(self.experiment, "everyone") if settings.everyone else {}
+        self.search_cases = cases_of(self.experiment, "search") | corners
+        self._robust_cases = cases_of(self.experiment, "robust") | self.search_cases
 
-    def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
+    def run(self, on_compile: Callable[[], None] | None) -> None:
         """Run all stages, unless somebody asks to stop."""
         self._tell("compiling")
         for walked in self._robust_cases.values():  # here, or all workers would
             for quick, count in ((True, SEARCH_WALKS), (False, (FINALISTS + 1) * len(self._robust_cases))):
-                duration = self._settings.search_duration
+                duration = self.settings.search_duration
                 compile_ahead(walker(walked, duration=duration, quick=quick), count, on_compile)
         descent = self._start()
         while not self._over(descent):
             self._tell(f"search: generation {descent.generation + 1}")
-            self._generations.append(self._generation(descent))
+            self.generations.append(self._generation(descent))
         self._tell("the robust set")
         finalists = self._finalists()
-        ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
-        found = self._parameters, tuple(self._generations), finalists[0], tuple(ranked), self._elapsed()
-        return Tuning(self._experiment, self._settings, tuple(self._search_cases), *found)
+        self.before, self.ranked = finalists[0], sorted(finalists, key=lambda item: (item.falls, item.cost))
+        self.elapsed = self._elapsed()
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._began
 
     def _tell(self, stage: str) -> None:
-        line, found = f"{self._elapsed() / 60.0:4.1f} min  {stage}", self._generations
+        line, found = f"{self._elapsed() / 60.0:4.1f} min  {stage}", self.generations
         best = f", best: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
         self._told(line + best)
 
@@ -143,26 +138,26 @@ class Stages:
         self, tables: Sequence[GaitTable], cases: Iterable[Experiment], *, last: bool = False
     ) -> list[list[Rating]]:
         """Walks of each table, in each case: short and quick ones, or the last ones."""
-        settings = self._settings
+        settings = self.settings
         duration = settings.robust_duration if last else settings.search_duration
         walked = [walker(case, duration=duration, quick=not last) for case in cases]
         asked = [in_case(case, table) for table in tables for case in walked]
-        results = walks.walk_all(asked, self._workers, should_stop=self._should_stop)
+        results = walks.walk_all(asked, self._workers, should_stop=self._stop)
         if results is None:
             raise Stopped
         return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]
 
     def _start(self) -> Descent:
         """Walk the table that is to be bettered."""
-        (ratings,) = self._walk([self._experiment.table], self._search_cases.values())
+        (ratings,) = self._walk([self.experiment.table], self.search_cases.values())
         cost, nominal = weighted_cost(ratings), ratings[0]
-        point = [item.start_coordinate for item in self._parameters]
-        self._generations.append(Generation(point, cost, nominal_cost(nominal), [standing(ratings)]))
+        point = [item.start_coordinate for item in self.parameters]
+        self.generations.append(Generation(point, cost, nominal_cost(nominal), [standing(ratings)]))
         return Descent(point, cost, residuals(nominal))
 
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
-        first, *corners = self._search_cases.values()
+        first, *corners = self.search_cases.values()
         neighbours = descent.neighbours()
         ratings = self._walk([self._table_at(point) for point in neighbours], [first])
         descent.learn(neighbours, [residuals(walk) for (walk,) in ratings])
@@ -177,7 +172,7 @@ class Stages:
         costs = {place: weighted_cost(ratings[place]) for place in raced}
         for place in sorted(costs, key=costs.__getitem__):
             better = costs[place] < descent.cost
-            if better and not walks.quick_errors(replace(self._experiment, table=tables[place])):
+            if better and not walks.quick_errors(replace(self.experiment, table=tables[place])):
                 damping, point = candidates[place]
                 descent.go_to(point, costs[place], residuals(ratings[place][0]), damping)
                 break
@@ -187,22 +182,22 @@ class Stages:
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
-        return table_of(space.table_with(self._table, self._parameters, point))
+        return table_of(space.table_with(self._table, self.parameters, point))
 
     def _over(self, descent: Descent) -> bool:
         """Whether the search has come to its end, or had its generations or time; one it always gets."""
-        done, wanted = descent.generation, self._settings.generations
+        done, wanted = descent.generation, self.settings.generations
         if descent.has_ended:
             return True
         if wanted is not None:
             return done >= wanted
-        return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self._settings.minutes
+        return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self.settings.minutes
 
     def _finalists(self) -> list[Finalist]:
         """What was to be bettered, and where the search stood, over the robust set."""
         chosen = [Finalist(self._table, None)]
-        for item in leaders(self._generations, FINALISTS):
-            table = space.table_with(self._table, self._parameters, item.point)
+        for item in leaders(self.generations, FINALISTS):
+            table = space.table_with(self._table, self.parameters, item.point)
             if all(table != other.table for other in chosen):
                 chosen.append(Finalist(table, tuple(item.point)))
         tables = [table_of(item.table) for item in chosen]
@@ -248,8 +243,9 @@ def tune(
     walks.check_walker(experiment)
     if settings.per_side:
         experiment = replace(experiment, table=space.with_own_sides(experiment.table))
-    stages = Stages(experiment, settings, workers or Workers(), tell, should_stop)
+    tuning = Tuning(experiment, settings, workers or Workers(), tell, should_stop)
     try:
-        return stages.everything(on_compile)
+        tuning.run(on_compile)
     except Stopped:
         return None
+    return tuning
