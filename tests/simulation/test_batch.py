@@ -123,10 +123,10 @@ def test_a_fall_ends_its_episode_only(alone):
 WRONG = {
     "misspelt": ({"patient.mas_kg": 80}, "episode 1: patient.mas_kg: unknown key; did you mean 'mass_kg'"),
     "out of range": ({"patient.mass_kg": -1}, "episode 1: patient.mass_kg: .*30 to 110 kg.*-1"),
-    "not a key": ({"patient..mass_kg": 80}, r"episode 1: patient\.\.mass_kg: there is no such place"),
+    "not a key": ({"patient..mass_kg": 80}, r"episode 1: patient\.\.mass_kg: .*is not a key"),
     "no such item": (
         {"table.transitions[99].cause": "x"},
-        r"episode 1: table\.transitions\[99\]\.cause: there",
+        r"episode 1: table\.transitions\[99\]\.cause: .*no such place",
     ),
     "assignment": ({"patient.mass_kg=80": 80}, "episode 1: patient.mass_kg=80: expected a key and its value"),
     "two units": ({"duration_s": 2, "duration_ms": 20}, "episode 1: expected exactly one of duration_s or"),
@@ -165,7 +165,7 @@ def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
 
 
 def test_an_episode_that_cannot_be_run_is_named_across_processes(walk):
-    with pytest.raises(ParameterFileError, match=r"^episode 1: .*no joint 'nothing'"):
+    with pytest.raises(ParameterError, match=r"^episode 1: .*no joint 'nothing'"):
         simulate_batch(walk, [{"duration_s": 0.1}, {"leg.left.hip": "nothing"}], workers=2)
 
 

@@ -23,9 +23,9 @@ from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import shown_measures
 from twin_gait.studies.fault_campaign import draw_faults
 from twin_gait.studies.tune.outcome import gait_curves
-from twin_gait.studies.tune.parts import ERROR_GOALS, WORST, parts_of, rate_walk, residuals, walk_cost
+from twin_gait.studies.tune.parts import ERRORS, WORST, parts_of, rate_walk, residuals, walk_cost
 from twin_gait.studies.tune.space import editable_document, parameters_of
-from twin_gait.studies.tune.walks import robust_cases
+from twin_gait.studies.tune.walks import cases_of
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"
@@ -77,7 +77,7 @@ def test_numbers_of_the_ankle_are_searched_within_its_published_range() -> None:
 
 def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
     experiment = load_experiment(WALK).experiment
-    cases = {case.name: case.change(experiment) for case in robust_cases(experiment)}
+    cases = cases_of(experiment, "robust")
     rough, worn = cases["friction ratio 0.35"], cases["gear efficiency 0.75"]
     law = experiment.plant.friction[JointName.ANKLE]
     assert rough.plant.true_friction()[JointName.ANKLE] == law.scaled(0.35)
@@ -153,4 +153,4 @@ def test_faults_are_drawn_for_the_ankle_too_and_the_step_is_judged_by_it() -> No
 def test_errors_of_all_joints_are_told_in_one_line(errors: dict[str, float], told: str) -> None:
     leg = {f"rmse_{joint}_by_contact_deg": error for joint, error in errors.items()}
     assert off_the_reference(leg, 1) == told
-    assert set(ERROR_GOALS) == set(JOINTS)
+    assert set(ERRORS) == set(JOINTS)

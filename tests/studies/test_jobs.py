@@ -9,12 +9,10 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.studies import JobFailed, Workers, WorkersLost, run_jobs
-from twin_gait.studies.jobs import even_size, run_blocks
+from twin_gait.studies.jobs import run_blocks
 
 
 def square(number: int) -> int:
@@ -73,15 +71,6 @@ def test_blocks_come_in_the_order_of_their_items_and_progress_counts_these(worke
         run_blocks(backwards, [*range(70), -7, *range(29)], block=32, workers=workers)
 
 
-@given(total=st.integers(1, 5000), block=st.integers(1, 64), slots=st.integers(1, 64))
-def test_blocks_are_even_and_half_full(total, block, slots):
-    size = even_size(total, block, slots)
-    assert 1 <= size <= block
-    assert 2 * size >= min(block, total)
-    if total >= block * slots:
-        assert -(-total // size) < -(-total // block) + slots  # no more blocks than all workers' turns take
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 def test_stopped_work_gives_the_results_of_the_first_items(workers):
     done: list[int] = []
@@ -106,7 +95,7 @@ def test_a_job_that_fails_is_named_with_its_index(workers):
 def test_what_came_before_a_failure_can_be_kept():
     kept: dict[int, tuple[int, int]] = {}
     with pytest.raises(JobFailed, match="job 1: -3 is negative"):
-        run_blocks(backwards, [6, -3, 5, 9], block=4, keep=lambda results, _: kept.update(results))
+        run_blocks(backwards, [6, -3, 5, 9], block=4, keep=kept.update)
     assert kept == {2: (25, 4), 3: (81, 4)}
 
 

@@ -5,41 +5,52 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait.configuration.validation import validate
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.studies.sweep.spec import MOST_EPISODES, Range, grid, latin_hypercube, listed
+from twin_gait.studies.sweep.spec import MOST_EPISODES, Range, Sweep, SweepFile, design_of
 
 LEVELS = {"a": [1, 2, 3], "b.c": ["x", "y"], "d": [[1, 2], {"k": 3}]}
 
 
+def design(method: str, **entries: object) -> pd.DataFrame:
+    return design_of(validate(SweepFile, {"method": method, **entries}, "a"), "a")
+
+
+def grid(parameters: dict[str, object], **entries: object) -> pd.DataFrame:
+    return design("grid", parameters=parameters, **entries)
+
+
+def latin_hypercube(
+    parameters: dict[str, object], samples: int, seed: int, **entries: object
+) -> pd.DataFrame:
+    return design("latin_hypercube", parameters=parameters, samples=samples, seed=seed, **entries)
+
+
 def test_a_grid_is_every_combination_in_order_each_repeated():
     wanted = [dict(zip(LEVELS, values, strict=True)) for values in itertools.product(*LEVELS.values())]
-    assert list(grid(LEVELS)) == wanted
-    assert list(grid(LEVELS, repetitions=2)) == [point for point in wanted for _ in range(2)]
-    assert grid(LEVELS, repetitions=2).column("a") == [1] * 8 + [2] * 8 + [3] * 8
+    assert grid(LEVELS).to_dict("records") == wanted
+    repeated = [point for point in wanted for _ in range(2)]
+    assert grid(LEVELS, repetitions=2).to_dict("records") == repeated
 
 
 def test_a_range_of_a_grid_is_evenly_spaced_with_both_ends_exact():
-    linear = grid({"a": Range(start=0.1, stop=0.7, count=4)}).column("a")
+    linear = grid({"a": {"from": 0.1, "to": 0.7, "count": 4}})["a"].tolist()
     assert (linear[0], linear[-1]) == (0.1, 0.7)
     np.testing.assert_allclose(np.diff(linear), 0.2, rtol=1e-14)
-    log = grid({"a": Range(start=0.01, stop=100.0, count=5, scale="log")}).column("a")
+    log = grid({"a": {"from": 0.01, "to": 100.0, "count": 5, "scale": "log"}})["a"].tolist()
     assert (log[0], log[-1]) == (0.01, 100.0)
     np.testing.assert_allclose(log, [0.01, 0.1, 1.0, 10.0, 100.0], rtol=1e-14)
 
 
 @given(samples=st.integers(1, 60), seed=st.integers(0, 2**32))
 def test_a_latin_hypercube_has_one_point_in_every_slice_of_every_range(samples, seed):
-    ranges = {
-        "a": Range(start=-3.0, stop=5.0),
-        "b": Range(start=0.5, stop=500.0, scale="log"),
-    }
-    design = latin_hypercube(ranges, samples, seed)
-    a, b = np.array(design.column("a")), np.array(design.column("b"))
+    ranges = {"a": {"from": -3.0, "to": 5.0}, "b": {"from": 0.5, "to": 500.0, "scale": "log"}}
+    a, b = latin_hypercube(ranges, samples, seed).to_numpy(dtype=float).T
     shares = [(a + 3.0) / 8.0, np.log10(b / 0.5) / 3.0]
     for share in shares:
         # A share at a slice's very edge may round to its neighbour.
@@ -48,20 +59,17 @@ def test_a_latin_hypercube_has_one_point_in_every_slice_of_every_range(samples, 
 
 
 def test_a_latin_hypercube_uses_the_values_of_a_list_equally_often_and_its_seed():
-    values = {"a": ["x", "y", "z"], "b": Range(start=0.0, stop=1.0)}
-    design = latin_hypercube(values, 30, 1)
-    assert sorted(design.column("a")) == ["x"] * 10 + ["y"] * 10 + ["z"] * 10
-    assert list(design) == list(latin_hypercube(values, 30, 1))
-    assert list(design) != list(latin_hypercube(values, 30, 2))
+    values = {"a": ["x", "y", "z"], "b": {"from": 0.0, "to": 1.0}}
+    first = latin_hypercube(values, 30, 1)
+    assert sorted(first["a"]) == ["x"] * 10 + ["y"] * 10 + ["z"] * 10
+    assert first.equals(latin_hypercube(values, 30, 1))
+    assert not first.equals(latin_hypercube(values, 30, 2))
 
 
 def test_rows_of_a_list_need_not_change_the_same_keys():
     rows = [{"a": 1}, {"b": None}, {}]
-    design = listed(rows)
-    assert list(design) == rows
-    assert design.column("a") == [1, None, None]
-    with pytest.raises(IndexError):
-        design[3]
+    sweep = Sweep("a", None, design("list", episodes=rows), {})
+    assert [sweep.override(number) for number in range(3)] == rows
 
 
 WRONG = {
@@ -70,14 +78,16 @@ WRONG = {
         lambda: validate(Range, {"from": 0, "to": 1, "scale": "log"}, "a"),
         "above 0 on a log scale, got 0",
     ),
-    "no count": (lambda: grid({"a": Range(start=0.0, stop=1.0)}), "a: expected a count"),
+    "no count": (lambda: grid({"a": {"from": 0.0, "to": 1.0}}), "a: expected a count"),
     "one": (lambda: validate(Range, {"from": 0, "to": 1, "count": 1}, "a"), "count: .*2, got 1"),
     "too many": (
-        lambda: grid({name: Range(start=0.0, stop=1.0, count=3000) for name in "abc"}),
-        "to 10000000 episodes, got 27000000000",
+        lambda: grid({name: {"from": 0.0, "to": 1.0, "count": 3000} for name in "abc"}),
+        "most 10000000 episodes, got 27000000000",
     ),
-    "too many samples": (lambda: latin_hypercube({"a": [1]}, MOST_EPISODES, 0, 2), "got 20000000"),
-    "none": (lambda: listed([]), "expected 1 to"),
+    "too many samples": (
+        lambda: latin_hypercube({"a": [1]}, MOST_EPISODES, 0, repetitions=2),
+        "got 20000000",
+    ),
 }
 
 

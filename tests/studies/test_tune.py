@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,8 +46,8 @@ from twin_gait.studies.tune.space import (
     table_with,
     with_own_sides,
 )
-from twin_gait.studies.tune.tune import Progress, Settings, tune
-from twin_gait.studies.tune.walks import SEARCH_CASES, corner_cases, robust_cases, weighted_cost
+from twin_gait.studies.tune.tune import Settings, tune
+from twin_gait.studies.tune.walks import cases_of, weighted_cost
 from twin_gait.vocabulary import Side
 
 
@@ -251,10 +251,8 @@ def test_three_quarters_of_the_cost_of_a_table_are_its_nominal_walk() -> None:
 def test_another_mass_is_unknown_to_the_device() -> None:
     nominal = load_experiment("treadmill").experiment
     stiffness = scaled_table(nominal, nominal.build_world()).phases
-    for case in robust_cases(nominal):
-        if not case.name.startswith("mass"):
-            continue
-        world = case.change(nominal)
+    cases = cases_of(nominal, "robust")
+    for world in (cases["mass −10 %"], cases["mass +10 %"]):
         assert isinstance(world.patient, Patient) and isinstance(nominal.patient, Patient)
         assert abs(world.patient.mass / nominal.patient.mass - 1.0) == pytest.approx(0.1)
         assert world.control.patient == nominal.patient
@@ -266,7 +264,7 @@ def test_another_mass_is_unknown_to_the_device() -> None:
 
 def test_the_robust_set_covers_what_it_promises() -> None:
     nominal = load_experiment("treadmill").experiment
-    worlds = [case.change(nominal) for case in robust_cases(nominal)]
+    worlds = list((cases_of(nominal, "robust") | cases_of(nominal, "search")).values())
     ratios = {ratio for world in worlds for ratio in world.plant.friction_ratio.values()}
     assert {0.35, 1.0} <= ratios
     assert {23.0, 33.6} <= {world.plant.battery.voltage for world in worlds}
@@ -280,7 +278,7 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
     told = Patient(mass=80.0, height=1.8)
     nominal = load_experiment("treadmill").experiment
     nominal = replace(nominal, control=replace(nominal.control, patient=told))
-    worlds = [case.change(nominal) for case in corner_cases()]
+    worlds = list(cases_of(nominal, "everyone").values())
     reached = [
         (w.patient.mass, w.patient.height, w.scenario.support.share, 3.6 * w.scenario.belt_speed)  # type: ignore[union-attr]
         for w in worlds
@@ -295,7 +293,7 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
 
 def test_a_leg_on_a_bench_cannot_be_tuned() -> None:
     bench = load_experiment("bench_leg").experiment
-    with pytest.raises(ParameterError, match="expected a wearer who walks"):
+    with pytest.raises(ParameterError, match="expected a wearer who walks on a belt"):
         tune(bench, Settings())
 
 
@@ -402,7 +400,6 @@ class Bowl:
         walks: Sequence[Experiment],
         workers: object,
         *,
-        progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> list[Rating] | None:
         results = []
@@ -426,7 +423,6 @@ class Bowl:
 def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     walks = Bowl()
     monkeypatch.setattr(stages.walks, "walk_all", walks)
-    monkeypatch.setattr(stages, "build_problem", lambda walked: None)
     monkeypatch.setattr(stages, "compile_ahead", lambda walked, total, on_compile: None)
     monkeypatch.setattr(stages.walks, "quick_errors", lambda walked: ())
     return walks
@@ -437,14 +433,14 @@ SHORT = Settings(generations=3, seed=4)
 
 def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
-    steps: list[Progress] = []
-    result = tune(experiment, Settings(generations=12), progress=steps.append)
+    told: list[str] = []
+    result = tune(experiment, Settings(generations=12), tell=told.append)
     best = result.ranked[0].table["phases"]["swing_flexion"]
     assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.0)
     assert best["knee"]["stiffness_Nm_per_deg"] == pytest.approx(3.0, abs=0.2)
     assert result.before is not None
     assert result.ranked[0].cost < result.before.cost
-    costs = [step.costs[1] for step in steps if step.stage == "search"]
+    costs = [float(line.split("cost ")[1].split()[0]) for line in told if "search" in line]
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] < costs[0]
 
@@ -470,7 +466,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
     alone = bowl(nominal, None)
     assert alone is not None
     order = sorted(range(len(nominal)), key=lambda place: nominal_cost(alone[place]))[: stages.RACED]
-    size = len(SEARCH_CASES) - 1
+    size = len(cases_of(experiment, "search")) - 1
     assert len(corners) == size * stages.RACED
     assert all(walk.patient == experiment.patient for walk in nominal)
     assert all(walk.patient != experiment.patient for walk in corners)
@@ -499,7 +495,7 @@ def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
         (["--workers", "0"], "--workers: expected 1 or more, got 0"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
         (["--patient", "nobody"], "no person 'nobody'"),
-        (["bench_leg"], "expected a wearer who walks"),
+        (["bench_leg"], "expected a wearer who walks on a belt"),
     ],
 )
 def test_a_mistake_is_told_in_one_line_and_makes_no_folder(
@@ -513,9 +509,3 @@ def test_a_mistake_is_told_in_one_line_and_makes_no_folder(
     assert message in str(raised.value)
     assert "\n" not in str(raised.value)
     assert not out.exists()
-
-
-def test_the_search_walks_corners_of_the_robust_set() -> None:
-    nominal = load_experiment("treadmill").experiment
-    robust: Iterable[str] = [case.name for case in robust_cases(nominal)]
-    assert {case.name for case in SEARCH_CASES} <= set(robust)

@@ -130,12 +130,10 @@ def report(result: simulation.Run, summary: dict[str, Any], out: Path) -> Iterat
 
 def accuracy_line(accuracy: Mapping[str, Any]) -> str:
     """What a tenth of the step changes, of :func:`~twin_gait.studies.accuracy.step_error`, in one line."""
-    names = ("largest_angle_error_rad", "largest_angle_error_before_first_slip_rad")
-    whole, before = (f"{math.degrees(accuracy[name]):.2g}°" for name in names)
-    line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves the joints by up to {whole}"
-    if accuracy["first_slip_s"] is not None:
-        line += f", {before} before the first switch in another tick at {accuracy['first_slip_s']:.3f} s"
-    return line if accuracy["same_phase_order"] else f"{line}; the phases come in another order"
+    error = f"{math.degrees(accuracy['largest_angle_error_rad']):.2g}°"
+    line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves the joints by up to {error}"
+    slip = accuracy["first_slip_s"]
+    return line if slip is None else f"{line} until a switch first falls in another tick, at {slip:.3f} s"
 
 
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:

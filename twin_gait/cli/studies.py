@@ -17,7 +17,6 @@ from twin_gait.runs.folders import check_target
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
     from twin_gait.studies.sweep.sweep import SweepResult
-    from twin_gait.studies.tune.tune import Progress
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -80,12 +79,9 @@ def sweep(arguments: argparse.Namespace) -> int:
     try:
         with (
             studies.Workers(number, arguments.scheduler) as workers,
-            terminal.progress_bar("checking", "episode") as checking,
             terminal.watched("sweeping", "episode") as watch,
         ):
-            result = studies.run_sweep(
-                spec, arguments.out, workers=workers, pictures=pictures, checking=checking, **watch
-            )
+            result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except studies.WorkersLost as error:
         return terminal.lost(error, again)
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
@@ -102,8 +98,8 @@ def report_sweep(result: SweepResult) -> Iterator[str]:
     yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
     if last["episodes"]:
         yield f"  {last['wall_s']:.1f} s for {last['episodes']} of them"
-    if result.not_drawn:
-        yield f"  not drawn, because no completed episode has it: {', '.join(result.not_drawn)}"
+    if summary["not_drawn"]:
+        yield f"  not drawn, because no completed episode has it: {', '.join(summary['not_drawn'])}"
     yield f"  {result.directory}"
 
 
@@ -153,15 +149,12 @@ def tune(arguments: argparse.Namespace) -> int:
     settings = Settings(**given)
     check_target(out, outcome.TUNING, force=arguments.force)
 
-    def note(step: Progress) -> None:
-        terminal.note_line(_stage(step))
-
     with (
         studies.Workers(options.workers_of(arguments), arguments.scheduler) as workers,
         terminal.stop_on_interrupt() as should_stop,
     ):
         tuning = tune.tune(
-            experiment, settings, workers=workers, progress=note, should_stop=should_stop,
+            experiment, settings, workers=workers, tell=terminal.note_line, should_stop=should_stop,
             on_compile=terminal.note_compilation,
         )  # fmt: skip
     terminal.clear_line()
@@ -177,16 +170,6 @@ def _wearer(person: str | None, experiment: Experiment) -> str:
     patient = experiment.patient
     size = "" if patient is None else f"{patient.mass:g} kg, {patient.height:g} m, {patient.sex}"
     return size if person is None else f"{person} ({size})"
-
-
-def _stage(step: Progress) -> str:
-    """The stage and the best cost so far in one line."""
-    total = "" if step.total is None else f" of {step.total}"
-    line = f"{step.elapsed / 60.0:4.1f} min  {step.stage} {step.done}{total}"
-    if step.costs is not None:
-        start, best = step.costs
-        line += f"  best: cost {best:.2f} (from {start:.2f})"
-    return line
 
 
 def faults(arguments: argparse.Namespace) -> int:

@@ -6,11 +6,13 @@ Columns of its table become axes, with units, labels, and levels or bins.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import yaml
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -22,25 +24,19 @@ from twin_gait.vocabulary import Outcome
 
 WALKED = "walked"
 DEFAULT_MEASURES = ("battery_power_mean_W",)
-SPREAD = (0.1, 0.9)
 MOST_PAIRS = 6
 MOST_PARAMETERS = 12
 PANELS_IN_ROW = 3
-MOST_COLUMNS_WRITTEN = 6
+DECADES = 20.0  # largest over smallest level from which a scale is logarithmic
 _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
 # More different values than this are cut into bins.
 MOST_LEVELS = 12
 EPISODES_PER_BIN = 6
 MOST_BINS = 8
 
-_UNITS = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()} | {
-    # Of settings that no log column has.
-    "_kg": "kg", "_deg": "deg", "_Nm_per_deg": "N m/deg", "_Nms_per_deg": "N m s/deg", "_km_per_h": "km/h",
-    "_ms": "ms", "_Hz": "Hz", "_Ohm": "Ohm", "_kgm2": "kg m²", "_N_per_m1p5": "N/m^1.5",
-    "_Ns_per_m": "N s/m", "_s_per_m": "s/m", "_s_per_rad": "s/rad", "_m_per_s2": "m/s²",
-    "_Nm_per_A": "N m/A", "_N_per_m": "N/m", "_per_rad": "1/rad", "_deg_per_s": "deg/s",
-    "_bit_per_s": "bit/s", "_kbit_per_s": "kbit/s", "_us": "µs", "_ppm": "ppm",
-}  # fmt: skip
+_OF_SETTINGS = yaml.safe_load(Path(__file__).with_name("units.yaml").read_text(encoding="utf-8"))
+_UNITS = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()}
+_UNITS |= {f"_{suffix}": unit for suffix, unit in _OF_SETTINGS.items()}
 # Rooms of an experiment that say nothing in a label.
 _ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "control", "sensors"})
 
@@ -72,57 +68,43 @@ def label_of(column: str, *, unit: bool = True) -> str:
 
 
 class Axis(NamedTuple):
-    """A parameter by its levels, or by bins where it has too many."""
+    """A parameter by its levels, or by bins of equally many episodes where it has too many."""
 
     # level or middle of the bin of each episode as an ordered category, empty where it has none; its name is
     # that of the parameter
     places: pd.Series
     names: list[str]  # what stands beside each level
     binned: bool = False  # whether neighbouring values have been put together
-    log: bool = False  # whether its scale is logarithmic
 
 
-def _is_number(values: pd.Series | pd.Index) -> bool:
-    return pd.api.types.is_numeric_dtype(values) and not pd.api.types.is_bool_dtype(values)
-
-
-def axis_of(table: pd.DataFrame, column: str, *, log: bool | None = None) -> Axis | None:
-    """Lay a parameter out. Returns the axis; None if it has but one value.
-
-    ``log``: whether its scale is logarithmic; None for a list, which is drawn so if it spans decades.
-    """
+def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
+    """Lay a parameter out. Returns the axis; None if it has but one value."""
     values, count = table[column], table[column].nunique()
     if count < 2:
         return None
-    if not _is_number(values):
-        places = values.astype("category")
-        return Axis(places, [str(level) for level in places.cat.categories])
-    numbers, bins = values.astype(float), int(np.clip(len(values) / EPISODES_PER_BIN, 2, MOST_BINS))
-    low, high = numbers.min(), numbers.max()
-    log = low > 0.0 and high / low > 20.0 if log is None else log
-    if count <= MOST_LEVELS:
-        places = values.astype("category")
-        return Axis(places, [_short(level, 4) for level in places.cat.categories], log=log)
-    spaced = np.geomspace if log else np.linspace
-    halves = spaced(low, high, 2 * bins + 1).tolist()  # edges and middles in turn
-    places = pd.cut(numbers, halves[::2], labels=halves[1::2], include_lowest=True)
-    return Axis(places, [_short(middle, 3) for middle in halves[1::2]], binned=True, log=log)
+    places, binned = values.astype("category"), False
+    if count > MOST_LEVELS and pd.api.types.is_numeric_dtype(values):
+        bins = pd.qcut(values, int(np.clip(len(values) / EPISODES_PER_BIN, 2, MOST_BINS)), duplicates="drop")
+        middles = values.groupby(bins, observed=True).median()
+        places, binned = bins.cat.rename_categories(middles.tolist()), True
+    names = [_short(item) if isinstance(item, float) else str(item) for item in places.cat.categories]
+    return Axis(places, names, binned)
 
 
-def _short(value: float, digits: int) -> str:
-    """A number in so many digits, in the notation of a person up to a million."""
-    return f"{float(f'{value:.{digits}g}'):g}"
+def _short(value: float) -> str:
+    """A number in four digits, in the notation of a person up to a million."""
+    return f"{float(f'{value:.4g}'):g}"
 
 
 def sweep_figures(
-    table: pd.DataFrame, parameters: Mapping[str, bool | None], measures: Sequence[str], title: str
+    table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
 ) -> dict[str, Figure]:
     """Draw a sweep: the share that walked, or a measure over the episodes that did.
 
-    ``parameters``: columns of what was varied, with ``log`` of :func:`axis_of`; ``measures``: ``walked`` and
-    columns. Returns ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
+    ``parameters``: columns of what was varied; ``measures``: ``walked`` and columns. Returns
+    ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
-    laid_out = (axis_of(table, name, log=log) for name, log in parameters.items())
+    laid_out = (axis_of(table, name) for name in parameters)
     axes = [axis for axis in laid_out if axis is not None][:MOST_PARAMETERS]
     figures: dict[str, Figure] = {}
     for measure in measures:
@@ -164,14 +146,24 @@ def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
 
 def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
     """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others."""
-    what = _what(measure)
-    if measure != WALKED:
-        what += f"\ndots: mean, bars: {SPREAD[0]:.0%} to {SPREAD[1]:.0%} of the episodes"
     # One vertical scale, so that effects can be compared.
-    figure, panels = _panels(f"{title}: {what}", len(axes), height=3.0, sharey=True)
+    figure, panels = _panels(f"{title}: {_what(measure)}", len(axes), height=3.0, sharey=True)
     for panel, axis in zip(panels, axes, strict=True):
-        _draw_effect(panel, axis, values, measure)
+        means = pd.Series(values, axis.places.index).groupby(axis.places, observed=False).mean()
+        levels = axis.places.cat.categories
+        numeric = pd.api.types.is_numeric_dtype(levels) and not pd.api.types.is_bool_dtype(levels)
+        centres = levels if numeric else pd.RangeIndex(len(levels))
+        panel.plot(centres, means, "o-" if numeric else "o", color=BLUE, linewidth=1.8, markersize=5)
+        if numeric and levels[0] > 0.0 and levels[-1] / levels[0] > DECADES:
+            panel.set_xscale("log")
+            panel.minorticks_off()
+        every = 1 + len(levels) // 7 if numeric else 1
+        panel.set_xticks(centres[::every], axis.names[::every])
+        style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
+        panel.set_xlabel(label_of(str(axis.places.name)))
         panel.tick_params(labelleft=True)
+    if measure == WALKED:
+        panels[0].set_ylim(-0.04, 1.04)
     return figure
 
 
@@ -186,7 +178,6 @@ def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title
     for panel, (first, second), means in zip(panels, pairs, cells, strict=True):
         image = panel.imshow(means, origin="lower", aspect="auto", cmap=_COLOURS, vmin=lowest, vmax=highest)
         panel.patch.set(hatch="//", edgecolor="0.8")  # seen where a cell is empty: the lowest is nearly white
-        _write_cells(panel, means, measure, lowest, highest)
         panel.set_xticks(range(len(first.names)), first.names, rotation=45 if len(first.names) > 6 else 0)
         panel.set_yticks(range(len(second.names)), second.names)
         for write, axis in ((panel.set_xlabel, first), (panel.set_ylabel, second)):
@@ -211,40 +202,3 @@ def _panels(title: str, count: int, *, height: float, sharey: bool = False) -> t
     for panel in panels[count:]:
         panel.remove()
     return figure, panels[:count]
-
-
-def _draw_effect(panel: Axes, axis: Axis, values: np.ndarray, measure: str) -> None:
-    groups = pd.Series(values, axis.places.index).dropna().groupby(axis.places, observed=True)
-    means, levels = groups.mean(), axis.places.cat.categories
-    numeric = _is_number(levels)
-    centres = means.index.astype(float) if numeric else levels.get_indexer(means.index)
-    if measure != WALKED:
-        low, high = (groups.quantile(share) for share in SPREAD)
-        panel.vlines(centres, low, high, color=BLUE, alpha=0.3, linewidth=6)
-    panel.plot(centres, means, "o-" if numeric else "o", color=BLUE, linewidth=1.8, markersize=5)
-    if not numeric:
-        panel.set_xticks(range(len(levels)), axis.names)
-        panel.set_xlim(-0.5, len(levels) - 0.5)
-    elif axis.log:
-        panel.set_xscale("log")
-        every = 1 + len(levels) // 7
-        panel.set_xticks(levels[::every], axis.names[::every])
-        panel.minorticks_off()
-    style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
-    if measure == WALKED:
-        panel.set_ylim(-0.04, 1.04)
-    panel.set_xlabel(label_of(str(axis.places.name)))
-
-
-def _write_cells(panel: Axes, means: np.ndarray, measure: str, lowest: float, highest: float) -> None:
-    """Numbers in the cells, as long as they can be read."""
-    panel.set_facecolor("white")
-    if means.shape[1] > MOST_COLUMNS_WRITTEN or means.shape[0] > 2 * MOST_COLUMNS_WRITTEN:
-        return
-    for (row, column), mean in np.ndenumerate(means):
-        if np.isfinite(mean):
-            dark = mean > lowest + 0.55 * (highest - lowest)
-            text = f"{100 * mean:.0f}%" if measure == WALKED else _short(mean, 3)
-            panel.text(
-                column, row, text, ha="center", va="center", fontsize=8, color="white" if dark else "black"
-            )

@@ -11,26 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from twin_gait.gait.signals import ANGLE
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report import canvas
-from twin_gait.report.canvas import draw_cycle_curve, put_legend, readable, style_panel
+from twin_gait.report.canvas import draw_cycle_curve, put_legend, style_panel
 from twin_gait.report.pages import paragraphs, render
 from twin_gait.vocabulary import Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
-_WORDS = {
-    ".stiffness_Nm_per_deg": ", stiffness", ".equilibrium_deg": ", equilibrium angle",
-    ".damping_ratio": ", damping ratio", ".damping_Nms_per_rad": ", damping",
-    ".friction_compensation_gain": ", friction compensation",
-    "blending.duration_ms": "duration of the blend", ANGLE.of(""): " angle",
-}  # fmt: skip
-
-_TRIED: dict[str, Any] = {"marker": "o", "markersize": 3.5, "markeredgewidth": 0, "color": GREY}
-_BEST: dict[str, Any] = {"marker": "o", "markersize": 6.5, "markeredgewidth": 0, "color": AFTER_COLOUR}
-_MARK: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.9, "zorder": 4}
-
+_COMPROMISES = "best compromises (Pareto front of the three)"
 Curves = Mapping[str, Mapping[str, np.ndarray]]
 Outcome = Mapping[str, Any]
 
@@ -58,14 +47,7 @@ def summary(outcome: Outcome) -> list[str]:
 def _content(outcome: Outcome) -> dict[str, Any]:
     known = {name: value for name, value in outcome.items() if name != "version"}
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**known, "errors": errors, "amount": canvas.amount, "name_of": name_of}
-
-
-def name_of(name: str) -> str:
-    """A parameter such as ``early_stance.hip.stiffness_Nm_per_deg`` in words, without the unit."""
-    for key, word in _WORDS.items():
-        name = name.replace(key, word)
-    return readable(name.replace(".", " "))
+    return {**known, "errors": errors, "amount": canvas.amount}
 
 
 def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
@@ -115,7 +97,7 @@ def non_dominated(points: np.ndarray) -> np.ndarray:
 
 
 def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Figure:
-    """Draw error over effort and over sensitivity, the best compromises marked and the front of each panel.
+    """Draw error over effort and over sensitivity, the best compromises of the three marked.
 
     ``trade_offs``: ``candidates``, ``before`` and ``after``, see
     :func:`twin_gait.studies.tune.walks.standing`.
@@ -125,39 +107,21 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
         np.array(trade_offs[name], dtype=float).reshape(-1, 3) for name in ("candidates", "before", "after")
     )
     whole = tried[~np.isnan(tried).any(axis=1)]
-    best = non_dominated(whole)
     groups: list[tuple[np.ndarray, dict[str, Any]]] = [
-        (tried[np.isnan(tried[:, 2])], {**_TRIED, "alpha": 0.3, "label": "walked the nominal case only"}),
-        (whole[~best], {**_TRIED, "alpha": 0.9, "label": "another one is no worse in all three"}),
-        (whole[best], {**_BEST, "label": "best compromises (Pareto front of the three)"}),
-        (before, {**_MARK, "marker": "s", "markersize": 8, "color": BLACK, "label": "before"}),
-        (after, {**_MARK, "marker": "*", "markersize": 16, "color": VERMILLION, "label": "chosen"}),
+        (tried, {"marker": "o", "markersize": 3.5, "color": GREY, "label": "tried"}),
+        (whole[non_dominated(whole)], {"marker": "o", "color": AFTER_COLOUR, "label": _COMPROMISES}),
+        (before, {"marker": "s", "markersize": 8, "color": BLACK, "label": "before"}),
+        (after, {"marker": "*", "markersize": 16, "color": VERMILLION, "label": "chosen"}),
     ]
-    shown = np.vstack((whole, before, after))
     error = f"error: RMS of {' and '.join(', '.join(joints).rsplit(', ', 1))} [°]"
     labels = ("effort: RMS torque of the motors [N m]", "sensitivity: mean cost in the other cases")
     for axes, column, label in zip(panels, (1, 2), labels, strict=True):
-        pair = whole[:, [column, 0]]
-        front = pair[non_dominated(pair)]
-        front = front[front[:, 0].argsort()]
-        axes.step(*front.T, where="post", color=AFTER_COLOUR, linewidth=1.0, alpha=0.6)
         for points, style in groups:
             axes.plot(points[:, column], points[:, 0], linestyle="none", **style)
-        axes.set_xlim(_around(shown[:, column]))
-        axes.set_ylim(_around(shown[:, 0]))
         style_panel(axes, "", error if column == 1 else "")
         axes.set_xlabel(label)
     put_legend(figure, [Line2D([], [], linestyle="none", **style) for _, style in groups])
     return figure
-
-
-def _around(values: np.ndarray) -> tuple[float, float] | None:
-    """Limits of an axis around what is known, or None."""
-    known = values[~np.isnan(values)]
-    if not len(known):
-        return None
-    room = 0.06 * float(np.ptp(known)) or 1.0
-    return float(known.min()) - room, float(known.max()) + room
 
 
 def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -> Figure:

@@ -75,22 +75,17 @@ def hold(folder: Path) -> int | None:
 
 def abandoned(parent: Path) -> list[Path]:
     """What killed runs have left behind beside the folders that they were to make."""
-    try:
-        found = sorted(
-            path for path in parent.glob(f".*{PARTIAL}") if path.is_dir() and not path.is_symlink()
-        )
-        # One that is a moment old may be about to be locked.
-        settled = [path for path in found if time.time() - path.stat().st_mtime > SETTLED]
-        return [path for path in settled if _released(path)]
-    except OSError:
-        return []
-
-
-def _released(path: Path) -> bool:
-    held = hold(path)
-    if held is not None:
-        os.close(held)
-    return held is not None
+    found = []
+    with contextlib.suppress(OSError):
+        for path in sorted(parent.glob(f".*{PARTIAL}")):
+            # One that is a moment old may be about to be locked.
+            if path.is_symlink() or time.time() - path.stat().st_mtime < SETTLED:
+                continue
+            held = hold(path)
+            if held is not None:
+                os.close(held)
+                found.append(path)
+    return found
 
 
 def remove_abandoned(path: Path) -> None:
@@ -109,19 +104,14 @@ def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
     if not force:
         raise RunDirectoryError(f"{target}: exists; choose another --out, or replace it with --force")
     if not kind.owns(target):
-        raise RunDirectoryError(
-            f"{target}: is not {kind.name}, so --force does not replace it; choose another --out"
-        )
+        raise RunDirectoryError(f"{target}: exists and is not {kind.name}; choose another --out")
 
 
 def _put_in_place(staging: Path, target: Path) -> None:
     sync_folder(staging)
+    old = staging.with_suffix(".old")
     if target.exists():
-        old = staging.with_suffix(".old")
         os.rename(target, old)
-        os.rename(staging, target)
-        sync_folder(target.parent)
-        shutil.rmtree(old, ignore_errors=True)
-    else:
-        os.rename(staging, target)
-        sync_folder(target.parent)
+    os.rename(staging, target)
+    sync_folder(target.parent)
+    shutil.rmtree(old, ignore_errors=True)

@@ -14,7 +14,6 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiments import load_experiment, resolved_document
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.experiment import Experiment
 from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
@@ -143,11 +142,7 @@ def load_run(directory: Path) -> StoredRun:
     for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
         if not (directory / name).is_file():
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
-    return read_run(directory, load_experiment(directory / EXPERIMENT_FILE).experiment)
-
-
-def read_run(directory: Path, experiment: Experiment) -> StoredRun:
-    """Read log, switches and summary of a run of an experiment."""
+    experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
     world = experiment.build_world()
     table = scaled_table(experiment, world)
     switches = _read_switches(directory / SWITCHES_FILE, table)

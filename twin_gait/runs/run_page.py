@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.validation import read_yaml
-from twin_gait.exceptions import ParameterFileError, RunDirectoryError, ViewerError
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
-from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
+from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
@@ -36,13 +34,13 @@ class ShownRun:
         return float(self.log["time_s"].iloc[-1] - self.log["time_s"].iloc[0])
 
 
-def shown_run(run: Run, summary: Mapping[str, Any], *, name: str = "", notes: Sequence[str] = ()) -> ShownRun:
+def shown_run(run: Run, summary: Mapping[str, Any], *, name: str = "") -> ShownRun:
     """A run as its page shows it, with its measures and who carries it from its summary."""
     experiment = run.experiment
     about = About(
         title=f"twin_gait · {name or experiment.name}",
         subtitle=describe(experiment),
-        notes=[*filter(None, (*notes, carried_by_belt(summary)))],
+        notes=[*filter(None, (carried_by_belt(summary),))],
         events=run.events,
         outcome=run.verdict.outcome or run.status,
         walk=table_of_walk(summary),
@@ -58,21 +56,18 @@ def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
     events = ([event.time for event in run.about.get("events", ())] for run in runs)
     wanted = np.unique(np.concatenate([np.asarray(moments, dtype=float), *changes, *events]))
     rate = min(frame_rate(run.duration) for run in runs)
-    return recorded_page([_entry(run, rate, wanted.tolist()) for run in runs])
-
-
-def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) -> dict[str, Any]:
-    try:
-        return recorded_run(
+    entries = [
+        recorded_run(
             run.log,
             run.experiment.build_world().model,
             about=run.about,
-            frames_per_second=frames_per_second,
-            moments=moments,
+            frames_per_second=rate,
+            moments=wanted.tolist(),
             **setting_of(run.experiment),
         )
-    except ViewerError as error:
-        raise ViewerError(f"{run.about['title'].split(' · ')[-1]}: {error}") from error
+        for run in runs
+    ]
+    return recorded_page(entries)
 
 
 def setting_of(experiment: Experiment) -> Setting:
@@ -100,26 +95,9 @@ def describe(experiment: Experiment) -> str:
     return f"{who}, {3.6 * walking.belt.cruise:.2f} km/h" if walking and walking.belt.cruise else who
 
 
-_URDF_KEY = "provenance.urdf_sha256"
-_URDF_NOTE = "The URDF has changed since this run."
-
-
 def read_shown_run(directory: Path) -> ShownRun:
-    """Read a run to look at it.
-
-    A URDF that has changed since the run forbids to run it again, but not to look at it: the page says so.
-    """
-    directory = Path(directory).expanduser()
-    notes: tuple[str, ...] = ()
-    try:
-        run, summary = load_run(directory)
-    except ParameterFileError as error:
-        if error.key != _URDF_KEY:
-            raise
-        path = directory / EXPERIMENT_FILE
-        document = {key: value for key, value in read_yaml(path).items() if key != "provenance"}
-        run, summary = read_run(directory, experiment_from_mapping(document, str(path), directory))
-        notes = (_URDF_NOTE,)
+    """Read a run to look at it."""
+    run, summary = load_run(directory)
     if run.log.empty:
         raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
-    return shown_run(run, summary, name=directory.absolute().name, notes=notes)
+    return shown_run(run, summary, name=directory.expanduser().absolute().name)

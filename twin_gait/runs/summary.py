@@ -75,7 +75,6 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "safety": _safety(run),
         **({} if run.experiment.modes is None else {"requests_refused": " | ".join(run.refused)}),
         **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
-        **_guide(run),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),
         **energy_in_numbers(run),
@@ -115,17 +114,6 @@ def battery_in_numbers(run: Run) -> dict[str, float]:
     }
 
 
-def _guide(run: Run) -> dict[str, float]:
-    """Range of the wrench of the pelvis guide; nothing on the bench."""
-    if "guide_force_N" not in run.log or len(run.log) == 0:
-        return {}
-    return {
-        f"guide_{name}_{end}_{unit}": float(value)
-        for name, unit in (("force", "N"), ("moment", "Nm"))
-        for end, value in run.log[f"guide_{name}_{unit}"].agg(lowest="min", highest="max").items()
-    }
-
-
 def energy_in_numbers(run: Run) -> dict[str, float]:
     """How well the energy of a run balances with the work of all sources."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
@@ -151,14 +139,13 @@ def _safety(run: Run) -> dict[str, Any]:
     }
 
 
-def interaction_summary(
-    run: Run, skip_strides: int = SKIPPED_STRIDES
-) -> dict[str, dict[str, dict[str, float]]]:
+def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
     """What device and wearer do to each other, and how far they move apart."""
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
-    angle, *_, torque = BRACE.columns
     log, interaction = run.log, dict[str, dict[str, float]]()
+    angle, *_, torque = BRACE.columns
+    height, _, force = PELVIS_BRACE.columns
     for side in run.sides:
         for place in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
             rms, peak, apart = _brace(log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}")
@@ -168,7 +155,6 @@ def interaction_summary(
         for joint, angles in device.angles.items():
             error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
             interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
-    height, _, force = PELVIS_BRACE.columns
     if force in log:
         rms, peak, apart = _brace(log, force, "pelvis_height_m", height)
         interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}

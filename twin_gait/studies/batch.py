@@ -7,6 +7,7 @@ columns that the row is made of.
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,10 +16,11 @@ from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
 from twin_gait.configuration.experiments import named_document
-from twin_gait.configuration.validation import assign, parse_assignment, refuse_two_units
+from twin_gait.configuration.validation import assign, converting, parse_assignment, refuse_two_units
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
@@ -39,12 +41,14 @@ def run_episodes(
     columns: tuple[str, ...] | None = None,
     block: int | None = None,
     workers: int | Workers = 1,
-    keep: Callable[[dict[int, Result], str], None] | None = None,
+    keep: Callable[[dict[int, Result]], None] | None = None,
+    named: Callable[[int], str] = "episode {}".format,
     **watch: Unpack[Watch],
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; a log lives no longer than that.
 
-    Results, errors, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`.
+    Results, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`. An episode that cannot
+    be run is a ParameterError.
 
     Args:
         experiment_of: Makes the experiment; like ``measure`` and the items it goes to the workers.
@@ -54,11 +58,15 @@ def run_episodes(
             :func:`~twin_gait.simulation.simulator.simulate_together` takes it; everything by default.
         block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
         keep: Takes the results as they come, see :func:`twin_gait.studies.jobs.run_blocks`.
+        named: What an error calls an episode, by its number.
     """
     if block is None:
         block = _block_ahead(experiment_of, items, watch.get("on_compile"))
     walk = partial(_measured, experiment_of, measure, columns)
-    return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
+    try:
+        return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
+    except JobFailed as error:
+        raise ParameterError(f"{named(error.index)}: {error.problem}") from error
 
 
 def _measured(
@@ -75,14 +83,12 @@ def _block_ahead(
     experiment_of: Callable[[Item], Experiment], items: Sequence[Item], on_compile: Callable[[], None] | None
 ) -> int:
     """Compile before the workers need it, and tell how many episodes to hand over at a time."""
-    if not items:
-        return 1
-    try:
-        experiment = experiment_of(items[0])
-    except TwinGaitError:  # a mistake is told when its turn comes
-        return 1
-    compile_ahead(experiment, len(items), on_compile)
-    return block_size(experiment, len(items))
+    if items:
+        with suppress(TwinGaitError):  # a mistake is told when its turn comes
+            experiment = experiment_of(items[0])
+            compile_ahead(experiment, len(items), on_compile)
+            return block_size(experiment, len(items))
+    return 1
 
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
@@ -99,23 +105,8 @@ READ_IN_BRIEF = (
     "_work_J", "belt_speed_m_per_s",
 )  # fmt: skip
 
-# Columns of a flat summary with their types, by what has them: the run, each leg, each joint.
-_RUN = {
-    "status": "object", "outcome": "object", "fell": "bool", "seed": "UInt64", "duration_s": "float64",
-    "battery_power_mean_W": "float64", "battery_power_peak_W": "float64", "battery_energy_J": "float64",
-    "energy_residual_share": "float64",
-}  # fmt: skip
-_SIDE = {
-    "strides": "Int64", "strides_counted": "Int64", "stride_time_mean_s": "float64",
-    "stride_time_variation": "float64", "swing_share": "float64", "rmse_hip_by_contact_deg": "float64",
-    "rmse_knee_by_contact_deg": "float64", "early_stance_lag_mean_s": "float64",
-    "toe_clearance_mean_m": "float64", "toe_clearance_least_m": "float64", "further_contacts": "Int64",
-    "scuffs": "Int64", "strides_by_phase": "Int64", "phases_in_order": "boolean", "time_outs": "Int64",
-}  # fmt: skip
-_JOINT = dict.fromkeys(
-    ("range_of_motion_deg", "saturated_share", "torque_peak_Nm", "torque_rms_Nm", "torque_continuous_share"),
-    "float64",
-)
+_COLUMNS = yaml.safe_load(Path(__file__).with_name("summary_columns.yaml").read_text(encoding="utf-8"))
+_RUN, _SIDE, _JOINT = _COLUMNS["run"], _COLUMNS["leg"], _COLUMNS["joint"]
 _TYPES = dict(_RUN)
 for _side in Side:
     _TYPES |= {f"{_side}_{name}": kind for name, kind in _SIDE.items()}
@@ -150,24 +141,21 @@ def simulate_batch(
     :func:`twin_gait.studies.run_jobs`, which also says what ``watch`` is.
 
     Raises WorkersLost if a worker process dies. Raises
-    ParameterFileError if a change is wrong, naming episode and key, or if an episode cannot be run. Raises
-    ParameterError if the workers make no sense.
+    ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an episode
+    cannot be run, or the workers make no sense.
     """
     base, named = with_document(experiment), dict[str, dict[str, dict[str, Any]]]()
     for index, override in enumerate(overrides):
         read_named(named, override, Path(f"episode {index}"))
         changed(base, override, f"episode {index}", named)
-    try:
-        experiment_of = partial(changed, base, known=named)
-        rows = run_episodes(
-            experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
-        )
-    except JobFailed as error:
-        raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
+    experiment_of = partial(changed, base, known=named)
+    rows = run_episodes(
+        experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
+    )
     status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
-    names = setting_columns(key for row in overrides for key in row)
-    changes = [{names[key]: value for key, value in row.items()} for row in overrides[: len(rows)]]
-    settings = pd.DataFrame(changes, columns=list(names.values()), index=range(len(rows)))
+    keys = dict.fromkeys(key for override in overrides for key in override)
+    settings = pd.DataFrame(overrides[: len(rows)], columns=list(keys), index=range(len(rows)))
+    settings = settings.rename(columns=setting_columns(keys))
     settings.insert(0, "episode", range(len(rows)))
     return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
 
@@ -243,19 +231,16 @@ def flat_summary(run: Run) -> Flat:
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
     """A document with one value changed; what is wrong with the key is told with its name."""
-    try:
-        path, rest = parse_assignment(f"{key}=")
-        if rest is None:
-            assigned: dict[str, Any] = assign(document, path, value)
-            return assigned
-    except ParameterError as error:
-        raise ParameterFileError(source, str(key), "there is no such place; join names by dots") from error
-    raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
+    path, rest = converting(source, str(key), lambda: parse_assignment(f"{key}="))
+    if rest is not None:
+        raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
+    assigned: dict[str, Any] = converting(source, str(key), lambda: assign(document, path, value))
+    return assigned
 
 
-def setting_columns(keys: Iterable[str]) -> dict[str, str]:
+def setting_columns(keys: Iterable[Any]) -> dict[str, str]:
     """Column by overridden key: the key, ``set.`` in front where the summary has such a column."""
-    return {key: f"set.{key}" if key in _RUN else key for key in keys}
+    return {str(key): f"set.{key}" if key in _RUN else str(key) for key in keys}
 
 
 def summary_table(rows: Sequence[Flat]) -> pd.DataFrame:

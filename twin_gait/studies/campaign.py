@@ -142,15 +142,14 @@ def drop_amplitude(mass: float, step: int) -> float:
 
 
 def _drop(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float], BenchJoint]:
-    gain = TRANSPARENCY_GAINS[(number - 1) // 3]
-    amplitude = drop_amplitude(mass, (number - 1) % 3)
+    gain, amplitude = TRANSPARENCY_GAINS[(number - 1) // 3], drop_amplitude(mass, (number - 1) % 3)
     control = DutyControl(
         amplitude=amplitude,
         frequency=FREQUENCY,
         transparency_gain=gain,
         lowest_velocity=worlds.LOWEST_VELOCITIES[campaign.joint],
     )
-    test = replace(_loaded(campaign, mass, control), duration=campaign.longest, rest_at_stop=REST_AT_STOP)
+    test = _loaded(campaign, mass, control=control, duration=campaign.longest, rest_at_stop=REST_AT_STOP)
     return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, test
 
 
@@ -167,15 +166,14 @@ def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, fl
         damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * armature),
         path=worlds.CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
     )
-    test = replace(_loaded(campaign, mass, control), duration=way.cycles * way.period)
+    test = _loaded(campaign, mass, control=control, duration=way.cycles * way.period)
     return {"peak_speed_rad_per_s": speed, "period_s": way.period, "cycles": float(way.cycles)}, test
 
 
-def _loaded(campaign: Campaign, mass: float, control: DutyControl | TorqueControl) -> BenchJoint:
-    """The bench with a weight and a controller, level at the start."""
+def _loaded(campaign: Campaign, mass: float, **changes: Any) -> BenchJoint:
+    """The bench with a weight, level at the start, and other changes."""
     bench = campaign.plain_bench()
-    link = replace(bench.link, mass=mass)
-    return replace(bench, link=link, control=control, start_angle=HORIZONTAL)
+    return replace(bench, link=replace(bench.link, mass=mass), start_angle=HORIZONTAL, **changes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +216,8 @@ def _perform(
         "campaign_seed": campaign.seed,
     }  # fmt: skip
     write_atomically(folder / plan.name, log_text(run, header))
-    velocity = run.column("motor_velocity_rad_per_s")
+    velocity, stopped = run.column("motor_velocity_rad_per_s"), run.column("link_angle_rad")
+    stopped = stopped >= run.test.link.upper_stop
     return {
         "file": plan.name,
         "mass_kg": plan.mass,
@@ -228,7 +227,7 @@ def _perform(
         "duration_s": round(len(run.rows) * 1e-3, 3),
         "highest_velocity_rad_per_s": round(float(velocity.max()), 6),
         "lowest_velocity_rad_per_s": round(float(velocity.min()), 6),
-        **summarise(run),
+        "stop_s": round(float(np.argmax(stopped)) * 1e-3, 3) if stopped.any() else None,
         "variation": asdict(plan.variation),
         "noise_seed": plan.noise_seed,
     }
@@ -242,18 +241,3 @@ def log_text(run: BenchRun, header: Mapping[str, object]) -> str:
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
     return "\n".join(lines) + "\n" + run.log(truth=False).to_csv(index=False, float_format=_DIGITS)
-
-
-def summarise(run: BenchRun) -> dict[str, float | None]:
-    """Times in [s] when the joint had moved by 1° and reached the stop, or None; RMSE of current in [A]."""
-    angle = run.column("link_angle_rad")
-    error = run.column("target_current_A") - run.column("measured_current_A")
-    return {
-        "breakaway_s": _first(np.abs(angle - run.test.start_angle) > math.radians(1.0)),
-        "stop_s": _first(angle >= run.test.link.upper_stop),
-        "current_rmse_A": round(float(np.sqrt(np.mean(error * error))), 6),
-    }
-
-
-def _first(mask: np.ndarray) -> float | None:
-    return round(float(np.argmax(mask)) * 1e-3, 3) if mask.any() else None

@@ -9,9 +9,9 @@ from typing import Any, Unpack
 import numpy as np
 import pandas as pd
 
-from twin_gait.exceptions import JobFailed, ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
+from twin_gait.parameters import require
 from twin_gait.parameters.quantities import DEGREE
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.batch import run_episodes
@@ -64,15 +64,10 @@ def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
     log-uniform between the bounds of ``MAGNITUDES`` with either sign. A fault depends on the seed and its
     position only: a longer campaign begins with the faults of a shorter one.
     """
-    if count < 1 or seed < 0:
-        raise ParameterError(
-            f"expected 1 fault or more and a seed of 0 or more, got {count} faults, seed {seed}"
-        )
-    if experiment.duration < FIRST_TIME + REST:
-        raise ParameterError(
-            f"duration: expected {FIRST_TIME + REST:g} s or more for a fault campaign, "
-            f"got {experiment.duration:g} s"
-        )
+    require(count >= 1, "count", "1 or more faults", count)
+    require(seed >= 0, "seed", "0 or more", seed)
+    least = FIRST_TIME + REST
+    require(experiment.duration >= least, "duration", f"{least:g} s or more", experiment.duration)
     feet = experiment.scenario.grounded
     kinds = [kind for kind in FaultKind if feet or kind is not FaultKind.FOOT_LOAD_STUCK]
     return [_draw(experiment, kinds[index % len(kinds)], index, seed) for index in range(count)]
@@ -110,10 +105,9 @@ def simulate_faults(
     :func:`twin_gait.studies.run_episodes`; a run that cannot be made is a ParameterError.
     """
     experiment_of, told = partial(_with_fault, experiment), row or fault_row
-    try:
-        rows = run_episodes(experiment_of, told, faults, workers=workers, **watch)
-    except JobFailed as error:
-        raise ParameterError(f"fault {faults[error.index]}: {error.problem}") from error
+    rows = run_episodes(
+        experiment_of, told, faults, workers=workers, named=lambda place: f"fault {faults[place]}", **watch
+    )
     status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED
     return FaultCampaign(pd.DataFrame(rows), status)
 
@@ -166,26 +160,19 @@ def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
     danger yet, and is noticed when the joint moves. A run in which no walk was asked for and that nothing
     ended is *completed*.
     """
-    kinds = [str(kind) for kind in FaultKind if (table["kind"] == kind).any()]
+    every = pd.concat([table, table.assign(kind="all")])
     outcomes = list(dict.fromkeys([*map(str, OUTCOMES), *sorted(table["outcome"])]))
-    rows = [_outcome_row(kind, table[table["kind"] == kind], outcomes) for kind in kinds]
-    return pd.DataFrame([*rows, {**_outcome_row("all", table, outcomes), "detected by": ""}])
-
-
-def _outcome_row(name: str, rows: pd.DataFrame, outcomes: Sequence[str]) -> dict[str, Any]:
-    counts = {item: int((rows["outcome"] == item).sum()) for item in outcomes}
-    noticed = rows[rows["detection_s"].notna()]
-    causes = ", ".join(f"{cause} {count}" for cause, count in noticed["cause"].value_counts().items())
-    times = [noticed["detection_s"].median(), noticed["detection_s"].max()]
-    median, longest = (f"{1e3 * time:.0f} ms" if len(noticed) else "–" for time in times)
-    return {
-        "fault": name,
-        "runs": len(rows),
-        **counts,
-        "detected by": causes or "–",
-        "detection: median": median,
-        "longest": longest,
-    }
+    counts = pd.crosstab(every["kind"], every["outcome"]).reindex(columns=outcomes, fill_value=0)
+    noticed = every[every["detection_s"].notna()].groupby("kind")
+    causes = noticed["cause"].agg(
+        lambda found: ", ".join(f"{k} {n}" for k, n in found.value_counts().items())
+    )
+    late = {"detection: median": noticed["detection_s"].median(), "longest": noticed["detection_s"].max()}
+    texts = {name: (1e3 * times).map("{:.0f} ms".format) for name, times in late.items()}
+    counts.insert(0, "runs", counts.sum(axis=1))
+    rows = counts.astype(object).assign(**{"detected by": causes, **texts}).astype(object).fillna("–")
+    order = [str(kind) for kind in FaultKind if kind in rows.index]
+    return rows.loc[[*order, "all"]].rename_axis("fault").reset_index()
 
 
 def limit_lines(table: pd.DataFrame) -> list[str]:

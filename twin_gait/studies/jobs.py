@@ -4,13 +4,13 @@ Sweeps, tuning, batches, fault campaigns and the studies of the gallery all use 
 """
 
 import hashlib
+import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from functools import lru_cache, partial
-from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import twin_gait
 from twin_gait.exceptions import JobFailed as JobFailed  # which a caller of this catches
@@ -43,12 +43,6 @@ class Watch(TypedDict, total=False):
     progress: Progress | None
     should_stop: Stop | None
     on_compile: Callable[[], None] | None
-
-
-class _Portion(NamedTuple):
-    results: dict[int, Any]  # of a block, by index of the item
-    problem: tuple[int, str] | None  # index and message of the job that failed, after which the block ended
-    processor: str  # its type as the compiler has it: the same name, the same last bits
 
 
 def run_jobs(
@@ -89,7 +83,7 @@ def run_blocks(
     *,
     block: int,
     workers: int | Workers = 1,
-    keep: Callable[[dict[int, Result], str], None] | None = None,
+    keep: Callable[[dict[int, Result]], None] | None = None,
     progress: Progress | None = None,
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
@@ -98,24 +92,22 @@ def run_blocks(
 
     It gives position among them and result of each, in any order, and raises :class:`JobFailed` with the
     position of an item that failed. ``keep`` takes the results of a block as they come, by index of the item,
-    also those before a failure, and the type of the processor that made them; then none are returned.
+    also those before a failure; then none are returned.
     """
     del on_compile  # a matter of the function; named here, so that a slip in the name of another is an error
     total, done = len(items), 0
-    tell = progress or (lambda done, total: None)
     results: dict[int, Result] = {}
     with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
-        chunks = _chunks(items, even_size(total, block, own.slots()), should_stop)
+        blocks = max(own.slots(), math.ceil(total / block))
+        chunks = _chunks(items, max(1, math.ceil(total / blocks)), should_stop)
         with closing(own.as_they_come(partial(_do, function, sources_hash()), chunks)) as coming:
-            for portion in coming:
-                if keep is None:
-                    results |= portion.results
-                else:
-                    keep(portion.results, portion.processor)
-                if portion.problem:
-                    raise JobFailed(*portion.problem)
-                done += len(portion.results)
-                tell(done, total)
+            for found, problem in coming:
+                (keep or results.update)(found)
+                if problem:
+                    raise JobFailed(*problem)
+                done += len(found)
+                if progress is not None:
+                    progress(done, total)
     return [results[index] for index in range(len(results))]
 
 
@@ -128,13 +120,6 @@ def _one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> It
             raise JobFailed(place, str(error)) from error
 
 
-def even_size(total: int, block: int, slots: int) -> int:
-    """Items of a block, up to ``block``, such that all workers have as many as long as it stays half full."""
-    least = max(1, -(-total // block))
-    in_turns = max(1, -(-total // (-(-least // slots) * slots)))
-    return in_turns if 2 * in_turns >= block else max(1, -(-total // least))
-
-
 def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[dict[int, Any]]:
     """Items by their index, taken when there is room for them: a sequence may make them one by one."""
     for first in range(0, len(items), size):
@@ -143,11 +128,16 @@ def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterat
         yield {place: items[place] for place in range(first, min(first + size, len(items)))}
 
 
-def _do(function: BlockFunction[Any, Result], sources: str, chunk: dict[int, Any]) -> _Portion:
-    """Do the items of a chunk, up to the first that fails, in whatever process."""
+def _do(
+    function: BlockFunction[Any, Result], sources: str, chunk: dict[int, Any]
+) -> tuple[dict[int, Result], tuple[int, str] | None]:
+    """Do the items of a chunk, up to the first that fails, in whatever process.
+
+    Gives the results by index of the item, and index and message of the one that failed.
+    """
     if sources != sources_hash():
         raise WorkersLost("a worker has another version of twin_gait; install the same everywhere")
-    results: dict[int, Any] = {}
+    results: dict[int, Result] = {}
     indices, problem = list(chunk), None
     with _ONE_AT_A_TIME:
         try:
@@ -155,7 +145,7 @@ def _do(function: BlockFunction[Any, Result], sources: str, chunk: dict[int, Any
                 results[indices[place]] = result
         except JobFailed as error:  # a text, because not every exception can be pickled
             problem = (indices[error.index], error.problem)
-    return _Portion(results, problem, str(import_module("llvmlite.binding").get_host_cpu_name()))
+    return results, problem
 
 
 @lru_cache(maxsize=1)
@@ -168,7 +158,7 @@ def sources_hash() -> str:
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(
-        [*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml"), *root.glob("studies/tune/*.yaml")]
+        [*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml"), *root.glob("studies/**/*.yaml")]
     ):
         place = path.relative_to(root)
         if place.parts[0] not in SHOWN_ONLY:

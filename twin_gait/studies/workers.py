@@ -14,20 +14,17 @@ import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import active_children, current_process, get_context, parent_process
+from multiprocessing import current_process, get_context, parent_process
 from multiprocessing.connection import wait as wait_for_sentinels
-from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, TwinGaitError
 from twin_gait.parameters import require
 
-UNGUARDED = 113  # exit status of a worker that would start workers of its own
-_UNGUARDED = (
-    "every worker process runs this script from its beginning; put the script's own code under "
-    "if __name__ == '__main__': (or take workers=1)"
+_DIED = (
+    "a worker process died; is memory short? try fewer workers. Each runs the script from its beginning: the "
+    "script's own code must stand under if __name__ == '__main__': (or take workers=1)"
 )
-_DIED = "a worker process died; is memory short? try fewer workers"
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -63,7 +60,6 @@ class Workers:
         self._workers, self._cluster = workers, cluster
         self._client: Any = None  # of the cluster, once it is connected
         self._pool: Executor | None = None
-        self._started = set[BaseProcess]()
 
     def __enter__(self) -> Workers:
         if self._cluster is not None:
@@ -74,8 +70,9 @@ class Workers:
     def __exit__(self, *exception: Any) -> None:
         if self._client is None:
             self._end_processes()
-        else:
-            _close(self._client)
+            return
+        with contextlib.suppress(Exception):  # the scheduler may be gone
+            self._client.close(timeout=CONNECTION_TIMEOUT)
 
     def slots(self) -> int:
         """How many jobs run at a time; workers of a cluster may come and go."""
@@ -98,12 +95,14 @@ class Workers:
                 yield from _finished(under_way)
         except BrokenProcessPool:
             self._end_processes()
-            unguarded = any(process.exitcode == UNGUARDED for process in self._started)
-            raise WorkersLost(_UNGUARDED if unguarded else _DIED) from None
-        except Exception as error:
+            raise WorkersLost(_DIED) from None
+        except Exception as error:  # whatever it is that a cluster fails with; what a worker loses it repeats
             if self._client is None or isinstance(error, TwinGaitError):
                 raise
-            raise WorkersLost(_trouble(error)) from error
+            reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            raise WorkersLost(
+                f"the cluster is gone or gave up ({reason}); has every worker the same twin_gait and memory?"
+            ) from error
         finally:
             for future in under_way:
                 future.cancel()  # nobody waits for it if the caller has left
@@ -117,8 +116,6 @@ class Workers:
             return self._pool.submit(function, item)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-            # Remembered, because a pool that broke no longer knows them.
-            self._started.update(active_children())
 
     def _end_processes(self) -> None:
         if self._pool is not None:
@@ -128,7 +125,7 @@ class Workers:
 
 def _new_pool(workers: int) -> ProcessPoolExecutor:
     if getattr(current_process(), "_inheriting", False):  # as multiprocessing itself asks before its trace
-        os._exit(UNGUARDED)  # a worker that runs the script of its parent: the parent says so, once
+        os._exit(1)  # a worker that runs the script of its parent: the parent says so, once
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
 
 
@@ -172,27 +169,6 @@ def _connected(address: str) -> Any:
     with contextlib.suppress(TimeoutError):
         client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
     if not client.nthreads():
-        _close(client)
+        client.close()
         raise WorkersLost(f"{address}: no workers; start some with: dask worker {address} --nthreads 1")
     return client
-
-
-def _close(client: Any) -> None:
-    with contextlib.suppress(*_lost_connection()):
-        client.close(timeout=CONNECTION_TIMEOUT)
-
-
-def _trouble(error: Exception) -> str:
-    """Why a cluster gave up, in one line; what a lost worker had goes to another without anybody's doing."""
-    if isinstance(error, _lost_connection()):
-        return "the scheduler of the cluster is gone; start it and go on"
-    reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-    return f"the cluster gave up ({reason}); has every worker the same twin_gait, and memory enough?"
-
-
-def _lost_connection() -> tuple[type[BaseException], ...]:
-    from concurrent.futures import CancelledError
-
-    from distributed.comm.core import CommClosedError
-
-    return (CommClosedError, CancelledError, OSError, TimeoutError)

@@ -14,7 +14,7 @@ from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
-from twin_gait.exceptions import JobFailed, ParameterError
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, require
 from twin_gait.simulation import Run
@@ -67,13 +67,9 @@ CONTROLLERS = {name: Controller(name=name, **row) for name, row in _ROWS.items()
 
 def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
     """Look controllers up, such as ``table`` and ``position``; none, or one twice, is a ParameterError."""
-    if not names:
-        raise ParameterError(f"controllers: expected some of {', '.join(CONTROLLERS)}")
-    for place, name in enumerate(names):
-        if name not in CONTROLLERS:
-            raise ParameterError(f"controllers: no {name!r}; there are {', '.join(CONTROLLERS)}")
-        if name in names[:place]:
-            raise ParameterError(f"controllers: {name} is named twice; leave one out")
+    once = len(set(names)) == len(names) > 0
+    expected = f"some of {', '.join(CONTROLLERS)}, each once"
+    require(once and CONTROLLERS.keys() >= set(names), "controllers", expected, ", ".join(names) or "none")
     return tuple(CONTROLLERS[name] for name in names)
 
 
@@ -131,10 +127,7 @@ def compare(
     _check(experiment, seeds)
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
     day_of, measure = partial(_changed, experiment), partial(_measured, experiment.seed)
-    try:
-        found = run_episodes(day_of, measure, asked, **watch)
-    except JobFailed as error:
-        raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
+    found = run_episodes(day_of, measure, asked, named=lambda place: asked[place][0].name, **watch)
     if len(found) < len(asked):
         return None
     named = [{"controller": controller.name, "seed": seed} for controller, seed in asked]

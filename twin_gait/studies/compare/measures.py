@@ -1,7 +1,6 @@
 """Measures of one run of a comparison: gait, torque between device and leg, work, load of the motors."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -35,13 +34,23 @@ def run_measures(run: Run) -> Measures:
     legs = [MeasuredLeg(run, record) for record in run.leg_records()]
     if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs):
         return found
-    for leg, other in zip(legs, reversed(legs), strict=True):
-        side = leg.record.side
-        found |= {f"{side}_{name}": value for name, value in _gait(leg, other).items()}
-        for joint in leg.record.angles:
-            measures = {**_shape(leg, joint), **_effort(leg, joint)}
-            found |= {f"{side}_{joint}_{name}": value for name, value in measures.items()}
-    return {**found, **_together(run, found)}
+    pairs = zip(legs, reversed(legs), strict=True)
+    of_places = {str(leg.record.side): _gait(leg, other) for leg, other in pairs}
+    by_leg = pd.DataFrame(of_places).T
+    places = [(leg, joint) for leg in legs for joint in leg.record.angles]
+    of_joints = {
+        (leg.record.side, joint): {**_shape(leg, joint), **_effort(leg, joint)} for leg, joint in places
+    }
+    by_joint = pd.DataFrame(of_joints).T
+    of_places |= {f"{side}_{joint}": values for (side, joint), values in of_joints.items()}
+    of_places |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
+    found |= {f"{place}_{name}": value for place, row in of_places.items() for name, value in row.items()}
+    return {**found, **_together(run, by_leg, by_joint)}
+
+
+def _means(rows: pd.DataFrame) -> Measures:
+    """Means of columns; NaN where a row has none."""
+    return {str(name): float(value) for name, value in rows.mean(skipna=False).items()}
 
 
 def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
@@ -174,51 +183,26 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     return strides.finite_mean(np.array(shares))
 
 
-def _together(run: Run, found: Measures) -> Measures:
-    """Measures of both legs together."""
-    joints = run.table.joints
-
-    def every(name: str, joints: Sequence[str] = joints) -> list[float]:
-        return [found[f"{side}_{joint}_{name}"] for side in run.sides for joint in joints]
-
-    def both(name: str) -> list[float]:
-        return [found[f"{side}_{name}"] for side in run.sides]
-
+def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measures:
+    """Measures of both legs together; of most, their mean."""
     power = float(run.log["battery_power_W"].mean())
-    work = {who: sum(every(f"{who}_work_J")) for who in ("wearer", "device")}
-    torques = [sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in joints) for side in run.sides]
+    ranges = by_joint["range_of_motion_deg"].unstack()
+    work = by_joint[["wearer_work_J", "device_work_J"]].sum(skipna=False)
     rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
-    ranges = {
-        f"{joint}_range_symmetry": strides.symmetry_index(*every("range_of_motion_deg", (joint,)))
-        for joint in reversed(joints)
-    }
     return {
-        **{name: float(np.mean(both(name))) for name in _PER_LEG},
-        "toe_clearance_m": min(both("toe_clearance_m")),
-        "scuffs": sum(both("scuffs")),
-        **{
-            f"{joint}_{name}": float(np.mean(every(name, (joint,))))
-            for joint in joints
-            for name in _PER_JOINT
-        },
-        "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
-        "step_time_symmetry": strides.symmetry_index(*both("step_time_s")),
-        "swing_symmetry": strides.symmetry_index(*both("swing_share")),
-        **ranges,
-        "interaction_symmetry": strides.symmetry_index(*torques),
-        **{name: effort.root_mean_square(np.array(every(name))) for name in rms},
-        "wearer_work_share": effort.share_of_work(work["wearer"], work["device"]),
-        "assistance_level": float(np.mean(every("assistance_level"))),
-        "smoothness": float(np.mean(every("smoothness"))),
-        "current_rms_share": max(every("current_rms_share")),
+        **_means(by_leg),
+        "toe_clearance_m": by_leg["toe_clearance_m"].min(skipna=False),
+        "scuffs": by_leg["scuffs"].sum(),
+        "gps_koopman_deg": gait_profile_score(by_joint["gvs_koopman_deg"].tolist()),
+        "step_time_symmetry": strides.symmetry_index(*by_leg["step_time_s"]),
+        "swing_symmetry": strides.symmetry_index(*by_leg["swing_share"]),
+        **{f"{joint}_range_symmetry": strides.symmetry_index(*ranges[joint]) for joint in ranges},
+        "interaction_symmetry": strides.symmetry_index(*by_joint["interaction_rms_Nm"].unstack().sum(axis=1)),
+        **{name: effort.root_mean_square(by_joint[name].to_numpy()) for name in rms},
+        "wearer_work_share": effort.share_of_work(*work),
+        **_means(by_joint[["assistance_level", "smoothness"]]),
+        "current_rms_share": by_joint["current_rms_share"].max(),
         "battery_power_W": power,
         "battery_life_h": effort.battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
         "energy_per_metre_J": power / _mean_speed(run),
     }
-
-
-_PER_LEG = ("stride_time_s", "cadence_per_min", "stride_length_m", "swing_share", "double_support_share")
-_PER_JOINT = (
-    *("range_of_motion_deg", "interaction_rms_Nm", "opposing_rms_Nm"),
-    *("assistance_level", "gvs_koopman_deg"),
-)

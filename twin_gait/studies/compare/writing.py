@@ -26,9 +26,6 @@ from twin_gait.vocabulary import JointName, Side
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
 PICTURE_FILE, RUNS_FILE, SUMMARY_FILE = "compare.png", "runs.csv", "compare.json"
-HOT = 1.0  # RMS current over the continuous one
-UNEVEN = 0.05  # of a symmetry index; less is not called asymmetry
-_BARS = {"device torque, RMS [N m]": "interaction_rms_Nm", "battery [W]": "battery_power_W"}
 
 
 class Shown(NamedTuple):
@@ -90,20 +87,12 @@ def conclusions(comparison: Comparison) -> list[str]:
 
 def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
     """The report as HTML."""
-    measures = shown_measures(comparison.experiment.joints)
-    # Labels that mean the same share their explanation.
-    meanings: dict[str, list[str]] = {}
-    for item in comparison.controllers:
-        meanings.setdefault(item.explanation, []).append(item.title)
-    for shown in (shown for rows in measures.values() for shown in rows.values()):
-        meanings.setdefault(shown.meaning, []).append(shown.label)
     content = {
         **_content(comparison),
         "title": "Controllers compared",
         "subtitle": subtitle_of(comparison, who),
         "text": conclusions(comparison),
-        "measures": measures,
-        "meanings": meanings,
+        "measures": shown_measures(comparison.experiment.joints),
         "figure": picture,
     }
     return render("compare.html", content)
@@ -132,8 +121,6 @@ def _content(comparison: Comparison) -> dict[str, Any]:
         "walking": walking,  # of whom there are strides to tell of
         "walked": {name: count for name, count in walked.items() if count},
         "walked_always": [name for name, count in walked.items() if count == comparison.seeds],
-        "uneven": UNEVEN,
-        "hot_share": HOT,
         "mean": mean,
         "extremes": extremes,
         "shown": lambda item, number: text_of(comparison.interval(item.name, number), names[number]),
@@ -142,17 +129,15 @@ def _content(comparison: Comparison) -> dict[str, Any]:
 
 
 def figure_of(comparison: Comparison) -> Figure:
-    """The figure of the nominal day: mean cycles of those that walked beside the reference, and bars."""
+    """The figure of the nominal day: mean cycles of those that walked beside the reference."""
     nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
-    bars = nominal.reindex(columns=list(_BARS.values())).dropna().to_dict("index")
-    walked = [item for item in comparison.controllers if item.name in bars]
-    joints = comparison.experiment.joints
-    count = len(joints) * len(Side) + len(_BARS)
-    figure = Figure(figsize=(13.0 * count / 6, 3.3), layout="constrained")
-    panels = iter(figure.subplots(1, count, squeeze=False)[0])
+    strode = nominal.reindex(columns=["stride_time_s"]).dropna().index
+    walked = [item for item in comparison.controllers if item.name in strode]
+    places = list(product(comparison.experiment.joints, Side))
+    figure = Figure(figsize=(13.0 * len(places) / 6, 3.3), layout="constrained")
+    panels = figure.subplots(1, len(places), squeeze=False)[0]
     lines: list[Artist] = []
-    for joint, side in product(joints, Side):
-        axes = next(panels)
+    for axes, (joint, side) in zip(panels, places, strict=True):
         for item in walked:
             record = comparison.runs[item.name].leg_record(side)
             cycles = np.degrees(normalise_strides(record.angles[joint], record.strides()))
@@ -164,11 +149,6 @@ def figure_of(comparison: Comparison) -> Figure:
             lines += draw_cycle_curve(axes, np.degrees(reference), **style, label="healthy, same speed")
         style_panel(axes, f"{side} {joint} [°]", "")
         axes.set_xlabel("stride [%]")
-    for axes, (label, number) in zip(panels, _BARS.items(), strict=True):
-        heights = [bars[item.name][number] for item in walked]
-        axes.bar(range(len(walked)), heights, color=[item.colour for item in walked])
-        axes.set_xticks([])
-        style_panel(axes, label, "")
     if lines:
         put_legend(figure, lines)
     return figure

@@ -1,19 +1,18 @@
-"""Specifications of sweeps as YAML, their experiment, design (grid, Latin hypercube, list) and episodes.
-
-What an episode changes is made when it is asked for, so that a million of them take no memory.
-"""
+"""Specifications of sweeps as YAML, their experiment, design (grid, Latin hypercube, list) and episodes."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 from pydantic import ConfigDict, Field, model_validator
 
 from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
@@ -37,7 +36,7 @@ class Range(Strict):
 
     start: Number = Field(alias="from")
     stop: Number = Field(alias="to")
-    count: Count | None = Field(default=None, ge=2)  # values that a grid takes of it
+    count: Count | None = Field(default=None, ge=2, le=MOST_EPISODES)  # values that a grid takes of it
     scale: Literal["linear", "log"] = "linear"
 
     @model_validator(mode="after")
@@ -48,94 +47,19 @@ class Range(Strict):
             raise ValueError(f"expected from above 0 on a log scale, got {self.start:g}")
         return self
 
-    def at(self, share: float) -> float:
-        """Value at a share of the way; both ends are exact."""
-        if share in (0.0, 1.0):
-            return self.stop if share else self.start
+    def of_grid(self, count: int) -> np.ndarray:
+        """So many values; both ends are exact."""
+        space = np.geomspace if self.scale == "log" else np.linspace
+        return np.asarray(space(self.start, self.stop, count))
+
+    def at(self, shares: np.ndarray) -> np.ndarray:
+        """Values at shares of the way."""
         if self.scale == "log":
-            return math.exp((1.0 - share) * math.log(self.start) + share * math.log(self.stop))
-        return (1.0 - share) * self.start + share * self.stop
+            return np.asarray(self.start * (self.stop / self.start) ** shares)
+        return np.asarray(self.start + shares * (self.stop - self.start))
 
 
-Levels = Range | Sequence[Any]
-
-
-@dataclass(frozen=True, eq=False)
-class Design(Sequence[Mapping[str, Any]]):
-    """Overrides of every episode: each point ``repetitions`` times in a row; made when it is asked for."""
-
-    keys: tuple[str, ...]  # what some point overrides
-    points: int
-    point: Callable[[int], Mapping[str, Any]]  # overrides of one, by its number
-    repetitions: int = 1
-
-    def __post_init__(self) -> None:
-        _check_size(len(self))
-
-    def __len__(self) -> int:
-        return self.points * self.repetitions
-
-    def __getitem__(self, index: Any) -> Any:
-        if not 0 <= index < len(self):
-            raise IndexError(index)
-        return self.point(index // self.repetitions)
-
-    def column(self, key: str) -> list[Any]:
-        """Values of a key over all episodes; None where it is not changed."""
-        return [point.get(key) for point in self]
-
-
-def _check_size(episodes: int) -> None:
-    if not 1 <= episodes <= MOST_EPISODES:
-        raise ParameterError(f"expected 1 to {MOST_EPISODES} episodes, got {episodes}")
-
-
-def grid(parameters: Mapping[str, Levels], repetitions: int = 1) -> Design:
-    """Every combination; the first key changes slowest."""
-    levels = {key: _values(key, item) for key, item in parameters.items()}
-    sizes = [len(values) for values in levels.values()]
-
-    def point(number: int) -> dict[str, Any]:
-        places = np.unravel_index(number, sizes)
-        return {key: levels[key][int(place)] for key, place in zip(levels, places, strict=True)}
-
-    return Design(tuple(levels), math.prod(sizes), point, repetitions)
-
-
-def _values(key: str, item: Levels) -> Sequence[Any]:
-    if not isinstance(item, Range):
-        return item
-    if item.count is None:
-        raise ParameterError(f"{key}: expected a count of 2 or more values of the grid")
-    return [item.at(number / (item.count - 1)) for number in range(item.count)]
-
-
-def latin_hypercube(
-    parameters: Mapping[str, Levels], samples: int, seed: int, repetitions: int = 1
-) -> Design:
-    """A Latin hypercube: each range is cut into as many slices as there are samples, each used once."""
-    from scipy.stats import qmc  # takes longer to import than a hundred walks to check
-
-    _check_size(samples * repetitions)
-    drawn = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed)).random(samples)
-
-    def point(number: int) -> dict[str, Any]:
-        shares = zip(parameters.items(), drawn[number].tolist(), strict=True)
-        return {
-            key: item.at(share) if isinstance(item, Range) else item[int(share * len(item))]
-            for (key, item), share in shares
-        }
-
-    return Design(tuple(parameters), samples, point, repetitions)
-
-
-def listed(rows: Sequence[Mapping[str, Any]], repetitions: int = 1) -> Design:
-    """The rows of a list, which need not change the same keys."""
-    keys = dict.fromkeys(key for row in rows for key in row)
-    return Design(tuple(keys), len(rows), rows.__getitem__, repetitions)
-
-
-# Keys that a method needs, and those that it does not use: a key without use is a misunderstanding.
+# Keys that a method needs; one without use is a misunderstanding.
 _NEEDED = {"grid": {"parameters"}, "latin_hypercube": {"parameters", "samples"}, "list": {"episodes"}}
 
 
@@ -157,16 +81,13 @@ class SweepFile(Strict):
     provenance: dict[str, Any] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sweep:
     """A sweep with everything resolved."""
 
     source: str  # file that it was read from, for messages
-    name: str  # for titles
     experiment: Experiment  # what all episodes have in common
-    design: Design  # what each changes
-    seed: int  # that each episode's own seed is drawn from, with its number
-    measures: tuple[str, ...]  # columns that are drawn
+    design: pd.DataFrame  # what each changes, see design_of
     # The specification with the whole experiment in it and the hashes and versions of what made it; reading
     # it gives the same sweep.
     document: Mapping[str, Any]
@@ -175,6 +96,13 @@ class Sweep:
     def sha256(self) -> str:
         """Hash of specification, experiment, versions and sources; equal hashes give equal tables."""
         return content_hash(dict(self.document))
+
+    def override(self, number: int) -> dict[str, Any]:
+        """What an episode changes."""
+        changes = self.design.iloc[number].items()
+        return {
+            str(key): value for key, value in changes if not (isinstance(value, float) and math.isnan(value))
+        }
 
 
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
@@ -216,8 +144,7 @@ def sweep_from_mapping(
         "named": _named(entry, folder / Path(source).name),
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
-    design = _design(entry, source)
-    return Sweep(source, entry.name or name, experiment, design, entry.seed, tuple(entry.measures), document)
+    return Sweep(source, experiment, design_of(entry, source), document)
 
 
 def _named(entry: SweepFile, path: Path) -> Named:
@@ -254,30 +181,57 @@ def _experiment_document(experiment: Experiment, typed: dict[str, Any]) -> dict[
     return {**document, "provenance": hashes}
 
 
-def _design(entry: SweepFile, source: str) -> Design:
+def design_of(entry: SweepFile, source: str) -> pd.DataFrame:
+    """What each episode changes: a column of objects by key, NaN where a row of a list leaves it as it is.
+
+    Of a grid the first key changes slowest. A Latin hypercube cuts each range into as many slices as there
+    are samples, and uses each once. Each point stands ``repetitions`` times in a row.
+    """
     for key in ("episodes", "samples", "parameters"):
         needed = key in _NEEDED[entry.method]
         if needed != bool(getattr(entry, key)):
             problem = "is missing or empty; method {} needs it" if needed else "method {} does not use it"
             raise ParameterFileError(source, key, problem.format(entry.method))
-    repetitions = entry.repetitions
-    if entry.method == "list":
-        return converting(source, "episodes", lambda: listed(entry.episodes, repetitions))
-    levels = {key: _levels(key, value, source) for key, value in entry.parameters.items()}
+    levels = {key: _levels(key, value, entry.method, source) for key, value in entry.parameters.items()}
+    count = entry.samples or len(entry.episodes) or math.prod(map(len, levels.values()))
+    if count * entry.repetitions > MOST_EPISODES:
+        problem = f"expected at most {MOST_EPISODES} episodes, got {count * entry.repetitions}"
+        raise ParameterFileError(source, "", problem)
+    points: Any = entry.episodes
     if entry.method == "grid":
-        return converting(source, "parameters", lambda: grid(levels, repetitions))
-    samples = entry.samples or 0
-    return converting(source, "parameters", lambda: latin_hypercube(levels, samples, entry.seed, repetitions))
+        points = list(itertools.product(*levels.values()))
+    elif entry.method == "latin_hypercube":
+        points = _drawn(levels, count, entry.seed)
+    design = pd.DataFrame(points, columns=list(levels) or None, dtype=object)
+    return design.loc[design.index.repeat(entry.repetitions)].reset_index(drop=True)
 
 
-def _levels(key: str, value: Any, source: str) -> Levels:
+def _levels(key: str, value: Any, method: str, source: str) -> Any:
+    """The values of a parameter; of a Latin hypercube maybe a range."""
     place = f"parameters.{key}"
-    if isinstance(value, dict):
-        return validate(Range, value, f"{source}: {place}")
     if isinstance(value, list) and value:
         return value
-    wanted = f"expected a list of values or {{from: …, to: …}}, got {json.dumps(value)}"
-    raise ParameterFileError(source, place, wanted)
+    if not isinstance(value, dict):
+        wanted = f"expected a list of values or {{from: …, to: …}}, got {json.dumps(value)}"
+        raise ParameterFileError(source, place, wanted)
+    found = validate(Range, value, f"{source}: {place}")
+    if method != "grid":
+        return found
+    if found.count is None:
+        raise ParameterFileError(source, place, "expected a count of 2 or more values of the grid")
+    return found.of_grid(found.count).tolist()
+
+
+def _drawn(levels: Mapping[str, Any], samples: int, seed: int) -> dict[str, list[Any]]:
+    from scipy.stats import qmc  # takes longer to import than a hundred walks to check
+
+    drawn = qmc.LatinHypercube(len(levels), rng=np.random.default_rng(seed)).random(samples)
+    return {
+        key: item.at(shares).tolist()
+        if isinstance(item, Range)
+        else [item[int(share * len(item))] for share in shares.tolist()]
+        for (key, item), shares in zip(levels.items(), drawn.T, strict=True)
+    }
 
 
 def experiment_of_episode(spec: str, number: int) -> Experiment:
@@ -286,10 +240,10 @@ def experiment_of_episode(spec: str, number: int) -> Experiment:
     ``spec``: the document of the sweep as JSON; each process lays the sweep out for itself, once.
     """
     sweep, base = _laid_out(spec)
-    draws = np.random.SeedSequence(sweep.seed, spawn_key=(number,))
+    draws = np.random.SeedSequence(sweep.document["seed"], spawn_key=(number,))
     seed = {"seed": int(draws.generate_state(1, np.uint64)[0])}
     seeded = replace(base, document=base.document | seed)
-    return changed(seeded, sweep.design[number], f"episode {number}", sweep.document["named"])
+    return changed(seeded, sweep.override(number), f"episode {number}", sweep.document["named"])
 
 
 @lru_cache(maxsize=1)
@@ -302,6 +256,6 @@ def check_episode(spec: str, number: int) -> None:
     """Check the overrides of an episode."""
     experiment, (sweep, _) = experiment_of_episode(spec, number), _laid_out(spec)
     # A text may name a joint or phase that is not there; numbers are checked by their ranges.
-    plain = all(isinstance(value, int | float) for value in sweep.design[number].values())
+    plain = all(isinstance(value, int | float) for value in sweep.override(number).values())
     if number == 0 or not plain:
         converting(f"episode {number}", "", partial(build_problem, experiment))

@@ -8,6 +8,7 @@ A kill between the two leaves rows in both, of which one counts: they are equal.
 import contextlib
 import json
 import os
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -24,10 +25,10 @@ from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryErro
 from twin_gait.files import write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit_of_column, values_of
-from twin_gait.runs.folders import hold
+from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
-from twin_gait.studies.jobs import Progress, Watch, run_jobs
+from twin_gait.studies.jobs import Stop, Watch, run_jobs
 from twin_gait.studies.sweep.spec import Sweep, check_episode, experiment_of_episode
 from twin_gait.studies.workers import Workers
 
@@ -35,9 +36,7 @@ TABLE_SCHEMA_VERSION = 1
 SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.json"
 REPORT_FILE = "report.html"
 PARTS_FOLDER = "parts"
-
-# Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
-CHECKED_HERE = 2000
+SWEEP = FolderKind("a sweep", SPEC_FILE)
 
 
 class SweepStore:
@@ -57,22 +56,19 @@ class SweepStore:
         episodes = sorted(rows)
         table = batch.summary_table([rows[index] for index in episodes])
         table.insert(0, "episode", episodes)
+        self._parts.mkdir(exist_ok=True)
         write_parquet(self._parts / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet", table)
         self.done[episodes] = True
 
     def merge(self) -> None:
         """Bring everything that is kept into the table: sorted by episode, settings first."""
-        files = self._files()
-        rows = pd.concat([pd.DataFrame({"episode": []}, dtype=int), *map(_read_parquet, files)])
-        rows = rows.drop_duplicates("episode").sort_values("episode", ignore_index=True)
-        names = batch.setting_columns(self._sweep.design.keys)
-        settings = {
-            names[key]: _typed(self._sweep.design.column(key)).iloc[rows["episode"]].reset_index(drop=True)
-            for key in names
-        }
+        parts = [pd.DataFrame({"episode": []}, dtype=int), *map(_read_parquet, self._files())]
+        rows = pd.concat(parts).drop_duplicates("episode").sort_values("episode", ignore_index=True)
+        settings = self._sweep.design.apply(_typed).rename(columns=batch.setting_columns(self._sweep.design))
+        settings = settings.iloc[rows["episode"]].reset_index(drop=True)
         # Columns in the order of a summary, whatever part came first; settings are those of the design.
         results = rows[[name for name in batch.SUMMARY_COLUMNS if name in rows.columns]]
-        table = pd.concat([pd.DataFrame({"episode": rows["episode"], **settings}), results], axis=1)
+        table = pd.concat([rows[["episode"]], settings, results], axis=1)
         write_parquet(
             self._directory / TABLE_FILE,
             table,
@@ -81,11 +77,10 @@ class SweepStore:
             units=json.dumps({name: unit_of_column(name) for name in table.columns}),
             sweep=json.dumps(self._sweep.document),
         )
-        for path in self._parts.glob("*.parquet"):
-            path.unlink()
+        shutil.rmtree(self._parts, ignore_errors=True)
 
     def _files(self) -> list[Path]:
-        return [*self._directory.glob(TABLE_FILE), *sorted(self._parts.glob("*.parquet"))]
+        return [*self._directory.glob(TABLE_FILE), *sorted(self._parts.glob("[!.]*"))]
 
 
 @contextlib.contextmanager
@@ -94,43 +89,27 @@ def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
 
     Raises RunDirectoryError if the folder is in use or cannot be written.
     """
-    parts = directory / PARTS_FOLDER
-    try:
-        parts.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        problem = f"{directory}: cannot be written ({error.strerror}); choose another --out"
-        raise RunDirectoryError(problem) from error
+    if not (directory / SPEC_FILE).is_file():
+        with staged_directory(directory, SWEEP, force=True) as staging:
+            write_atomically(staging / SPEC_FILE, dump_yaml(dict(sweep.document)))
     held = hold(directory)
     if held is None:
         raise RunDirectoryError(f"{directory}: another process is at work on this sweep")
     try:
-        for left in parts.glob(".*"):
-            left.unlink()  # of a write that was killed
-        if not (directory / SPEC_FILE).is_file():
-            write_atomically(directory / SPEC_FILE, dump_yaml(dict(sweep.document)))
-        store = SweepStore(directory, sweep)
-        yield store
-        if store.done.all():
-            with contextlib.suppress(OSError):
-                parts.rmdir()
+        yield SweepStore(directory, sweep)
     finally:
         os.close(held)
 
 
 def check_directory(directory: Path, sweep: Sweep) -> None:
     """Refuse a folder that is not this sweep's."""
+    check_target(directory, SWEEP, force=True)
     spec = directory / SPEC_FILE
-    if spec.is_file():
-        if spec.read_text(encoding="utf-8") != dump_yaml(dict(sweep.document)):
-            raise RunDirectoryError(
-                f"{directory}: holds another sweep, or was begun by other sources or versions of twin_gait or"
-                " its libraries, whose rows would not be comparable; choose another --out"
-            )
-    elif directory.exists():
-        # More than a sweep leaves that was killed while it made its folder.
-        names = {path.name for path in directory.iterdir()} if directory.is_dir() else {""}
-        if any(name != PARTS_FOLDER and not name.startswith(f".{SPEC_FILE}.") for name in names):
-            raise RunDirectoryError(f"{directory}: exists and is not a sweep; choose another --out")
+    if spec.is_file() and spec.read_text(encoding="utf-8") != dump_yaml(dict(sweep.document)):
+        raise RunDirectoryError(
+            f"{directory}: holds another sweep, or was begun by other sources or versions of twin_gait or its"
+            " libraries, whose rows would not be comparable; choose another --out"
+        )
 
 
 def read_table(directory: Path) -> pd.DataFrame:
@@ -148,19 +127,17 @@ def _read_parquet(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
         ) from error
 
 
-def _typed(values: list[Any]) -> pd.Series:
-    """A setting over the whole design, whose type must not depend on how far the sweep has come.
+def _typed(values: pd.Series) -> pd.Series:
+    """A setting over the whole design, in a type that does not depend on how far the sweep has come.
 
-    What is neither a number, a truth nor a text is written as JSON.
+    What has no type of its own is written as JSON.
     """
-    kinds = {type(value) for value in values}
-    if kinds <= {int, float, type(None)}:
-        whole = kinds == {int} and max(map(abs, values)) < 2**63
-        return pd.Series(values, dtype="int64" if whole else "float64")
-    if kinds <= {bool, type(None)}:
-        return pd.Series(values, dtype="boolean")
-    plain = [value if isinstance(value, str | None) else json.dumps(value) for value in values]
-    return pd.Series(plain, dtype="object")
+    typed = values.infer_objects()
+    if typed.dtype != object:
+        return typed
+    return values.map(
+        lambda value: value if isinstance(value, str) else json.dumps(value), na_action="ignore"
+    )
 
 
 @dataclass(frozen=True)
@@ -172,7 +149,6 @@ class SweepResult:
     status: RunStatus  # COMPLETED, or INTERRUPTED if it was stopped; the same call goes on with it
     resumed: int  # episodes that were there before
     summary: dict[str, Any]  # content of ``summary.json``
-    not_drawn: tuple[str, ...] = ()  # measures that were asked for and that no completed episode has
 
 
 def run_sweep(
@@ -181,7 +157,6 @@ def run_sweep(
     *,
     workers: Workers | None = None,
     pictures: bool = True,
-    checking: Progress | None = None,
     **watch: Unpack[Watch],
 ) -> SweepResult:
     """Run a sweep, or go on with it where it was stopped or killed.
@@ -190,7 +165,7 @@ def run_sweep(
     neither the table nor the rows depend on the workers, the blocks or the number of resumptions. The engine
     is compiled in the calling process, so that no worker has to.
 
-    Raises ParameterFileError if an episode is wrong or cannot be run, naming it; what was done is kept.
+    Raises ParameterError if an episode is wrong or cannot be run, naming it; what was done is kept.
     Raises RunDirectoryError if the folder holds something else or cannot be written. Raises WorkersLost if
     a worker dies; what was done is kept.
     """
@@ -198,77 +173,64 @@ def run_sweep(
     began = time.perf_counter()
     check_directory(directory, sweep)
     if not (directory / SPEC_FILE).is_file():
-        check_sweep(sweep, workers, progress=checking, should_stop=watch.get("should_stop"))
-    last: dict[str, Any] = {"slots": workers.slots()}
+        check_sweep(sweep, workers, watch.get("should_stop"))
     with open_store(directory, sweep) as store:
-        last["resumed_with"] = int(store.done.sum())
+        resumed = int(store.done.sum())
         try:
-            last["processors"] = _run(sweep, store, workers, **watch)
+            _run(sweep, store, workers, **watch)
         finally:
             store.merge()
         table = read_table(directory)
-        last |= {"episodes": len(table) - last["resumed_with"], "wall_s": time.perf_counter() - began}
-        summary = _summary(sweep, table, last)
+        status = RunStatus.COMPLETED if store.done.all() else RunStatus.INTERRUPTED
+        measured = {name: np.isfinite(values_of(table, name)).any() for name in sweep.document["measures"]}
+        summary = {
+            "name": sweep.document["name"],
+            "sweep_sha256": sweep.sha256,
+            "status": str(status),
+            "episodes": len(sweep.design),
+            "finished": len(table),
+            "outcomes": {str(name): int(count) for name, count in sorted(_outcomes(table).items())},
+            # measures that were asked for and that no completed episode has
+            "not_drawn": [name for name, found in measured.items() if not found],
+            "last_call": {
+                "resumed_with": resumed,
+                "episodes": len(table) - resumed,
+                "wall_s": time.perf_counter() - began,
+            },
+        }
         write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
             write_report(sweep, table, directory)
-    without = tuple(name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())
-    status = RunStatus(summary["status"])
-    return SweepResult(directory, table, status, last["resumed_with"], summary, without)
+    return SweepResult(directory, table, status, resumed, summary)
 
 
-def check_sweep(sweep: Sweep, workers: Workers | None = None, **watch: Unpack[Watch]) -> None:
+def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None) -> None:
     """Check the overrides of every episode without running any; a wrong one is named with its key."""
-    episodes = range(len(sweep.design))
-    hands = 1 if workers is None or len(episodes) <= CHECKED_HERE else workers
+    check, episodes = partial(check_episode, json.dumps(sweep.document)), range(len(sweep.design))
     try:
-        checked = run_jobs(
-            partial(check_episode, json.dumps(sweep.document)), episodes, workers=hands, **watch
-        )
+        checked = run_jobs(check, episodes, workers=workers, should_stop=should_stop)
     except JobFailed as error:
         raise ParameterFileError(sweep.source, "", error.problem) from error
     if len(checked) < len(episodes):
         raise KeyboardInterrupt
 
 
-def _run(sweep: Sweep, store: SweepStore, workers: Workers, **watch: Unpack[Watch]) -> list[str]:
-    """Run what is not done yet; types of the processors that did it."""
+def _run(sweep: Sweep, store: SweepStore, workers: Workers, **watch: Unpack[Watch]) -> None:
+    """Run what is not done yet."""
     pending = np.flatnonzero(~store.done).tolist()
     total, there = len(store.done), len(store.done) - len(pending)
-    tell, processors = watch.get("progress") or (lambda done, total: None), set[str]()
-
-    def keep(rows: dict[int, batch.Flat], processor: str) -> None:
-        store.append({pending[place]: flat for place, flat in rows.items()})
-        processors.add(processor)
-
+    tell = watch.get("progress") or (lambda done, total: None)
     tell(there, total)
-    try:
-        batch.run_episodes(
-            partial(experiment_of_episode, json.dumps(sweep.document)),
-            batch.flat_summary,
-            pending,
-            columns=batch.READ_IN_BRIEF,
-            workers=workers,
-            keep=keep,
-            **watch | {"progress": lambda done, _: tell(there + done, total)},
-        )
-    except JobFailed as error:
-        named = f"episode {pending[error.index]}: "
-        raise ParameterFileError(sweep.source, "", named + error.problem.removeprefix(named)) from error
-    return sorted(processors)
-
-
-def _summary(sweep: Sweep, table: pd.DataFrame, last_call: dict[str, Any]) -> dict[str, Any]:
-    total, outcomes = len(sweep.design), _outcomes(table)
-    return {
-        "name": sweep.name,
-        "sweep_sha256": sweep.sha256,
-        "status": str(RunStatus.COMPLETED if len(table) == total else RunStatus.INTERRUPTED),
-        "episodes": total,
-        "finished": len(table),
-        "outcomes": {str(name): int(count) for name, count in sorted(outcomes.items())},
-        "last_call": last_call,
-    }
+    batch.run_episodes(
+        partial(experiment_of_episode, json.dumps(sweep.document)),
+        batch.flat_summary,
+        pending,
+        columns=batch.READ_IN_BRIEF,
+        workers=workers,
+        keep=lambda rows: store.append({pending[place]: flat for place, flat in rows.items()}),
+        named=lambda place: f"{sweep.source}: episode {pending[place]}",
+        **watch | {"progress": lambda done, _: tell(there + done, total)},
+    )
 
 
 def _outcomes(table: pd.DataFrame) -> pd.Series:
@@ -280,21 +242,12 @@ def _outcomes(table: pd.DataFrame) -> pd.Series:
 
 def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
-    parameters = scales_of(sweep)
-    title = sweep.name.replace("_", " ")
-    measures = (WALKED, *(sweep.measures or DEFAULT_MEASURES))
+    parameters = list(batch.setting_columns(sweep.design).values())
+    title = sweep.document["name"].replace("_", " ")
+    measures = (WALKED, *(sweep.document["measures"] or DEFAULT_MEASURES))
     counts = _outcomes(table).items()
     rows = [("outcome", "episodes", "share [%]")]
     rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     figures = sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
     write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)
-
-
-def scales_of(sweep: Sweep) -> dict[str, bool | None]:
-    """Whether the scale of a range is logarithmic, by its column; None for what is a list."""
-    asked, columns = sweep.document.get("parameters", {}), batch.setting_columns(sweep.design.keys)
-    items = {column: asked.get(key) for key, column in columns.items()}
-    return {
-        name: item.get("scale") == "log" if isinstance(item, dict) else None for name, item in items.items()
-    }

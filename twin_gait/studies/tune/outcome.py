@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,31 +16,16 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import GaitTable
-from twin_gait.measures import KILOMETRES_PER_HOUR, PERCENT, normalise_strides, reference_curve
+from twin_gait.measures import KILOMETRES_PER_HOUR, normalise_strides
 from twin_gait.report.canvas import write_pictures
+from twin_gait.report.reference import reference_cycle
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
-from twin_gait.studies.tune.parts import (
-    AIM,
-    EXCESS,
-    HELD_TO,
-    NEEDED_CLEARANCE,
-    WORST,
-    Rating,
-    nominal_cost,
-    part_costs,
-)
+from twin_gait.studies.tune.parts import AIM, ERRORS, EXCESS, WORST, Rating, nominal_cost, part_costs
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
-from twin_gait.studies.tune.walks import (
-    NOMINAL_WEIGHT,
-    SEARCH_CASES,
-    check_walker,
-    standing,
-    table_of,
-    walker,
-)
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, check_walker, standing, table_of, walker
 from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -51,20 +36,12 @@ _REFERENCE = "Koopman et al. (2014) at {:.3g} km/h, from foot contact to foot co
 SAME = 0.05
 
 
-class Chosen(NamedTuple):
-    """The table that is written."""
-
-    finalist: Finalist  # it
-    counts: dict[str, int]  # what the whole check finds in it
-    refused: int  # finalists before it that the check found errors in
-
-
-def choose(tuning: Tuning) -> Chosen:
-    """Take the best finalist whose table passes every error rule of the check, or ParameterError."""
-    for refused, finalist in enumerate(tuning.ranked):
+def choose(tuning: Tuning) -> tuple[Finalist, dict[str, int]]:
+    """The best finalist whose table passes every error rule of the check, and what that finds in it."""
+    for finalist in tuning.ranked:
         findings = check(build_case(table_of(finalist.table), tuning.experiment))
         if not any(item.severity is Severity.ERROR for item in findings):
-            return Chosen(finalist, counts(findings), refused)
+            return finalist, counts(findings)
     raise ParameterError(
         f"table {tuning.experiment.table.name}: no candidate passes twin-gait check, nor does the table "
         "itself; mend its errors first"
@@ -86,7 +63,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     """
     tuning = tune(experiment, Settings(**settings), workers=workers)
     assert tuning is not None  # nobody stops it
-    return table_of(choose(tuning).finalist.table)
+    return table_of(choose(tuning)[0].table)
 
 
 def final_table(finalist: Finalist, experiment: Experiment, wearer: str) -> dict[str, Any]:
@@ -107,9 +84,9 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
     Returns content of ``tune.json``. Raises ParameterError if no table passes the check. Raises
     RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
     """
-    chosen = choose(tuning)
-    table = final_table(chosen.finalist, tuning.experiment, wearer)
-    result = outcome(tuning, chosen, wearer)
+    finalist, found = choose(tuning)
+    table = final_table(finalist, tuning.experiment, wearer)
+    result = outcome(tuning, finalist, wearer) | {"check": found}
     tables = {"before": tuning.before.table, "after": table}
     curves = gait_curves(tuning.experiment, tables, tuning.settings.robust_duration)
     with staged_directory(directory, TUNING, force=force) as staging:
@@ -120,11 +97,15 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
     return result
 
 
-def outcome(tuning: Tuning, chosen: Chosen, wearer: str) -> dict[str, Any]:
-    """Content of ``tune.json``."""
+def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
+    """Content of ``tune.json`` but for what the check finds."""
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
-    speed = check_walker(experiment)[0].speed
-    after, generations = chosen.finalist, tuning.generations
+    speed, generations = check_walker(experiment)[0].speed, tuning.generations
+    names = list(tuning.search_cases)
+    stood = {
+        name: standing([walk for case, walk in finalist.walks if case in names])
+        for name, finalist in (("before", before), ("after", after))
+    }
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
@@ -137,29 +118,24 @@ def outcome(tuning: Tuning, chosen: Chosen, wearer: str) -> dict[str, Any]:
         "found_better": after.points is not None,
         "parts": _parts(before.walks[0][1], after.walks[0][1]),
         "walk_s": settings.robust_duration,
-        "needed_clearance_mm": NEEDED_CLEARANCE,
         "worst_cost": WORST,
         "nominal_weight": NOMINAL_WEIGHT,
-        "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": HELD_TO},
-        "cost": {
-            "search": {"before": generations[0].cost, "after": after.search_cost},
-            "robust": {"before": before.cost, "after": after.cost},
-        },
+        "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": ERRORS[experiment.joints[0]].excess},
+        "cost": {"before": before.cost, "after": after.cost},
         "robust_set": [
-            {
-                "case": name,
-                "before": _walk(first, nominal=number == 0),
-                "after": _walk(second, nominal=number == 0),
-            }
+            {"case": name, "before": _walk(first, number), "after": _walk(second, number)}
             for number, ((name, first), (_, second)) in enumerate(zip(before.walks, after.walks, strict=True))
         ],
-        "trade_offs": _trade_offs(tuning, after),
-        "parameters": _parameters(tuning, after),
+        "trade_offs": {
+            "cases": names[1:],
+            "candidates": [item for generation in generations for item in generation.tried],
+            **stood,
+        },
+        "numbers": len(tuning.parameters),
         "convergence": {
             "best": [item.cost for item in generations],
             "median": [item.median for item in generations],
         },
-        "check": {**chosen.counts, "refused_before_it": chosen.refused},
         "effort": {
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
@@ -178,12 +154,11 @@ def gait_curves(
     ``tables``: their documents as ``before`` and ``after``. ``duration`` of each walk in [s]; one without a
     counted stride has no curve.
     """
-    walking, patient = check_walker(experiment)
-    speed, height = walking.speed, patient.height
-    curves: dict[str, dict[str, np.ndarray]] = {
-        str(joint): {"reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=height))}
-        for joint in experiment.joints
-    }
+    curves: dict[str, dict[str, np.ndarray]] = {str(joint): {} for joint in experiment.joints}
+    for joint in experiment.joints:
+        reference = reference_cycle(experiment, joint)
+        if reference is not None:
+            curves[str(joint)]["reference"] = np.degrees(reference)
     walked = walker(experiment, duration=duration)
     for name, table in tables.items():
         run = simulate(replace(walked, table=table_of(table)))
@@ -216,32 +191,7 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
     return "better" if after < before else "traded"
 
 
-def _trade_offs(tuning: Tuning, after: Finalist) -> dict[str, Any]:
-    """Standings of all candidates of the search, and of the table before and the chosen one in its cases."""
-    names = [case.name for case in SEARCH_CASES]
-    before, after_it = (
-        standing([walk for name, walk in finalist.walks if name in names])
-        for finalist in (tuning.before, after)
-    )
-    candidates = [item for generation in tuning.generations for item in generation.tried]
-    return {"cases": names[1:], "candidates": candidates, "before": before, "after": after_it}
-
-
-def _walk(walk: Rating, *, nominal: bool) -> dict[str, Any]:
-    return {
-        "cost": nominal_cost(walk) if nominal else walk.cost,
-        "fell": walk.fell,
-        "lasted_share": walk.lasted,
-        **walk.values,
-    }
-
-
-def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
-    points = chosen.points or tuple(item.start_coordinate for item in tuning.parameters)
-    return [
-        {
-            "name": item.name, "unit": item.unit, "start": item.start, "tuned": item.value(point),
-            "lower": item.lower, "upper": item.upper,
-        }
-        for item, point in zip(tuning.parameters, points, strict=True)
-    ]  # fmt: skip
+def _walk(walk: Rating, number: int) -> dict[str, Any]:
+    """A walk of the robust set, whose first is the nominal one."""
+    cost = walk.cost if number else nominal_cost(walk)
+    return {"cost": cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}

@@ -12,7 +12,7 @@ with value x, goal g and weight w of each part. A fall after a share s of the ti
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,12 +27,13 @@ from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.vocabulary import JointName, PelvisGuide
+from twin_gait.vocabulary import JointName
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
-# Without the excess the search trades one goal for the other; the tool is held to those of the errors.
-HELD_TO, EXCESS = 20.0, 6.0  # weights
+# Without the excess the search trades one goal for the other; the tool is held to those of the errors, whose
+# weight is larger.
+EXCESS = 6.0  # weight
 AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
 
@@ -50,33 +51,20 @@ class Part:
 
 
 SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
-ERROR_GOALS = {JointName.HIP: 4.0, JointName.KNEE: 6.5, JointName.ANKLE: 7.0}
-_OTHERS, _FREE = (
-    tuple(Part(name, **row) for name, row in rows.items())
-    for rows in yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8")).values()
-)
+_ROWS = yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
+ERRORS = {JointName(joint): Part(f"{joint}_error_deg", **row) for joint, row in _ROWS["errors"].items()}
+_CARRIED_ANKLE = replace(ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
+_OTHERS = [Part(name, **row) for name, row in _ROWS["walk"].items()]
 
 
-_ERRORS = {
-    joint: Part(f"{joint}_error_deg", f"{joint} error", "°", goal, 1.0, HELD_TO)
-    for joint, goal in ERROR_GOALS.items()
-}
-_CARRIED_ANKLE = replace(_ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
+def parts_of(joints: Sequence[str]) -> tuple[Part, ...]:
+    """What a walk is rated by: first the errors of the joints that its table drives, in its order.
 
-
-def errors_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
-    """The errors of the joints that a table drives, in its order."""
-    return tuple(_ERRORS[JointName(joint)] for joint in joints)
-
-
-def parts_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
-    """What a table for these joints is rated by; an ankle that it does not drive counts a little."""
-    return (*errors_of(joints), *_OTHERS, *(() if JointName.ANKLE in joints else (_CARRIED_ANKLE,)))
-
-
-def rated_parts(values: Mapping[str, float | None], joints: tuple[str, ...]) -> tuple[Part, ...]:
-    """What a walk with these values is rated by."""
-    return (*parts_of(joints), *(part for part in _FREE if part.name in values))
+    An ankle that it does not drive counts a little.
+    """
+    errors = (ERRORS[JointName(joint)] for joint in joints)
+    carried = () if JointName.ANKLE in joints else (_CARRIED_ANKLE,)
+    return (*errors, *_OTHERS, *carried)
 
 
 def part_values(run: Run) -> dict[str, float | None]:
@@ -88,8 +76,10 @@ def part_values(run: Run) -> dict[str, float | None]:
     ]
     # Of the legs the larger value counts; what is not defined in one is not in both.
     values = {name: float(np.max([0.0, *(leg[name] for leg in found)])) for name in found[0]}
-    values |= {"fore_aft_pct": _fore_aft(run, walks.values()), "asymmetry_pct": _asymmetry(legs, contacts)}
-    return {name: finite_or_none(value) for name, value in (values | _free_trunk_values(run)).items()}
+    assert run.walkway is not None  # a walk to be tuned carries weight
+    dragged = sum(walk.fore_aft_force for walk in walks.values()) / run.walkway.carried_weight
+    values |= {"fore_aft_pct": 100.0 * abs(dragged), "asymmetry_pct": _asymmetry(legs, contacts)}
+    return {name: finite_or_none(value) for name, value in values.items()}
 
 
 def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: WalkMeasures) -> dict[str, float]:
@@ -137,12 +127,6 @@ def _offset(leg: MeasuredLeg, joint: JointName) -> float:
     )
 
 
-def _fore_aft(run: Run, walks: Iterable[WalkMeasures]) -> float:
-    """Mean fore-aft force of both feet in [%] of the carried weight."""
-    assert run.walkway is not None  # a walk to be tuned carries weight
-    return 100.0 * abs(sum(walk.fore_aft_force for walk in walks) / run.walkway.carried_weight)
-
-
 def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]]) -> float:
     """Largest symmetry index in [%], without its sign, of the share of swing and the ranges of the joints."""
     left, right = (
@@ -150,21 +134,6 @@ def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]
         for leg, contact in zip(legs, contacts, strict=True)
     )
     return 100.0 * float(np.max([abs(symmetry_index(*pair)) for pair in zip(left, right, strict=True)]))
-
-
-def _free_trunk_values(run: Run) -> dict[str, float]:
-    """Way and crutches; nothing where the pelvis is guided."""
-    walking = run.experiment.scenario.walking
-    if walking is None or run.experiment.scenario.pelvis is not PelvisGuide.FREE:
-        return {}
-    way = run.log["pelvis_forward_m"]
-    speed = float(way.iloc[-1] - way.iloc[0]) / run.duration
-    loads = (run.log.get(f"{side}_crutch_normal_force_N") for side in run.sides)
-    shares = [float(load.mean()) / run.body_weight for load in loads if load is not None]
-    return {
-        "slowness_pct": max(0.0, 100.0 * (1.0 - speed / walking.speed)),
-        "crutch_load_pct": 100.0 * max(shares, default=0.0),
-    }
 
 
 class Rating(NamedTuple):
@@ -183,7 +152,7 @@ class Rating(NamedTuple):
     @property
     def parts(self) -> tuple[Part, ...]:
         """What it is rated by."""
-        return rated_parts(self.values, self.joints)
+        return parts_of(self.joints)
 
 
 def rate_walk(run: Run) -> Rating:
@@ -207,7 +176,7 @@ def walk_cost(
     """
     if fell:
         return WORST + (FALL - WORST) * (1.0 - lasted)
-    if any(values[part.name] is None for part in errors_of(joints)):
+    if any(values[f"{joint}_error_deg"] is None for joint in joints):
         return WORST
     return min(WORST, sum(part_costs(values, joints).values()))
 
@@ -215,7 +184,7 @@ def walk_cost(
 def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
     """Cost of each part; its weight where it is not defined."""
     costs = {}
-    for part in rated_parts(values, joints):
+    for part in parts_of(joints):
         value = values[part.name]
         ratio = 1.0 if value is None else value / part.goal
         costs[part.name] = part.weight * ratio * ratio
@@ -270,5 +239,5 @@ def _deviations(run: Run) -> tuple[float, ...]:
             if not len(cycles) or reference is None:
                 return ()
             apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLES_APART]
-            found += (apart / (ERROR_GOALS[joint] * math.sqrt(len(legs) * len(apart)))).tolist()
+            found += (apart / (ERRORS[joint].goal * math.sqrt(len(legs) * len(apart)))).tolist()
     return tuple(found)

@@ -9,29 +9,21 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
-from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.sections import rounded
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Side
 
 _PER_DEGREE = 180.0 / math.pi
-# Bounds of the search; a start outside widens them. Stiffness in [N m] / [deg]: the least that moves a leg
-# against the friction of these drives, and a little above what the shipped table was searched with; of the
-# ankle the published range (Sup et al. 2009), for lack of such a search.
-SOFTEST = 0.3
-STIFFEST = {JointName.HIP: 8.0, JointName.KNEE: 10.0, JointName.ANKLE: STIFFNESS_RANGES[JointName.ANKLE].most}
-DAMPING_RATIOS = (0.4, 1.3)
-DAMPINGS = (5.0, 80.0)  # [N m s] / [rad], for tables that give no ratio
-ANGLE_REACH = 12.0  # [deg] to either side of the start
-THRESHOLD_REACH = 6.0  # [deg] to either side of the start
-BLENDING_MS = (15.0, 120.0)
+_BOUNDS = yaml.safe_load(Path(__file__).with_name("bounds.yaml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -45,8 +37,8 @@ class Parameter:
     lower: float  # least value
     upper: float  # largest value
     digits: int  # decimal places
-    logarithmic: bool = False  # whether the search steps by ratios
-    guard: Comparison | None = None  # the inequality that it is the threshold of, or None
+    logarithmic: bool  # whether the search steps by ratios
+    guard: Comparison | None  # the inequality that it is the threshold of, or None
 
     def value(self, coordinate: float) -> float:
         """Value at a coordinate from 0 to 1, rounded."""
@@ -102,9 +94,8 @@ def parameters_of(
     for side, phases in sides.items():
         found += _impedances(phases, table.joints, ("sides", side))
     if blending and table.blending.law is not BlendingLaw.NONE:
-        lower, upper = BLENDING_MS
-        start = float(table.blending.duration_ticks)
-        found.append(_parameter(("blending", "duration_ms"), start, "ms", lower, upper, 0))
+        place = ("blending", "duration_ms")
+        found.append(_parameter(place, float(table.blending.duration_ticks), "duration_ms"))
     for index, item in enumerate(table.transitions if thresholds else ()):
         guard = item.guard if isinstance(item.guard, (AllOf, AnyOf)) else AllOf(guards=(item.guard,))
         found += _thresholds(guard, ("transitions", index), item.cause)
@@ -142,28 +133,26 @@ def _impedances(
 ) -> Iterator[Parameter]:
     for phase, joint in product(phases, joints):
         entry, place = phases[phase][joint], (*path, phase, str(joint))
-        stiffness, angle = entry["stiffness_Nm_per_deg"], entry["equilibrium_deg"]
-        bounds: dict[str, tuple[str, float, float, int]] = {
-            "stiffness_Nm_per_deg": ("Nm/deg", SOFTEST, STIFFEST[JointName(joint)], 2),
-            "equilibrium_deg": ("deg", angle - ANGLE_REACH, angle + ANGLE_REACH, 1),
-            "damping_ratio": ("", *DAMPING_RATIOS, 2),
-            "damping_Nms_per_rad": ("Nm s/rad", *DAMPINGS, 1),
-            "friction_compensation_gain": ("", GAIN_RANGE.least, GAIN_RANGE.most, 2),
-        }
-        if stiffness == 0.0:  # steps by ratios never leave zero
-            del bounds["stiffness_Nm_per_deg"]
-        if "damping_ratio" in entry:
-            del bounds["damping_Nms_per_rad"]
-        for key in filter(entry.__contains__, bounds):
-            yield _parameter((*place, key), entry[key], *bounds[key])
+        keys = ["equilibrium_deg", "damping_ratio", "friction_compensation_gain"]
+        if "damping_ratio" not in entry:
+            keys[1] = "damping_Nms_per_rad"
+        if entry["stiffness_Nm_per_deg"] != 0.0:  # steps by ratios never leave zero
+            stiff = "stiffness_Nm_per_deg"
+            yield _parameter((*place, stiff), entry[stiff], f"{joint}_{stiff}")
+        for key in filter(entry.__contains__, keys):
+            yield _parameter((*place, key), entry[key], key)
 
 
 def _parameter(
-    path: tuple[str | int, ...], start: float, unit: str, lower: float, upper: float, digits: int
+    path: tuple[str | int, ...], start: float, kind: str, name: str = "", guard: Comparison | None = None
 ) -> Parameter:
-    name, stiff = ".".join(str(step) for step in path if step != "phases"), path[-1] == "stiffness_Nm_per_deg"
-    least, most = min(lower, start), max(upper, start)
-    return Parameter(name, path, unit, start, least, most, digits, logarithmic=stiff)
+    """A number of a kind that ``bounds.yaml`` knows; its name is its place where it has none."""
+    row = {"logarithmic": False, **_BOUNDS[kind]}
+    reach = row.pop("reach", math.nan)
+    lower, upper = row.pop("lower", start - reach), row.pop("upper", start + reach)
+    name = name or ".".join(str(step) for step in path if step != "phases")
+    bounds = {"lower": min(lower, start), "upper": max(upper, start)}
+    return Parameter(name, path, start=start, guard=guard, **bounds, **row)
 
 
 def _thresholds(guard: Guard, path: tuple[str | int, ...], cause: str) -> Iterator[Parameter]:
@@ -174,6 +163,4 @@ def _thresholds(guard: Guard, path: tuple[str | int, ...], cause: str) -> Iterat
             yield from _thresholds(inner, (*path, index), cause)
     elif isinstance(guard, Comparison) and signal_of(guard.signal) is ANGLE:
         left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
-        name, start = f"{cause}: {left} {guard.operator}", guard.threshold
-        lower, upper = start - THRESHOLD_REACH, start + THRESHOLD_REACH
-        yield Parameter(name, path, "deg", start, lower, upper, 1, guard=guard)
+        yield _parameter(path, guard.threshold, "threshold", f"{cause}: {left} {guard.operator}", guard)

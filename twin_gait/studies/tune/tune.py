@@ -2,31 +2,29 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import require
-from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.simulator import compile_ahead
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
-from twin_gait.studies.tune.walks import Case, standing, table_of, walker, weighted_cost
+from twin_gait.studies.tune.walks import cases_of, in_case, standing, table_of, walker, weighted_cost
 from twin_gait.studies.workers import Workers
-from twin_gait.worlds.scenario import BELT_SPEED
 
 # Share of the minutes for the search; the robust set and the report take the rest.
 SEARCH_SHARE = 0.75
 SEARCH_WALKS = 1000  # or more, for which loops are compiled
 RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
 FINALISTS = 5  # of the search, beside the table that is to be bettered
+Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,16 +52,6 @@ class Settings:
         require(self.seed >= 0, "seed", "a whole number of 0 or more", self.seed)
 
 
-class Progress(NamedTuple):
-    """Where a tuning stands."""
-
-    stage: str  # ``compiling``, ``search`` or ``robust set``
-    done: int  # of this stage: walks, or generations
-    total: int | None  # in all, or None while only the time ends it
-    elapsed: float  # in [s]
-    costs: tuple[float, float] | None  # of the table that it began with and of the best so far, once known
-
-
 @dataclass(frozen=True, eq=False)
 class Finalist:
     """A table that walked the robust set."""
@@ -71,7 +59,6 @@ class Finalist:
     table: dict[str, Any]  # its document
     # coordinates of what was searched for; None for the table that it began with
     points: tuple[float, ...] | None
-    search_cost: float  # in the search
     walks: tuple[tuple[str, Rating], ...] = ()  # name of the case and result, nominal first
 
     @property
@@ -85,110 +72,92 @@ class Finalist:
         return weighted_cost([walk for _, walk in self.walks])
 
 
-@dataclass(frozen=True, eq=False)
-class Tuning:
-    """Result of a tuning."""
-
-    experiment: Experiment  # whose table was to be bettered, with the seed of the settings
-    settings: Settings
-    parameters: tuple[space.Parameter, ...]  # all numbers that were searched for
-    generations: tuple[Generation, ...]  # of the search; the first is its start
-    before: Finalist  # the table that was to be bettered
-    ranked: tuple[Finalist, ...]  # all finalists, the best first; ``before`` is one of them
-    elapsed: float  # time that it took in [s]
-
-
 class Stopped(Exception):  # not an error: somebody asked for it
     """The tuning was asked to stop."""
 
 
-class Stages:
-    """One call of :func:`twin_gait.studies.tune.tune.tune`: what its stages share."""
+class Tuning:
+    """A tuning: what its stages share, and what they leave behind.
+
+    Attributes:
+        experiment: Whose table was to be bettered, with the seed of the settings.
+        settings: Those of the tuning.
+        parameters: All numbers that are searched for.
+        search_cases: Cases of the search by names, the nominal one first.
+        generations: Of the search; the first is its start.
+        ranked: All finalists, the best first; ``before`` is one of them.
+        before: The table that was to be bettered.
+        elapsed: Time that it took in [s].
+    """
+
+    before: Finalist
+    ranked: list[Finalist]
+    elapsed: float
 
     def __init__(
-        self,
-        experiment: Experiment,
-        settings: Settings,
-        workers: Workers,
-        progress: Callable[[Progress], None] | None,
-        should_stop: Stop | None,
+        self, experiment: Experiment, settings: Settings, workers: Workers, tell: Tell, stop: Stop | None
     ) -> None:
         """Begin; nothing is walked. The arguments are those of :func:`twin_gait.studies.tune.tune.tune`."""
-        self._settings, self._workers, self._should_stop = settings, workers, should_stop
-        self._progress = progress or (lambda step: None)
-        self._began = time.perf_counter()
-        self._experiment = replace(experiment, seed=settings.seed)
+        self.settings, self._workers, self._stop = settings, workers, stop
+        self._told, self._began = tell, time.perf_counter()
+        self.experiment = replace(experiment, seed=settings.seed)
         self._table = space.editable_document(experiment.table)
-        self._parameters = space.parameters_of(
+        self.parameters = space.parameters_of(
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
-        self._generations: list[Generation] = []
-        corners = walks.corner_cases() if settings.everyone else ()
-        self._search_cases = (*walks.SEARCH_CASES, *corners)
-        self._robust_cases = (*walks.robust_cases(self._experiment), *corners)
+        self.generations: list[Generation] = []
+        corners = cases_of(self.experiment, "everyone") if settings.everyone else {}
+        self.search_cases = cases_of(self.experiment, "search") | corners
+        self._robust_cases = cases_of(self.experiment, "robust") | self.search_cases
 
-    def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
+    def run(self, on_compile: Callable[[], None] | None) -> None:
         """Run all stages, unless somebody asks to stop."""
-        self._compile(on_compile)
+        self._tell("compiling")
+        for walked in self._robust_cases.values():  # here, or all workers would
+            for quick, count in ((True, SEARCH_WALKS), (False, (FINALISTS + 1) * len(self._robust_cases))):
+                duration = self.settings.search_duration
+                compile_ahead(walker(walked, duration=duration, quick=quick), count, on_compile)
         descent = self._start()
         while not self._over(descent):
-            self._tell("search", descent.generation, self._settings.generations)
-            self._generations.append(self._generation(descent))
+            self._tell(f"search: generation {descent.generation + 1}")
+            self.generations.append(self._generation(descent))
+        self._tell("the robust set")
         finalists = self._finalists()
-        ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
-        found = self._parameters, tuple(self._generations), finalists[0], tuple(ranked), self._elapsed()
-        return Tuning(self._experiment, self._settings, *found)
+        self.before, self.ranked = finalists[0], sorted(finalists, key=lambda item: (item.falls, item.cost))
+        self.elapsed = self._elapsed()
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._began
 
-    def _tell(self, stage: str, done: int, total: int | None) -> None:
-        found = self._generations
-        costs = (found[0].cost, found[-1].cost) if found else None
-        self._progress(Progress(stage, done, total, self._elapsed(), costs))
-
-    def _compile(self, on_compile: Callable[[], None] | None) -> None:
-        """Compile here what no worker has to, before all of them would."""
-        cases, duration = self._robust_cases, self._settings.search_duration
-        for number, case in enumerate(cases):
-            self._tell("compiling", number, len(cases))
-            for quick in (False, True):
-                walked = case.change(walker(self._experiment, duration=duration, quick=quick))
-                try:
-                    build_problem(walked)
-                except TwinGaitError as error:
-                    raise ParameterError(f"{case.name}: {error}") from error
-                count = SEARCH_WALKS if quick else (FINALISTS + 1) * len(cases)
-                compile_ahead(walked, count, on_compile)
+    def _tell(self, stage: str) -> None:
+        line, found = f"{self._elapsed() / 60.0:4.1f} min  {stage}", self.generations
+        best = f", best: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
+        self._told(line + best)
 
     def _walk(
-        self, tables: Sequence[GaitTable], cases: Sequence[Case], *, last: bool = False
+        self, tables: Sequence[GaitTable], cases: Iterable[Experiment], *, last: bool = False
     ) -> list[list[Rating]]:
         """Walks of each table, in each case: short and quick ones, or the last ones."""
-        settings = self._settings
+        settings = self.settings
         duration = settings.robust_duration if last else settings.search_duration
-        walked = walker(self._experiment, duration=duration, quick=not last)
-        results = walks.walk_all(
-            [case.change(replace(walked, table=table)) for table in tables for case in cases],
-            self._workers,
-            progress=(lambda done, total: self._tell("robust set", done, total)) if last else None,
-            should_stop=self._should_stop,
-        )
+        walked = [walker(case, duration=duration, quick=not last) for case in cases]
+        asked = [in_case(case, table) for table in tables for case in walked]
+        results = walks.walk_all(asked, self._workers, should_stop=self._stop)
         if results is None:
             raise Stopped
-        return [results[at : at + len(cases)] for at in range(0, len(results), len(cases))]
+        return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]
 
     def _start(self) -> Descent:
         """Walk the table that is to be bettered."""
-        (ratings,) = self._walk([self._experiment.table], self._search_cases)
+        (ratings,) = self._walk([self.experiment.table], self.search_cases.values())
         cost, nominal = weighted_cost(ratings), ratings[0]
-        point = [item.start_coordinate for item in self._parameters]
-        self._generations.append(Generation(point, cost, nominal_cost(nominal), [standing(ratings)]))
+        point = [item.start_coordinate for item in self.parameters]
+        self.generations.append(Generation(point, cost, nominal_cost(nominal), [standing(ratings)]))
         return Descent(point, cost, residuals(nominal))
 
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
-        first, *corners = self._search_cases
+        first, *corners = self.search_cases.values()
         neighbours = descent.neighbours()
         ratings = self._walk([self._table_at(point) for point in neighbours], [first])
         descent.learn(neighbours, [residuals(walk) for (walk,) in ratings])
@@ -203,7 +172,7 @@ class Stages:
         costs = {place: weighted_cost(ratings[place]) for place in raced}
         for place in sorted(costs, key=costs.__getitem__):
             better = costs[place] < descent.cost
-            if better and not walks.quick_errors(replace(self._experiment, table=tables[place])):
+            if better and not walks.quick_errors(replace(self.experiment, table=tables[place])):
                 damping, point = candidates[place]
                 descent.go_to(point, costs[place], residuals(ratings[place][0]), damping)
                 break
@@ -213,31 +182,28 @@ class Stages:
         return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
-        return table_of(space.table_with(self._table, self._parameters, point))
+        return table_of(space.table_with(self._table, self.parameters, point))
 
     def _over(self, descent: Descent) -> bool:
         """Whether the search has come to its end, or had its generations or time; one it always gets."""
-        done, wanted = descent.generation, self._settings.generations
+        done, wanted = descent.generation, self.settings.generations
         if descent.has_ended:
             return True
         if wanted is not None:
             return done >= wanted
-        return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self._settings.minutes
+        return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self.settings.minutes
 
     def _finalists(self) -> list[Finalist]:
         """What was to be bettered, and where the search stood, over the robust set."""
-        chosen = [Finalist(self._table, None, self._generations[0].cost)]
-        for item in leaders(self._generations, FINALISTS):
-            table = space.table_with(self._table, self._parameters, item.point)
+        chosen = [Finalist(self._table, None)]
+        for item in leaders(self.generations, FINALISTS):
+            table = space.table_with(self._table, self.parameters, item.point)
             if all(table != other.table for other in chosen):
-                chosen.append(Finalist(table, tuple(item.point), item.cost))
-        cases = self._robust_cases
-        results = self._walk([table_of(item.table) for item in chosen], cases, last=True)
-        names = [case.name for case in cases]
-        return [
-            replace(item, walks=tuple(zip(names, ratings, strict=True)))
-            for item, ratings in zip(chosen, results, strict=True)
-        ]
+                chosen.append(Finalist(table, tuple(item.point)))
+        tables = [table_of(item.table) for item in chosen]
+        results = self._walk(tables, self._robust_cases.values(), last=True)
+        named = [tuple(zip(self._robust_cases, ratings, strict=True)) for ratings in results]
+        return [replace(item, walks=ratings) for item, ratings in zip(chosen, named, strict=True)]
 
 
 def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
@@ -255,7 +221,7 @@ def tune(
     settings: Settings,
     *,
     workers: Workers | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    tell: Tell = lambda line: None,
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Tuning | None:
@@ -265,22 +231,21 @@ def tune(
 
     Args:
         experiment: A wearer who walks on the ground, and the table that is to be bettered.
+        tell: Takes a line on where the tuning stands, with the best cost so far.
         should_stop: Asked before each walk; True ends the tuning.
 
     Returns:
         The tuning; None if it was stopped.
 
     Raises:
-        ParameterError: If there is nothing to tune, or the settings make no sense.
-        ParameterFileError: If a walk could not be run.
+        ParameterError: If there is nothing to tune, the settings make no sense or a walk cannot be run.
     """
     walks.check_walker(experiment)
-    if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
-        raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
         experiment = replace(experiment, table=space.with_own_sides(experiment.table))
-    stages = Stages(experiment, settings, workers or Workers(), progress, should_stop)
+    tuning = Tuning(experiment, settings, workers or Workers(), tell, should_stop)
     try:
-        return stages.everything(on_compile)
+        tuning.run(on_compile)
     except Stopped:
         return None
+    return tuning

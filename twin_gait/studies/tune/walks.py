@@ -1,24 +1,28 @@
 """Walks of candidates, what they cost, and the wearers, plants and sensors that they are tried on."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import reduce
+from pathlib import Path
 from typing import Any, Unpack
+
+import yaml
 
 from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
-from twin_gait.measures.reference import KILOMETRES_PER_HOUR, gait_profile_score
+from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import HEAVIEST_WEARER, Patient
 from twin_gait.simulation.lane_engine import WIDTH
-from twin_gait.studies.batch import run_episodes
+from twin_gait.studies.batch import overridden, run_episodes
 from twin_gait.studies.jobs import Watch
-from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
+from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds import Walking
 from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
@@ -27,7 +31,7 @@ from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
 # Ends of the names of the columns of a log that the parts are made of, beside time and phases.
 READ = (
-    *(*WALK_COLUMNS, "_crutch_normal_force_N"),
+    *WALK_COLUMNS,
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
@@ -35,21 +39,7 @@ NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the oth
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
-LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
-LOW_EFFICIENCY = 0.75  # of the gears, assumption: as cold grease has it; that of the default walk is 0.85
-ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
-# Corners of whom and what a table that ships is to carry: 50 to 110 kg, 1.50 to 1.95 m, 20 to 80 % support,
-# 0.8 to 1.9 km/h. Mass in [kg], height in [m], supported share, belt in [km/h].
-CORNERS = (
-    (95.0, 1.60, 0.40, 1.08),
-    (55.0, 1.90, 0.70, 1.50),
-    (90.0, 1.75, 0.30, 1.15),
-    (53.0, 1.57, 0.26, 1.80),
-    (105.0, 1.90, 0.50, 0.85),
-    (60.0, 1.60, 0.75, 0.85),
-    (102.0, 1.62, 0.40, 1.85),
-)
+_CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
@@ -72,10 +62,7 @@ def quick_errors(experiment: Experiment) -> set[str]:
 
 def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating] | None:
     """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
-    try:
-        results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
-    except JobFailed as error:
-        raise ParameterFileError("the tuning", f"walk {error.index}", error.problem) from error
+    results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
     return results if len(results) == len(walks) else None
 
 
@@ -91,7 +78,7 @@ def standing(walks: Sequence[Rating]) -> list[float | None]:
     None if it fell or has no error; and the mean cost of the other walks, None without.
     """
     nominal, *others = walks
-    errors = [nominal.values[part.name] for part in errors_of(nominal.joints)]
+    errors = [nominal.values[f"{joint}_error_deg"] for joint in nominal.joints]
     known = [error for error in errors if error is not None]
     walked = not nominal.fell and len(known) == len(errors)
     return [
@@ -114,54 +101,40 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
 
 
 def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
-    """How an experiment walks, and its wearer; without both it is a ParameterError."""
+    """How an experiment walks, and its wearer; without both, or a belt, it is a ParameterError."""
     walking, patient = experiment.scenario.walking, experiment.patient
-    if walking is None or patient is None:
+    if walking is None or patient is None or not experiment.scenario.adjusts(BELT_SPEED, SUPPORT_SHARE):
         raise ParameterError(
-            f"{experiment.name}: expected a wearer who walks on the ground; there is nothing to tune"
+            f"{experiment.name}: expected a wearer who walks on a belt; there is nothing to tune"
         )
     return walking, patient
 
 
-@dataclass(frozen=True)
-class Case:
-    """One way in which the world differs from the person and place that a table is tuned for.
+def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
+    """The cases of a kind by names, as ``cases.yaml`` has them: ``search``, ``robust`` or ``everyone``."""
+    return {name: reduce(_changed, changes.items(), nominal) for name, changes in _CASES[kind].items()}
 
-    What is None, or 1 of a ratio, stays as it is.
-    """
 
-    name: str  # in words
-    mass_ratio: float = 1.0  # true mass over that which the device goes on assuming
-    friction_ratio: float | None = None  # true friction over the model's
-    efficiency: float | None = None  # of the gears
-    voltage: float | None = None  # of the battery in [V]
-    noise: bool = False  # whether the encoders are noisy
-    wearer: tuple[float, float] | None = None  # mass in [kg] and height in [m], of which the device knows
-    support: float | None = None  # supported share of the weight
-    speed: float | None = None  # of the belt in [m] / [s]
-
-    def change(self, walked: Experiment) -> Experiment:
-        """An experiment in this world, whatever its table."""
-        plant, scenario = walked.plant, walked.scenario
-        if self.friction_ratio is not None:
-            plant = replace(plant, friction_ratio=dict.fromkeys(plant.friction, self.friction_ratio))
-        if self.efficiency is not None:
-            gears = {k: replace(v, gear_efficiency=self.efficiency) for k, v in plant.actuators.items()}
+def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
+    """An experiment with one of the changes that ``cases.yaml`` lists."""
+    (what, value), (walking, _) = change, check_walker(walked)
+    plant, scenario = walked.plant, walked.scenario
+    match what:
+        case "mass_ratio":
+            return _weighing(walked, value)
+        case "friction_ratio":
+            plant = replace(plant, friction_ratio=dict.fromkeys(plant.friction, value))
+        case "gear_efficiency":
+            gears = {joint: replace(gear, gear_efficiency=value) for joint, gear in plant.actuators.items()}
             plant = replace(plant, actuators=gears)
-        if self.voltage is not None:
-            plant = replace(plant, battery=replace(plant.battery, voltage=self.voltage))
-        if self.support is not None:
-            scenario = scenario.adjusted(SUPPORT_SHARE, self.support)
-        if self.speed is not None:
-            scenario = scenario.adjusted(BELT_SPEED, self.speed)
-        if self.noise:
-            walked = replace(walked, sensors=replace(walked.sensors, ideal=False, angle_noise=ANGLE_NOISE))
-        if self.mass_ratio != 1.0:
-            walked = _weighing(walked, self.mass_ratio)
-        if self.wearer is not None:
-            patient = replace(check_walker(walked)[1], mass=self.wearer[0], height=self.wearer[1])
-            walked = replace(walked, patient=patient, control=replace(walked.control, patient=None))
-        return replace(walked, plant=plant, scenario=scenario)
+        case "support_more":
+            share = min(0.95, max(0.0, walking.support_share + value))
+            scenario = scenario.adjusted(SUPPORT_SHARE, share)
+        case "belt_ratio":
+            scenario = scenario.adjusted(BELT_SPEED, value * walking.speed)
+        case key:
+            return overridden(walked, {key: value})
+    return replace(walked, plant=plant, scenario=scenario)
 
 
 def _weighing(walked: Experiment, ratio: float) -> Experiment:
@@ -178,44 +151,6 @@ def _weighing(walked: Experiment, ratio: float) -> Experiment:
     return replace(walked, patient=replace(patient, mass=mass), control=control, table=table)
 
 
-NOMINAL = Case("nominal")
-SEARCH_CASES = (  # which every candidate walks: as it is (first), and two corners of the robust set
-    NOMINAL,
-    Case("heavy, rough, empty battery", 1.1, HIGH_FRICTION, voltage=LOW_VOLTAGE, noise=True),
-    Case("light, smooth", 0.9, LOW_FRICTION),
-)
-
-
-def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
-    """The robust set, which the best candidates walk; the nominal case first."""
-    walking, _ = check_walker(experiment)
-    less, more = (min(0.95, max(0.0, walking.support_share + step)) for step in (-0.1, 0.1))
-    belts = Case("belt −10 %", speed=0.9 * walking.speed), Case("belt +10 %", speed=1.1 * walking.speed)
-    return (
-        NOMINAL,
-        Case("mass −10 %", mass_ratio=0.9),
-        Case("mass +10 %", mass_ratio=1.1),
-        Case(f"friction ratio {LOW_FRICTION:g}", friction_ratio=LOW_FRICTION),
-        Case(f"friction ratio {HIGH_FRICTION:g}", friction_ratio=HIGH_FRICTION),
-        Case(f"gear efficiency {LOW_EFFICIENCY:g}", efficiency=LOW_EFFICIENCY),
-        Case("support −10 points", support=less),
-        Case("support +10 points", support=more),
-        *(belts if experiment.scenario.adjusts(BELT_SPEED) else ()),
-        Case(f"bus {LOW_VOLTAGE:g} V", voltage=LOW_VOLTAGE),
-        Case(f"bus {HIGH_VOLTAGE:g} V", voltage=HIGH_VOLTAGE),
-        Case("sensor noise", noise=True),
-        *SEARCH_CASES[1:],
-    )
-
-
-def corner_cases() -> tuple[Case, ...]:
-    """Other wearers, whom the device is told of, with other support on other belts; see ``CORNERS``."""
-    return tuple(
-        Case(
-            f"{mass:g} kg, {height:g} m, {100.0 * share:g} % supported, {speed:g} km/h",
-            wearer=(mass, height),
-            support=share,
-            speed=speed / KILOMETRES_PER_HOUR,
-        )
-        for mass, height, share, speed in CORNERS
-    )
+def in_case(walked: Experiment, table: GaitTable) -> Experiment:
+    """A walk of a case with another table, scaled as the case has it."""
+    return replace(walked, table=replace(table, scaling=walked.table.scaling))
