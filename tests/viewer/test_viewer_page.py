@@ -44,7 +44,6 @@ from twin_gait.palette import (
 from twin_gait.runs.record import load_run, write_run
 from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, shown_run
 from twin_gait.viewer.animation import urdf_page
-from twin_gait.viewer.body import CLOTH, ROPE, VEST
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import ROOT
 from twin_gait.viewer.motion import (
@@ -59,6 +58,7 @@ from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, About, live_page,
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 
@@ -354,8 +354,8 @@ def test_harness_and_trunk_stand_out_by_night() -> None:
     found = re.search(r"NIGHT = \{ top: \[([^]]*)\]", script)
     assert found
     night = "#" + "".join(f"{round(255 * float(share)):02x}" for share in found[1].split(","))
-    for material, least in ((VEST, 3.0), (CLOTH, 4.5), (ROPE, 2.5)):
-        shown = "#" + "".join(f"{round(255 * share):02x}" for share in material.colour)
+    for material, least in (("vest", 3.0), ("cloth", 4.5), ("rope", 2.5)):
+        shown = "#" + "".join(f"{round(255 * share):02x}" for share in MATERIALS[material].colour)
         assert contrast(shown, night) > least
 
 

@@ -455,7 +455,7 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     hidden = {path for path, seen in properties_of(recorder, "visible").items() if seen is False}
     drawn = [c for c in recorder.commands() if c["type"] == "set_object" and c["path"] not in hidden]
-    triangles = sum(len(c["object"]["geometries"][0]["data"]["index"]["array"].data) // 6 for c in drawn)
+    triangles = sum(len(c["object"]["geometries"][0]["data"]["index"]["array"].data) // 12 for c in drawn)
     assert len(drawn) <= 50
     assert triangles < 30_000
     receive = properties_of(recorder, "receiveShadow")
@@ -469,14 +469,16 @@ def test_bench_leg_hangs_clear_of_its_bench(bench: LegModel) -> None:
     recorder = Window()
     build_scene(recorder, bench, around=Surroundings.STAND)
     vertices = meshes_of(recorder)
-    for name in ("table_top", "table_frame", "vice", "weight"):
-        part = vertices[f"{surroundings.ROOT}/{name}"]
+    parts = {
+        name: vertices[f"{ROOT}/bench/{name}"] for name in ("table_top", "table_frame", "vice", "weight")
+    }
+    for name, part in parts.items():
         # Cuffs reach 0.1 m behind the tube; jaws hold the bracket behind the motor.
         assert part[:, 1].min() > (0.10 if name != "vice" else 0.05), name
-    top = vertices[f"{surroundings.ROOT}/table_top"][:, 2].max()
-    assert vertices[f"{surroundings.ROOT}/weight"][:, 2].min() == pytest.approx(top, abs=1e-3)
-    assert vertices[f"{surroundings.ROOT}/vice"][:, 2].min() == pytest.approx(top, abs=1e-3)
-    assert vertices[f"{surroundings.ROOT}/mat"][:, 2].max() < -0.9  # hip to ankle: 0.85 m
+    top = parts["table_top"][:, 2].max()
+    assert parts["weight"][:, 2].min() == pytest.approx(top, abs=1e-3)
+    assert parts["vice"][:, 2].min() == pytest.approx(top, abs=1e-3)
+    assert parts["table_frame"][:, 2].min() < -0.9  # hip to ankle: 0.85 m
 
 
 def test_a_urdf_with_its_vertical_along_y_stands_upright(tmp_path: Path) -> None:
@@ -523,7 +525,7 @@ def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None
     path = scene.arcs[Side.LEFT]["hip"][1]
     arrow = on_stage(world(scene, recorder, path), meshes_of(recorder)[path])
     assert arrow[:, 1].min() > 0.0  # left of the leg, in a scene whose vertical is z
-    assert f"{surroundings.ROOT}/vice" in meshes_of(recorder)
+    assert f"{surroundings.ROOT}/bench/vice" in meshes_of(recorder)
 
 
 def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Path) -> None:

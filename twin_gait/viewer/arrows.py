@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import EXTENSION_COLOUR, FLEXION_COLOUR, GROUND_FORCE_COLOUR
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.shapes import Shape
 
 # Scales of the arrows: the scene draws with them, the page explains them.
@@ -33,7 +32,7 @@ def draw_arrow(window: Window, name: str) -> str:
     return path
 
 
-def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> dict[tuple[str, str], Any]:
+def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> State:
     """An arrow as long as its force, seen while there is contact.
 
     ``force``: forward and upward in [N], shape ``(2,)``; ``point``: where it begins in [m], shape ``(3,)``.
@@ -45,13 +44,13 @@ def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> dict[tuple[s
     half = 0.5 * np.arctan2(forward, upward) if visible else 0.0
     return {
         (path, "visible"): visible,
-        (path, "position"): [float(value) for value in point],
+        (path, "position"): point.tolist(),
         (path, "quaternion"): [0.0, float(np.sin(half)), 0.0, float(np.cos(half))],
         (path, "scale"): [width, width, length],
     }
 
 
-def arc_state(arcs: Mapping[int, str], torque: float) -> dict[tuple[str, str], bool]:
+def arc_state(arcs: Mapping[int, str], torque: float) -> State:
     """Which of the arrows of a joint is seen, if any.
 
     ``arcs``: place of each by its level, from ``-LEVELS`` to ``LEVELS`` without 0; ``torque`` of the motor on

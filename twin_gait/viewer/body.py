@@ -6,7 +6,6 @@ The shape of a limb is drawn by eye for a body of 1.75 m and 70 kg and scaled; i
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,16 +16,12 @@ from twin_gait.parameters import CrutchParameters, Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
-from twin_gait.viewer.commands import Material, Window, draw_mesh
+from twin_gait.viewer.commands import State, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.surroundings import RUBBER, STEEL
+from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import Side
-
-SKIN = Material(colour=(0.80, 0.60, 0.50), opacity=0.42, roughness=0.75)
-CLOTH = Material(colour=(0.58, 0.66, 0.77), opacity=0.60, roughness=0.9)
-STRAP = Material(colour=(0.27, 0.31, 0.38), roughness=0.85)
 
 _DRAWN_HEIGHT, _DRAWN_MASS = 1.75, 70.0  # of the body that the tables below describe
 _HIP_CENTRE = 0.055  # half the distance between the hip centres, share of the body height
@@ -37,14 +32,11 @@ _KNEE_INSIDE, _ANKLE_INSIDE = 0.62, 0.42
 RINGS = yaml.safe_load(Path(__file__).with_name("body.yaml").read_text(encoding="utf-8"))
 _STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the limb
 
-VEST = Material(colour=(0.40, 0.48, 0.60), opacity=0.92, roughness=0.9)
 _VEST = (0.50, 0.80)  # around the chest, heights over the hips as shares of the trunk length
 _HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: where a rope meets its straps
 ROPES = "/meshcat/ropes"
 _ROPE = ((0.0, 0.0), (0.006, 0.0), (0.006, 1.0), (0.0, 1.0))  # (radius, height) [m]
-ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
 ROOT = "/meshcat/crutches"
-PLASTIC = Material(colour=(0.25, 0.31, 0.40), roughness=0.85)
 _COLUMNS = ("forward_m", "height_m", "friction_force_N", "normal_force_N")
 LEFT = {Side.LEFT: 1.0, Side.RIGHT: -1.0}
 _BESIDE = 0.13  # way of the tip to the outside of the hips of the device [m]
@@ -79,19 +71,18 @@ def draw_wearer(
                 (-share * length, scale * x, upper + (lower - upper) * share, scale * a, scale * b)
                 for share, x, a, b in RINGS[name]
             ]
-            figure.draw(joint, f"wearer_{name}", shapes.moved(shapes.limb(table), axes), SKIN)
+            figure.draw(joint, f"wearer_{name}", shapes.moved(shapes.limb(table), axes), MATERIALS["skin"])
             top, bottom = (-length * share for share in _STRAPS[name])
             strap = band(np.array(table), top, bottom)
-            figure.draw(joint, f"strap_{name}", shapes.moved(strap, axes), STRAP)
+            figure.draw(joint, f"strap_{name}", shapes.moved(strap, axes), MATERIALS["strap"])
         if leg.ankle is not None:
             foot = shapes.moved(_foot(patient), _axes(-shank, at_ankle))
-            figure.draw(leg.ankle, "wearer_foot", foot, SKIN)
+            figure.draw(leg.ankle, "wearer_foot", foot, MATERIALS["skin"])
     if trunk_joint is not None:
-        axes = trunk_axes(figure)
-        figure.draw(
-            trunk_joint, "wearer_trunk", shapes.moved(_torso(RINGS["trunk"], patient, rows=20), axes), CLOTH
-        )
-        figure.draw(trunk_joint, "wearer_head", shapes.moved(_torso(RINGS["head"], patient), axes), SKIN)
+        for name, look, rows in (("trunk", "cloth", 20), ("head", "skin", 12)):
+            torso = shapes.limb(_rings(RINGS[name], patient), rows=rows, columns=24)
+            shape = shapes.moved(torso, trunk_axes(figure))
+            figure.draw(trunk_joint, f"wearer_{name}", shape, MATERIALS[look])
 
 
 def trunk_axes(figure: Figure) -> np.ndarray:
@@ -147,18 +138,14 @@ def _foot(patient: Patient) -> Shape:
         for share, centre, a, b in RINGS["foot"]
     ]
     # The rings stand along x: turn the limb's z into x and its x into z.
-    turn = np.eye(4)
-    turn[:3, :3] = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-    return shapes.moved(shapes.limb(rings), turn)
+    return shapes.moved(
+        shapes.limb(rings), shapes.frame(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    )
 
 
 def _rings(table: Sequence[Sequence[float]], patient: Patient) -> list[tuple[float, ...]]:
     length, scale = wearer.TRUNK_LENGTH * patient.height, girth(patient)
     return [(share * length, scale * x, 0.0, scale * a, scale * b) for share, x, a, b in table]
-
-
-def _torso(table: Sequence[Sequence[float]], patient: Patient, rows: int = 12) -> Shape:
-    return shapes.limb(_rings(table, patient), rows=rows, columns=24)
 
 
 def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
@@ -170,11 +157,11 @@ def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.
     rings = np.array(_rings(RINGS["trunk"], patient))
     bottom, top = (share * length for share in _VEST)
     vest = band(rings[::-1], top, bottom, rings=6, columns=28)
-    figure.draw(trunk_joint, "harness_vest", shapes.moved(vest, axes), VEST)
+    figure.draw(trunk_joint, "harness_vest", shapes.moved(vest, axes), MATERIALS["vest"])
     x, y, share = _HOOK
     hooks = [np.array([x, side * y, share * length]) for side in (1.0, -1.0)]
     straps = [_shoulder_strap(hook, front, rings, top) for hook in hooks for front in (1.0, -1.0)]
-    figure.draw(trunk_joint, "harness_straps", shapes.moved(shapes.merged(straps), axes), STRAP)
+    figure.draw(trunk_joint, "harness_straps", shapes.moved(shapes.merged(straps), axes), MATERIALS["strap"])
     return [axes[:3, :3] @ hook for hook in hooks]
 
 
@@ -203,13 +190,13 @@ class DrawnRopes:
         ends = [figure.world_point(pin.neutral(figure.model), joint, hook) for hook in hooks]
         self.upper = np.array([[x, y, height] for x, y, _ in ends])
         for number in range(len(hooks)):  # of 1 m along z; its length is the scale
-            draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), ROPE)
+            draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), MATERIALS["rope"])
         draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
         draw(window, self.upper)
 
-    def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
+    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
         """Where they are in a frame."""
-        state: dict[tuple[str, str], Any] = {}
+        state: State = {}
         for number, (hook, upper) in enumerate(zip(self._hooks, self.upper, strict=True)):
             lower = figure.world_point(motion.q[frame], self._joint, hook)
             span = (np.array([lower[0], *upper[1:]]) if self._on_rail else upper) - lower
@@ -217,7 +204,7 @@ class DrawnRopes:
         return state
 
 
-def _spanned(path: str, start: np.ndarray, span: np.ndarray) -> dict[tuple[str, str], Any]:
+def _spanned(path: str, start: np.ndarray, span: np.ndarray) -> State:
     """Of what is 1 m long along z, so that it spans a way from a start in [m]."""
     return {
         (path, "position"): start.tolist(),
@@ -269,13 +256,14 @@ class DrawnCrutches:
         for side, left in LEFT.items():
             shoulder = [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
             self._shoulders[side] = trunk_axes(figure)[:3, :3] @ shoulder
-            _draw_upper_arm(window, f"{ROOT}/{side}_upper_arm", girth(patient))
+            rings = _arm("upper_arm", patient, 0.0, 1.0)  # 1 m long, along z, thick as it is
+            draw_mesh(window, f"{ROOT}/{side}_upper_arm/skin", shapes.limb(rings), MATERIALS["skin"])
             path, length = f"{ROOT}/{side}_forearm", self._lower * longer
-            _draw_forearm(window, path, length, forearm * longer, girth(patient))
+            _draw_forearm(window, path, length, forearm * longer, patient)
 
-    def state(self, figure: Figure, motion: Motion, frame: int) -> dict[tuple[str, str], Any]:
+    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
         """Where they are in a frame; nothing of a log without crutches."""
-        state: dict[tuple[str, str], Any] = {}
+        state: State = {}
         for side, left in LEFT.items():
             names = (f"{side}_crutch_{name}" for name in _COLUMNS)
             values = [float(motion.columns[name][frame]) for name in names if name in motion.columns]
@@ -297,28 +285,27 @@ class DrawnCrutches:
         return state
 
 
-def _draw_upper_arm(window: Window, path: str, scale: float) -> None:
-    """Draw an upper arm of 1 m along z, thick as it is."""
-    rings = [(share, 0.0, 0.0, scale * x, scale * y) for share, x, y in RINGS["upper_arm"]]
-    draw_mesh(window, f"{path}/skin", shapes.limb(rings), SKIN)
+def _arm(name: str, patient: Patient, start: float, length: float) -> list[list[float]]:
+    """Rings of a part of an arm along z, from a height in [m] over a length in [m]."""
+    scale = girth(patient)
+    return [[start + share * length, 0.0, 0.0, scale * x, scale * y] for share, x, y in RINGS[name]]
 
 
-def _draw_forearm(window: Window, path: str, length: float, forearm: float, scale: float) -> None:
+def _draw_forearm(window: Window, path: str, length: float, forearm: float, patient: Patient) -> None:
     """Draw a forearm and a crutch from the tip at the origin to the elbow on z, handle forwards."""
-    grip = length - forearm
-    rings = [
-        (length - share * forearm, share * _HANDLE, 0.0, scale * x, scale * y)
-        for share, x, y in RINGS["forearm"]
-    ]
+    grip, scale = length - forearm, girth(patient)
+    rings = np.array(_arm("forearm", patient, length, -forearm))
+    rings[:, 1] = _HANDLE * (length - rings[:, 0]) / forearm  # the hand is at the handle
     fist = shapes.ellipsoid((0.040 * scale, 0.036 * scale, 0.046 * scale))
     hand = shapes.moved(fist, shapes.translation((_HANDLE, 0.0, grip + 0.005)))
-    draw_mesh(window, f"{path}/skin", shapes.merged([shapes.limb(rings), hand]), SKIN)
+    draw_mesh(window, f"{path}/skin", shapes.merged([shapes.limb(rings.tolist()), hand]), MATERIALS["skin"])
     # Behind the forearm up to the cuff.
     top, bottom = (length - share * forearm for share in _CUFF)
     at_cuff = np.array([-0.045 * scale, 0.0, 0.5 * (top + bottom)])
     line = np.array([[0.0, 0.0, 0.04], [0.0, 0.0, 0.4 * grip], [0.0, 0.0, grip - 0.02], at_cuff])
-    draw_mesh(window, f"{path}/shaft", shapes.tube(line, 0.0115, columns=12), STEEL, casts=True)
-    cuff = band(np.array(rings), top, bottom, rings=3)
-    handle = shapes.tube(np.array([[x, 0.0, grip] for x in (-0.012, 0.05, 0.105)]), 0.0155, columns=12)
-    draw_mesh(window, f"{path}/plastic", shapes.merged([cuff, handle]), PLASTIC, casts=True)
-    draw_mesh(window, f"{path}/tip", shapes.turned(_TIP, columns=20), RUBBER, casts=True)
+    handle = np.array([[x, 0.0, grip] for x in (-0.012, 0.05, 0.105)])
+    crutch = [
+        shapes.tube(line, 0.0115, columns=12), shapes.tube(handle, 0.0155, columns=12),
+        band(rings, top, bottom, rings=3), shapes.turned(_TIP, columns=20),
+    ]  # fmt: skip
+    draw_mesh(window, f"{path}/crutch", shapes.merged(crutch), MATERIALS["plastic"], casts=True)

@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
-from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
+from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
 
@@ -66,13 +66,11 @@ class Figure:
     def draw_visuals(self, visuals: Visuals) -> None:
         """Draw the visuals of the URDF."""
         for number, part in enumerate(visuals.parts):
-            red, green, blue, opacity = part.colour
-            roughness = 0.8 if max(red, green, blue) < 0.3 else 0.42
+            *colour, opacity = part.colour
+            gloss = 0.8 if max(colour) < 0.3 else 0.42
             # Of both sides, because it may have holes.
-            material = Material(
-                colour=(red, green, blue), opacity=opacity, roughness=roughness, two_sided=True
-            )
-            self.draw(part.joint, f"visual_{number}", part.shape, material)
+            look = Material(colour=colour, opacity=opacity, roughness=gloss, two_sided=True)
+            self.draw(part.joint, f"visual_{number}", part.shape, look)
 
     def draw_skeleton(self) -> None:
         """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
@@ -81,15 +79,11 @@ class Figure:
         radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
         material = Material(colour=STICK_COLOUR, roughness=0.8)
         for name, tips in zip(map(str, self.model.names), ends, strict=True):
-            sticks = [
-                shapes.moved(
-                    shapes.capsule(radius, float(np.linalg.norm(end))), shapes.frame(end, at=0.5 * end)
-                )
-                for end in tips
-            ]
-            balls = [shapes.ellipsoid((1.5 * radius,) * 3, columns=16)] if name != FIXED_JOINT else []
-            if sticks or balls:
-                self.draw(name, "sticks", shapes.merged([*balls, *sticks]), material)
+            pieces = [shapes.tube(np.array([0.0 * end, 0.5 * end, end]), radius) for end in tips]
+            if name != FIXED_JOINT:
+                pieces.append(shapes.ellipsoid((1.5 * radius,) * 3, columns=16))
+            if pieces:
+                self.draw(name, "sticks", shapes.merged(pieces), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
         """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
@@ -117,14 +111,12 @@ class Figure:
         That one stands on the link before, parallel to the axes of both joints and about neither. Without one
         it has the ``default_radius`` in [m]. Returned on the joint, or on the one before.
         """
-        index = self.model.getJointId(joint)
-        parent = str(self.model.names[self.model.parents[index]])
-        placements = {joint: pin.SE3.Identity(), parent: self.model.jointPlacements[index].inverse()}
-        axis = self.axis(joint)
-        found, beside = [], []
+        parent, before = self._before(joint)
+        placements = {joint: pin.SE3.Identity(), parent: before.inverse()}
+        axis, found, beside = self.axis(joint), [], []
         for disc in (item for item in discs if item.joint in placements):
-            placement, own = placements[disc.joint], np.asarray(disc.centre)
-            centre = placement.act(own)
+            placement = placements[disc.joint]
+            centre = placement.act(np.asarray(disc.centre))
             if abs(float(placement.rotation @ disc.axis @ axis)) <= 0.99:
                 continue
             # The other leg's motor may lie on the same axis, but not here.
@@ -132,11 +124,15 @@ class Figure:
                 if abs(float(centre @ axis)) < 2.0 * disc.length:
                     found.append(disc._replace(joint=joint, centre=centre, axis=axis))
             elif disc.joint == parent != FIXED_JOINT:
-                before = self.axis(parent)
-                if abs(float(disc.axis @ before)) > 0.99 and _off_axis(own, before) > _COAXIAL:
+                if _off_axis(np.asarray(disc.centre), self.axis(parent)) > _COAXIAL:
                     beside.append(disc)
         default = Disc(joint, np.zeros(3), axis, default_radius, default_radius)
         return max(found or beside, key=lambda motor: motor.radius, default=default)
+
+    def _before(self, joint: str) -> tuple[str, pin.SE3]:
+        """The joint before a joint, and where it carries it."""
+        index = self.model.getJointId(joint)
+        return str(self.model.names[self.model.parents[index]]), self.model.jointPlacements[index]
 
     def draw_cover(self, joint: str, motor: Disc, material: Material) -> str:
         """Draw the cover of a motor, whose colour shows the phase."""
@@ -152,9 +148,7 @@ class Figure:
         ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one.
         Returns the place of each arrow by its level.
         """
-        index = self.model.getJointId(joint)
-        parent = str(self.model.names[self.model.parents[index]])
-        before = self.model.jointPlacements[index]
+        parent, before = self._before(joint)
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
@@ -179,14 +173,14 @@ class Figure:
         motion = np.asarray(data.S).reshape(6, -1)[:, 0]  # linear and angular velocity per joint velocity
         return motion[3:] if np.any(motion[3:]) else motion[:3]
 
-    def posture(self, q: np.ndarray) -> dict[tuple[str, str], list[float]]:
+    def posture(self, q: np.ndarray) -> State:
         """Where every joint group is in the group of the joint before it.
 
         ``q``: coordinates, shape ``(nq,)``. Returns by the place of the group its ``position`` in [m] and its
         ``quaternion`` (x, y, z, w).
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
-        found: dict[tuple[str, str], list[float]] = {}
+        found: State = {}
         for name, transform in zip(list(self.model.names)[1:], list(self._data.liMi)[1:], strict=True):
             path = self.paths[str(name)]
             found[path, "position"] = transform.translation.tolist()

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from itertools import islice
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import arc_state, arrow_state
 from twin_gait.viewer.body import LEFT
-from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
@@ -32,8 +32,6 @@ _TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
 _RADIUS = 0.006  # [m]
 _COLUMNS = 5
 _SHORTEST_STEP = 1e-3  # [m]
-
-State = dict[tuple[str, str], Any]
 
 
 @dataclass(frozen=True)
@@ -84,22 +82,23 @@ class Scene:
                 self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward)
 
     def draw_trails(self, motion: Motion) -> None:
-        """Draw the path of each foot in every stride of a motion, hidden."""
+        """Draw the path of each foot in every stride of a motion, hidden.
+
+        A stride is from one entry into the first phase of the table to the next.
+        """
         self.trails = []
         for side, leg in motion.legs.items():
-            spans = strides(leg.phases, motion.duration)
-            ends = [end for _, end in spans[1:]] + [math.inf]
-            for number, (span, following) in enumerate(zip(spans[:MOST_STRIDES], ends, strict=False)):
-                frames = np.flatnonzero((motion.times >= span[0]) & (motion.times <= span[1]))
-                if len(frames) < FEWEST_POINTS:
-                    continue
+            entries = [float(start) for start, code in zip(*leg.phases, strict=True) if code == 0 and start]
+            strides = zip(entries, entries[1:], [*entries[2:], math.inf], strict=False)
+            for number, (start, end, following) in enumerate(islice(strides, MOST_STRIDES)):
+                frames = np.flatnonzero((motion.times >= start) & (motion.times <= end))
                 points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
                 shape = trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
                 if shape is not None:
                     path = f"{TRAILS}/{side}_{number}"
                     draw_mesh(self._window, path, shape, _TRAIL)
                     self.apply({(path, "visible"): False})
-                    self.trails.append(StrideTrail(path, span[1], following))
+                    self.trails.append(StrideTrail(path, end, following))
 
     def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
         """End of the leg that leaves the trail: the middle of the sole, or the end of its last segment."""
@@ -154,16 +153,6 @@ class StrideTrail(NamedTuple):
     path: str  # its place in the scene
     begin: float  # time at which the stride was complete in [s]
     end: float  # time at which the next one is, in [s]
-
-
-def strides(phases: PhaseSpells, duration: float) -> list[tuple[float, float]]:
-    """Strides from one entry into the first phase of the table to the next.
-
-    ``phases``: phases of a leg; ``duration`` of the motion in [s]. Returns start and end of each complete
-    stride in [s].
-    """
-    entries = [float(start) for start, code in zip(*phases, strict=True) if code == 0 and start > 0.0]
-    return [(start, end) for start, end in pairwise(entries) if end <= duration]
 
 
 def trail_shape(

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 _CREASE = math.cos(math.radians(40.0))  # sharper edges stay edges
 
@@ -31,15 +32,12 @@ def rounded_box(size: Sequence[float], radius: float) -> Shape:
     # A box without any rounding would have no normals at its edges.
     radius = float(np.clip(radius, 1e-6 * half.min(), 0.999 * half.min()))
     eighth = np.radians([0.0, 45.0, 90.0])
-    latitude, above = np.concatenate((eighth - math.pi / 2.0, eighth))[:, None], np.repeat([-1.0, 1.0], 3)
+    latitude = np.concatenate((eighth - math.pi / 2.0, eighth))[:, None]
     longitude = np.concatenate([eighth + quarter * math.pi / 2.0 for quarter in range(4)])
-    corners = np.stack((np.repeat([1, -1, -1, 1], 3), np.repeat([1, 1, -1, -1], 3)), axis=1)
-    points = np.empty((6, 12, 3))
-    points[:, :, 0] = radius * np.cos(latitude) * np.cos(longitude)
-    points[:, :, 1] = radius * np.cos(latitude) * np.sin(longitude)
-    points[:, :, 2] = radius * np.sin(latitude)
-    points[:, :, :2] += (half[:2] - radius) * corners
-    points[:, :, 2] += (half[2] - radius) * above[:, None]
+    corner = [np.repeat([1, -1, -1, 1], 3), np.repeat([1, 1, -1, -1], 3), np.repeat([-1, 1], 3)[:, None]]
+    ball = [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    parts = zip(ball, corner, half - radius, strict=True)
+    points = np.stack(np.broadcast_arrays(*(radius * on + way * side for on, side, way in parts)), axis=2)
     middle = np.tile([0.0, 0.0, half[2]], (1, 12, 1))
     return surface(np.concatenate((-middle, points, middle)))
 
@@ -118,9 +116,7 @@ def cone(radius: float, length: float, columns: int = 32) -> Shape:
 
 def arrow() -> Shape:
     """Make an arrow of 1 m from the origin along z, whose head takes a fifth of it."""
-    shaft, neck = 0.012, 0.8
-    head = 2.6 * shaft
-    return turned([(0.0, 0.0), (shaft, 0.0), (shaft, neck), (head, neck), (0.0, 1.0)], columns=24)
+    return turned([(0.0, 0.0), (0.012, 0.0), (0.012, 0.8), (0.031, 0.8), (0.0, 1.0)], columns=24)
 
 
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
@@ -154,18 +150,6 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
     return across
 
 
-def smooth(values: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Catmull-Rom curves through values at 0, 1, 2, …: cubics whose slopes are central differences.
-
-    ``values``: shape ``(n, m)``; ``places`` from 0 to n - 1, shape ``(k,)``. Returns shape ``(k, m)``.
-    """
-    slopes, start = np.gradient(values, axis=0), np.minimum(places.astype(int), len(values) - 2)
-    s = (places - start)[:, None]
-    rise, first, last = values[start + 1] - values[start], slopes[start], slopes[start + 1]
-    bend = (first - rise) * (1.0 - s) - (last - rise) * s
-    return np.asarray(values[start] + s * rise + s * (1.0 - s) * bend)
-
-
 def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20) -> Shape:
     """Make a limb of elliptic rings along z, with rounded ends.
 
@@ -173,7 +157,8 @@ def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20)
     rings in the mesh, beside those of the ends.
     """
     table = np.array(sorted(map(tuple, rings)), dtype=float)
-    curve = smooth(table, np.linspace(0.0, len(table) - 1.0, rows))
+    places, slopes = np.arange(len(table)), np.gradient(table, axis=0)
+    curve = CubicHermiteSpline(places, table, slopes)(np.linspace(0.0, len(table) - 1.0, rows))
     curve = np.concatenate((_end(curve[0], curve[1]), curve[1:-1], _end(curve[-1], curve[-2])[::-1]))
     return surface(elliptic(curve, columns))
 

@@ -61,22 +61,32 @@ def build_scene(
     for side, leg in model.legs.items():
         scene.draw_drives(side, leg, drives, visuals)
     trunk, patient = model.trunk_joint or FIXED_JOINT, setting.get("patient")
+    walks = len(model.legs) > 1
     if patient is not None:
-        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
+        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
     top, bottom = _extent(scene.figure, model.legs)
     height, around = top - bottom, setting.get("around", Surroundings.TREADMILL)
     if around is Surroundings.STAND:
         _surround_bench_leg(window, scene, model.legs, top, bottom)
-        return scene
-    if around not in (Surroundings.TREADMILL, Surroundings.WALKWAY):
+    elif around in (Surroundings.TREADMILL, Surroundings.WALKWAY):
+        scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
+        _surround_walker(window, scene, model, around, setting.get("slope", 0.0))
+        if patient is not None and walks:
+            _equip_walker(window, scene, patient, trunk, {**setting, "around": around})
+    else:
         surroundings.draw_floor(window, bottom - 0.02)
         scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
-        return scene
+    return scene
+
+
+def _surround_walker(
+    window: Window, scene: Scene, model: LegModel, around: Surroundings, slope: float
+) -> None:
+    """Draw the ground and its forces on the feet."""
     if around is Surroundings.WALKWAY:
         assert model.forward_index is not None  # it walks
         scene.elements.append(surroundings.DrawnWalkway(window, model.forward_index))
     else:
-        slope = setting.get("slope", 0.0)
         pose = surroundings.tilted(slope)
         window.send(set_transform(FORCE_ROOT, pose))
         scene.ground = pose[:3, :3]
@@ -84,10 +94,6 @@ def build_scene(
     for side, leg in model.legs.items():
         if leg.contact_frames:
             scene.arrows[side] = draw_arrow(window, str(side))
-    scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
-    if patient is not None and len(model.legs) > 1:
-        _equip_walker(window, scene, patient, trunk, setting | {"around": around})
-    return scene
 
 
 def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
