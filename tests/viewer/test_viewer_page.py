@@ -503,7 +503,7 @@ def test_without_a_browser_a_picture_is_refused_with_the_way_out(
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv(BROWSER_VARIABLE, raising=False)
-    monkeypatch.setattr("twin_gait.viewer.picture._MAC_BROWSER", tmp_path / "Chrome")
+    monkeypatch.setattr("twin_gait.viewer.picture.BROWSERS", ("chromium",))
     picture = tmp_path / "a.png"
     said = fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
     assert "Chromium" in said and BROWSER_VARIABLE in said

@@ -15,7 +15,7 @@ from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, leg_co
 from twin_gait.viewer.page import About, leg_entry, page_data
 from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene
-from twin_gait.vocabulary import HOLD, JointName, Side
+from twin_gait.vocabulary import HOLD, JointName
 
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
@@ -81,13 +81,21 @@ class LiveFigure:
         ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read.
         """
         self.window = LiveWindow()
-        self._model, self._phases = model, (*phases, HOLD)
-        self._drives = tuple(drives)
+        self._phases = (*phases, HOLD)
         self._scene = build_scene(self.window, model, drives=drives, **setting)
-        self._forces = {"force": bool(self._scene.arrows), "crutch": setting.get("crutches") is not None}
-        self._time, self._travelled = 0.0, 0.0
-        self._columns = {side: self._read_out(side) for side in model.sides}
-        self._traced = 0
+        self._time, self._travelled, self._traced = 0.0, 0.0, 0
+        left_out = {f"{joint}_{_UNUSED}" for joint in drives}
+        left_out |= set() if self._scene.arrows else {"force"}
+        left_out |= set() if setting.get("crutches") else {"crutch"}
+        # What is read out of each leg: column of the log, and factor from its unit to the one that is shown.
+        self._columns = {
+            side: {
+                key: (column, _DEGREES if key in drives else 1.0)
+                for key, column in leg_columns(side, drives).items()
+                if key not in left_out
+            }
+            for side in model.sides
+        }
         self.page = page_data(
             about, mode="live", view=self._scene.view,
             missing_meshes=self._scene.missing_meshes, phases=self._phases, arrows=bool(self._scene.arrows),
@@ -112,27 +120,17 @@ class LiveFigure:
         posture = np.asarray(q, dtype=float)  # null is not a number
         if not np.isfinite(posture).all():
             return  # a walk that diverged stays as it was last seen
-        now = np.array([time])
-        held = row["safety_state"] == SafetyState.HOLD.code
-        phases = {
-            side: self._phases.index(HOLD if held else row[f"{side}_phase"]) for side in self._model.sides
-        }
-        legs = {
-            side: LegMotion(PhaseSpells(now, np.array([code])), curves={}) for side, code in phases.items()
-        }
+        now, held = np.array([time]), row["safety_state"] == SafetyState.HOLD.code
+        phases = {side: self._phases.index(HOLD if held else row[f"{side}_phase"]) for side in self._columns}
+        legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in phases.items()}
         columns = {
             name: np.array([value], dtype=float) for name, value in row.items() if not isinstance(value, str)
         }
         motion = Motion(now, posture[None, :], legs, self._phases, columns)
         self._scene.apply(self._scene.state_at(motion, 0))
-        belt_speed = row.get("belt_speed_m_per_s", 0.0)
-        self._travelled += belt_speed * max(0.0, time - self._time)
-        self._time = time
-        if belt_speed != 0.0:
-            offset = surroundings.belt_offset(self._travelled)
-            self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
+        self._move_belt(time, row.get("belt_speed_m_per_s", 0.0))
         numbers = [
-            {key: self._factor(key) * float(columns[name][0]) for key, name in self._columns[side].items()}
+            {key: factor * float(columns[name][0]) for key, (name, factor) in self._columns[side].items()}
             | {"phase": code}
             for side, code in phases.items()
         ]
@@ -140,9 +138,12 @@ class LiveFigure:
         sample |= {"mode": int(row[MODE])} if MODE in row else {}
         self.window.sample(sample)
 
-    def _factor(self, key: str) -> float:
-        """From the unit of the log to the one that is shown."""
-        return _DEGREES if key in self._drives else 1.0
+    def _move_belt(self, time: float, speed: float) -> None:
+        self._travelled += speed * max(0.0, time - self._time)
+        self._time = time
+        if speed != 0.0:
+            offset = surroundings.belt_offset(self._travelled)
+            self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
 
     def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
         """Times in [s] and values of every curve of every leg; no line where a trace is missing."""
@@ -150,23 +151,12 @@ class LiveFigure:
             {key: {"times": [], "values": []} for key in columns} for columns in self._columns.values()
         ]
         for trace in traces:
-            missing = trace["first"] != self._traced
-            self._traced = trace["end"]
+            missing, self._traced = trace["first"] != self._traced, trace["end"]
             for leg, columns in zip(curves, self._columns.values(), strict=True):
-                for key, column in columns.items():
+                for key, (column, factor) in columns.items():
                     ticks, values = trace["columns"][column]
-                    factor = self._factor(key)
                     if missing:
-                        leg[key]["times"].append(trace["first"] * TICK)
-                        leg[key]["values"].append(None)
+                        ticks, values = [trace["first"], *ticks], [None, *values]
                     leg[key]["times"] += [round(tick * TICK, 3) for tick in ticks]
                     leg[key]["values"] += [None if item is None else item * factor for item in values]
         return curves
-
-    def _read_out(self, side: Side) -> dict[str, str]:
-        columns = leg_columns(side, self._drives).items()
-        return {
-            key: column
-            for key, column in columns
-            if not key.endswith(_UNUSED) and self._forces.get(key, True)
-        }

@@ -16,14 +16,13 @@ from twin_gait.control import SafetyState
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.leg_record import driven_joints
+from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
 _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
-# Parts of the commanded torque, by the words of the log columns; the last two only where they are used.
-_PARTS = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
-_RARE_PARTS = _PARTS[3:]
+_RARE_PARTS = ("inertia_compensation", "target")  # of the torque, shown only where they are used
 MODE = "mode"  # column
 FAITHFUL = 0.002  # of its range that a drawn curve may be off the log, at any tick
 EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest value: 200 spans a second
@@ -95,21 +94,14 @@ def read_motion(
         names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
     changes = [one.starts for one in spells.values()]
-    rows = _rows_to_show(
-        clock, frames_per_second, np.concatenate([*changes, np.asarray(moments, dtype=float)])
-    )
-    shown = log.iloc[rows]
-    legs = {
-        side: LegMotion(
-            phases=spells[side],
-            curves={
-                name: faithful_curve(clock - clock[0], values[:n_rows], rows)
-                for name, values in leg_values(log, side).items()
-            },
-        )
-        for side in model.sides
-    }
-    columns = {str(name): values.to_numpy() for name, values in shown.select_dtypes("number").items()}
+    rows = _rows_to_show(clock, frames_per_second, np.concatenate([*changes, moments]))
+    legs = {}
+    for side, phases in spells.items():
+        values = leg_values(log.iloc[:n_rows], side)
+        curves = {name: faithful_curve(clock - clock[0], known, rows) for name, known in values.items()}
+        legs[side] = LegMotion(phases, curves)
+    shown = log.iloc[rows].select_dtypes("number")
+    columns = {str(name): values.to_numpy() for name, values in shown.items()}
     modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock) if MODE in log else None
     return Motion(clock[rows] - clock[0], q[rows], legs, names, columns, modes)
 
@@ -132,10 +124,9 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
 def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
     """Coordinates of the model for every row, shape ``(n, nv)``."""
     columns, _ = state_columns(model)
-    phases = (f"{side}_phase" for side in model.sides)
-    absent = [name for name in ("time_s", *columns, *phases) if name not in log.columns]
-    if absent:
-        raise ViewerError(f"the log has no column {absent[0]!r}; is it a log of {model.urdf_path.name}?")
+    for name in ("time_s", *columns, *(f"{side}_phase" for side in model.sides)):
+        if name not in log.columns:
+            raise ViewerError(f"the log has no column {name!r}; is it a log of {model.urdf_path.name}?")
     return log[columns].to_numpy(dtype=float)
 
 
@@ -166,8 +157,7 @@ def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
 
 def held_rows(log: pd.DataFrame) -> np.ndarray:
     """Rows after a trip, in which the phase no longer says what the legs do; shape ``(n,)``."""
-    held: np.ndarray = log["safety_state"].to_numpy() == SafetyState.HOLD.code
-    return held
+    return np.asarray(log["safety_state"] == SafetyState.HOLD.code)
 
 
 def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
@@ -195,7 +185,7 @@ def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
     for joint in joints:
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
-        columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
+        columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}
     return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
 
 

@@ -12,9 +12,11 @@ from twin_gait.exceptions import ViewerError
 from twin_gait.files import write_atomically
 
 BROWSER_VARIABLE = "TWIN_GAIT_BROWSER"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+BROWSERS = (
+    "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome",
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+)  # fmt: skip
 SMALLEST, LARGEST = 200, 4000  # side of a picture in pixels
-_MAC_BROWSER = Path("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome")
 _READY = "twin_gait: ready"
 _SETTLING = 8000  # [ms] of the page's own time
 _FLAGS = (
@@ -42,7 +44,7 @@ def find_browser() -> str:
     Raises ViewerError if there is none.
     """
     named = os.environ.get(BROWSER_VARIABLE)
-    names = [named] if named else [*BROWSERS, str(_MAC_BROWSER)]
+    names = [named] if named else BROWSERS
     found = next(filter(None, map(shutil.which, names)), None)
     if found is None:
         raise ViewerError(
