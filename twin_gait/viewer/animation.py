@@ -118,8 +118,8 @@ def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
         if (values != values[0]).any():
             yield _thinned(Track(place, name, times, values))
     for side, leg in motion.legs.items():
-        for cover in scene.covers.get(side, ()):
-            yield from _colour_track(f"{cover}/<object>", leg, motion)
+        for cap in scene.caps.get(side, ()):
+            yield from _colour_track(f"{cap}/<object>", leg, motion)
 
 
 def _thinned(track: Track) -> Track:

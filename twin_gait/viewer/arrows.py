@@ -87,8 +87,8 @@ def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -
     out = arc[-1] / radius
     ahead = math.copysign(1.0, sweep) * np.cross(axis, out) - 0.5 * _HEAD_LENGTH / radius * out
     ahead /= np.linalg.norm(ahead)
-    placement = shapes.frame(ahead, np.cross(axis, ahead), at=arc[-1] + 0.5 * _HEAD_LENGTH * ahead)
-    head = shapes.moved(shapes.cone(_HEAD_RADIUS, _HEAD_LENGTH, columns=12), placement)
+    cone = shapes.turned([(0.0, 0.0), (_HEAD_RADIUS, 0.0), (0.0, _HEAD_LENGTH)], columns=12)
+    head = shapes.moved(cone, shapes.frame(ahead, np.cross(axis, ahead), at=arc[-1]))
     return shapes.merged([shapes.tube(arc, _RADIUS, columns=6), head])
 
 

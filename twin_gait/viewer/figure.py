@@ -1,7 +1,6 @@
 """The articulated figure: one group per joint, so that a posture is one rotation per joint."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -10,16 +9,14 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
+from twin_gait.viewer.visuals import FIXED_JOINT, Visuals
 
 ROOT = "/meshcat/figure"
 STICK_COLOUR = (0.86, 0.88, 0.91)
 _STICK_RADIUS = 0.05  # share of the segment's length
-_COVER_MARGIN = 0.003  # by which the coloured cover of a motor is larger than the motor [m]
 _SHORTEST_SEGMENT = 0.02  # [m]
 _SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
-_ARC_CLEARANCE, _ARC_GAP = 0.036, 0.014  # of a torque's arrow around and beside its motor [m]
-_COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
+_ARC_CLEARANCE, _ARC_GAP = 0.033, 0.014  # of a torque's arrow around and beside its motor [m]
 
 
 class Figure:
@@ -105,63 +102,33 @@ class Figure:
         bare = before if np.linalg.norm(before) > _SHORTEST_SEGMENT else _SOME_SEGMENT
         return max(self._ends(index), key=np.linalg.norm, default=bare)
 
-    def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Disc:
-        """The motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
+    def draw_cap(self, joint: str, radius: float, material: Material) -> str:
+        """Draw the cap of a motor of a radius in [m]; its colour shows the phase."""
+        placement = shapes.frame(self.axis(joint))
+        return self.draw(
+            joint, "motor_cap", shapes.moved(shapes.ring_cap(radius, 1.15 * radius), placement), material
+        )
 
-        That one stands on the link before, parallel to the axes of both joints and about neither. Without one
-        it has the ``default_radius`` in [m]. Returned on the joint, or on the one before.
-        """
-        parent, before = self._before(joint)
-        placements = {joint: pin.SE3.Identity(), parent: before.inverse()}
-        axis, found, beside = self.axis(joint), [], []
-        for disc in (item for item in discs if item.joint in placements):
-            placement = placements[disc.joint]
-            centre = placement.act(np.asarray(disc.centre))
-            if abs(float(placement.rotation @ disc.axis @ axis)) <= 0.99:
-                continue
-            # The other leg's motor may lie on the same axis, but not here.
-            if _off_axis(centre, axis) < _COAXIAL:
-                if abs(float(centre @ axis)) < 2.0 * disc.length:
-                    found.append(disc._replace(joint=joint, centre=centre, axis=axis))
-            elif disc.joint == parent != FIXED_JOINT:
-                if _off_axis(np.asarray(disc.centre), self.axis(parent)) > _COAXIAL:
-                    beside.append(disc)
-        default = Disc(joint, np.zeros(3), axis, default_radius, default_radius)
-        return max(found or beside, key=lambda motor: motor.radius, default=default)
-
-    def _before(self, joint: str) -> tuple[str, pin.SE3]:
-        """The joint before a joint, and where it carries it."""
-        index = self.model.getJointId(joint)
-        return str(self.model.names[self.model.parents[index]]), self.model.jointPlacements[index]
-
-    def draw_cover(self, joint: str, motor: Disc, material: Material) -> str:
-        """Draw the cover of a motor, whose colour shows the phase."""
-        cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
-        placement = shapes.frame(self.axis(motor.joint), at=motor.centre)
-        name = "motor_cover" if motor.joint == joint else f"motor_cover_{joint.replace('/', '_')}"
-        return self.draw(motor.joint, name, shapes.moved(cover, placement), material)
-
-    def draw_arc(self, joint: str, motor: Disc, outward: float) -> dict[int, str]:
+    def draw_arc(self, joint: str, radius: float, outward: float) -> dict[int, str]:
         """Draw the arrows that show the torque of a motor, all hidden.
 
-        They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
-        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one.
+        They stand still in the link before the joint, on the outer face of the cap, and begin at the top.
+        ``radius`` of the cap in [m]; ``outward``: 1 if its outer face is its left one, -1 for the right one.
         Returns the place of each arrow by its level.
         """
-        parent, before = self._before(joint)
+        index = self.model.getJointId(joint)
+        parent, before = str(self.model.names[self.model.parents[index]]), self.model.jointPlacements[index]
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        middle = before.act(motor.centre) if motor.joint == joint else motor.centre
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
-        placement = shapes.translation(middle + (0.5 * motor.length + _ARC_GAP) * face)
+        placement = shapes.translation(before.translation + (0.575 * radius + _ARC_GAP) * face)
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
-            arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
+            arrow = shapes.moved(arc_arrow(radius + _ARC_CLEARANCE, number, axis, start), placement)
             name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
-            at_motor = shapes.moved(arrow, placement)
-            paths[number] = self.draw(parent, name, at_motor, arc_material(number), casts=False)
+            paths[number] = self.draw(parent, name, arrow, arc_material(number), casts=False)
             self._window.send(set_property(paths[number], "visible", False))
         return paths
 
@@ -205,8 +172,3 @@ class Figure:
         found = self.model.frames[self.model.getFrameId(frame)]
         joint = str(self.model.names[found.parentJoint])
         return self.world_point(q, joint, np.asarray(found.placement.translation))
-
-
-def _off_axis(point: np.ndarray, axis: np.ndarray) -> float:
-    """Distance of a point from an axis through the origin in [m]."""
-    return float(np.linalg.norm(point - (point @ axis) * axis))

@@ -20,7 +20,9 @@ from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import Visuals
 from twin_gait.vocabulary import Side
 
-_IDLE = (0.55, 0.60, 0.66)  # covers of motors before a phase is known
+_IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
+_CAP_SHARE = 0.16  # radius over the length of the segment; it hides the motors of the shipped device
+_SMALLEST_CAP = 0.045  # [m]
 _FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
 RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
 TRAILS = "/meshcat/trail"
@@ -59,7 +61,7 @@ class Scene:
         """Start a scene with a figure."""
         self.figure = figure
         self.missing_meshes = visuals.missing  # mesh files of the URDF that were not found
-        self.covers: dict[Side, list[str]] = {}  # places of the coloured motor covers
+        self.caps: dict[Side, list[str]] = {}  # places of the coloured caps of motors
         self.arrows: dict[Side, str] = {}  # place of the ground force
         self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # of the motor torque, by joint and level
         self.elements: list[Element] = []  # what else moves
@@ -70,16 +72,16 @@ class Scene:
         self._window = window
         self._shown: State = {}
 
-    def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
-        """Draw the motors of a leg: covers, which show its phase, and arrows of their torques, hidden."""
-        material, outward = Material(colour=_IDLE, roughness=0.4, glow=0.12), LEFT[side]
-        self.legs[side], self.covers[side], self.arcs[side] = leg, [], {}
+    def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str]) -> None:
+        """Draw the motors of a leg: caps, which show its phase, and arrows of their torques, hidden."""
+        material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
+        self.legs[side], self.caps[side], self.arcs[side] = leg, [], {}
         for name, joint in leg.items():
             if name in drives:
                 length = float(np.linalg.norm(self.figure.segment(joint)))
-                motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
-                self.covers[side].append(self.figure.draw_cover(joint, motor, material))
-                self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward)
+                radius = max(_CAP_SHARE * length, _SMALLEST_CAP)
+                self.caps[side].append(self.figure.draw_cap(joint, radius, material))
+                self.arcs[side][str(name)] = self.figure.draw_arc(joint, radius, LEFT[side])
 
     def draw_trails(self, motion: Motion) -> None:
         """Draw the path of each foot in every stride of a motion, hidden.
@@ -132,7 +134,7 @@ class Scene:
             state |= self._force_state(side, motion, frame)
             code = leg.phases.at(time)
             colour = rgb(phase_colour(motion.phase_names[code], code))
-            state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
+            state |= {(path, "color"): [*colour, 1.0] for path in self.caps.get(side, ())}
         for path, begin, end in self.trails:
             state[path, "visible"] = begin <= time < end
         for element in self.elements:

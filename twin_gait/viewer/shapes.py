@@ -1,11 +1,13 @@
-"""Smooth triangle meshes from a few numbers: rounded boxes, turned parts, limbs, arrows."""
+"""Smooth triangle meshes from a few numbers: rounded boxes, turned parts, tubes, arrows."""
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+
+from twin_gait.files import shipped_file
 
 _CREASE = math.cos(math.radians(40.0))  # sharper edges stay edges
 
@@ -109,11 +111,6 @@ def capsule(radius: float, length: float) -> Shape:
     return ball._replace(vertices=ball.vertices + shift * [0.0, 0.0, 1.0])
 
 
-def cone(radius: float, length: float, columns: int = 32) -> Shape:
-    """Make a cone along z with its tip up, its middle height at the origin; all in [m]."""
-    return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)], columns)
-
-
 def arrow() -> Shape:
     """Make an arrow of 1 m from the origin along z, whose head takes a fifth of it."""
     return turned([(0.0, 0.0), (0.012, 0.0), (0.012, 0.8), (0.031, 0.8), (0.0, 1.0)], columns=24)
@@ -133,13 +130,6 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     return surface(np.concatenate((middle[:1], middle + radius * around, middle[-1:])))
 
 
-def bend(start: np.ndarray, corner: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Parabola that touches the lines to a corner where it starts and ends: points, shape ``(9, 3)``."""
-    share = np.linspace(0.0, 1.0, 9)[:, None]
-    back = 1.0 - share
-    return np.asarray(back**2 * start + 2.0 * share * back * corner + share**2 * end)
-
-
 def _carried_along(ahead: np.ndarray) -> np.ndarray:
     """A direction across each piece of a path that turns no more than the path does."""
     across = np.empty_like(ahead)
@@ -150,35 +140,15 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
     return across
 
 
-def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20) -> Shape:
-    """Make a limb of elliptic rings along z, with rounded ends.
-
-    ``rings`` from end to end: height, centre x, centre y, half axis x and half axis y, all in [m]; ``rows``:
-    rings in the mesh, beside those of the ends.
-    """
-    table = np.array(sorted(map(tuple, rings)), dtype=float)
-    places, slopes = np.arange(len(table)), np.gradient(table, axis=0)
-    curve = CubicHermiteSpline(places, table, slopes)(np.linspace(0.0, len(table) - 1.0, rows))
-    curve = np.concatenate((_end(curve[0], curve[1]), curve[1:-1], _end(curve[-1], curve[-2])[::-1]))
-    return surface(elliptic(curve, columns))
-
-
 def elliptic(rings: np.ndarray, columns: int) -> np.ndarray:
-    """Points of rings as :func:`limb` takes them, shape ``(n, 5)``. Returns shape ``(n, columns, 3)``."""
+    """Points of ellipses, shape ``(n, columns, 3)``.
+
+    ``rings``: height, centre x and y, half axes x and y in [m], shape ``(n, 5)``.
+    """
     angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[None, :]
     height, x, y, half_x, half_y = (column[:, None] for column in rings.T)
     points = (x + half_x * np.cos(angle), y + half_y * np.sin(angle), height)
     return np.stack(np.broadcast_arrays(*points), axis=2)
-
-
-def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
-    """Rings that close an end with a dome, from its tip to the ring."""
-    turn = np.linspace(0.02, math.pi / 2.0, steps)[:, None]
-    outward = math.copysign(1.0, ring[0] - neighbour[0])
-    dome = np.tile(ring, (steps, 1))
-    dome[:, 0:1] += outward * 0.8 * min(ring[3], ring[4]) * np.cos(turn)
-    dome[:, 3:5] *= np.sin(turn)
-    return dome
 
 
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
@@ -258,3 +228,18 @@ def merged(items: Iterable[Shape]) -> Shape:
         np.concatenate([item.normals for item in items]),
         np.concatenate([item.faces + start for item, start in zip(items, first, strict=False)]),
     )
+
+
+@cache
+def _packaged(name: str) -> Shape:
+    path = shipped_file(f"meshes/{name}.obj")
+    assert path is not None  # it is part of the package
+    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
+    vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
+    faces = [[int(corner.split("/")[0]) - 1 for corner in row[1:]] for row in rows if row[0] == "f"]
+    return creased(vertices, np.array(faces))
+
+
+def packaged(name: str, placement: np.ndarray) -> Shape:
+    """A mesh that ``urdf/make_meshes.py`` has made. ``placement``: by what it is moved, shape ``(4, 4)``."""
+    return moved(_packaged(name), placement)

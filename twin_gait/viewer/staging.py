@@ -59,7 +59,7 @@ def build_scene(
     visuals = load_visuals(model.model, model.urdf_path)
     scene = _start(window, model.model, visuals, model.up_axis)
     for side, leg in model.legs.items():
-        scene.draw_drives(side, leg, drives, visuals)
+        scene.draw_drives(side, leg, drives)
     trunk, patient = model.trunk_joint or FIXED_JOINT, setting.get("patient")
     walks = len(model.legs) > 1
     if patient is not None:

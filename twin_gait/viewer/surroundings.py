@@ -39,8 +39,7 @@ _FIRST_MARK, _LAST_MARK = -0.705, 0.80  # [m]: under the covers of the ends wher
 _BELT_WIDTH, _DECK_HEIGHT = 0.70, 0.085  # [m]
 _FLOOR_HEIGHT = -0.02  # [m] of a walkway's
 _BEHIND, _MARKED, _STRIP_WIDTH = 8, 60, 1.30  # [m] of it that have marks, and their width
-_MAST = np.array([-0.62, 0.38, -_DECK_HEIGHT])  # its foot, on the rail behind the figure [m]
-_MAST_BEND = 0.20  # [m]
+_MAST_HEIGHT = 1.83  # of the bar of its mesh [m]
 
 
 def set_studio(window: Window) -> None:
@@ -115,17 +114,9 @@ def draw_mast(window: Window, hooks: np.ndarray) -> None:
 
     ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
-    middle = hooks.mean(axis=0)
-    arm = middle + np.array([0.0, 0.0, 0.05])
-    elbow = np.array([*_MAST[:2], arm[2]])
-    inward = _MAST_BEND * (arm - elbow) / np.linalg.norm(arm - elbow)
-    bend = shapes.bend(elbow - [0.0, 0.0, _MAST_BEND], elbow, elbow + inward)
-    mast = shapes.tube(np.array([_MAST, *bend, arm]), 0.022, columns=14)
-    reach = 1.25 * (hooks - middle)
-    low, high = reach[np.argmin(reach[:, 1])], reach[np.argmax(reach[:, 1])]
-    bar = shapes.tube(np.array([middle + low, middle, middle + high]), 0.016, columns=12)
-    hanger = shapes.moved(shapes.cylinder(0.012, 0.06), shapes.translation(0.5 * (middle + arm)))
-    draw_mesh(window, f"{ROOT}/mast", shapes.merged([mast, bar, hanger]), MATERIALS["steel"], casts=True)
+    height = float(hooks[0, 2]) / _MAST_HEIGHT
+    mast = shapes.packaged("mast", np.diag([1.0, 1.0, height, 1.0]))
+    draw_mesh(window, f"{ROOT}/mast", mast, MATERIALS["steel"], casts=True)
 
 
 def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:

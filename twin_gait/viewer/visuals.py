@@ -22,22 +22,10 @@ from twin_gait.viewer.shapes import Shape
 
 FIXED_JOINT = "universe"
 _EDGE_SHARE, _LARGEST_EDGE = 0.22, 0.012  # rounding of boxes: share of the shortest side, [m]
-# A part that spans this share of a segment belongs to the tube and grows with it; others only move.
-_SPANNING_SHARE = 0.6
 
 Colour = tuple[float, ...]  # red, green, blue and opacity from 0 to 1
 # Colour of neighbouring triangles in a mesh file, None where it has a texture or nothing, and their number.
 Patch = tuple[Colour | None, int]
-
-
-class Disc(NamedTuple):
-    """A cylinder among the visuals, in the frame of its joint."""
-
-    joint: str  # joint that carries it
-    centre: np.ndarray  # in [m], shape ``(3,)``
-    axis: np.ndarray  # unit vector, shape ``(3,)``
-    radius: float  # in [m]
-    length: float  # in [m]
 
 
 class LinkPart(NamedTuple):
@@ -52,7 +40,6 @@ class Visuals(NamedTuple):
     """What a URDF shows."""
 
     parts: tuple[LinkPart, ...]  # the meshes
-    discs: tuple[Disc, ...]  # its cylinders, among which are the motors
     missing: tuple[str, ...]  # mesh files that the URDF names and that are not there
 
 
@@ -60,31 +47,23 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     """Load the visual geometry of a URDF for a model that was built from it.
 
     The model may have locked joints, a joint between world and pelvis, and resized segments and feet: parts
-    move and grow with what carries them. Raises ModelError if the URDF cannot be read. Raises ViewerError if
-    a mesh cannot be read.
+    grow with what carries them. Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh
+    cannot be read.
     """
     text, missing = _read_with_meshes(urdf)
     nominal, geometry = _nominal(model, urdf, text)
     guides = [name for name in ALL_GUIDES if model.existJointName(name)]
     carrier = {FIXED_JOINT: guides[-1]} if guides else {}
-    shapes_by_colour: dict[tuple[str, Colour], list[Shape]] = {}
-    discs = []
+    found: dict[tuple[str, Colour], list[Shape]] = {}
     for item in geometry.geometryObjects:
-        raw = _shape_of(item)
-        if raw is None:
-            continue
-        nominal_joint = str(nominal.names[item.parentJoint])
-        joint, size = carrier.get(nominal_joint, nominal_joint), _growth(nominal, model, nominal_joint)
-        grown = shapes.moved(raw, np.diag([size, size, size, 1.0]) @ item.placement.homogeneous)
-        shape, shift = _fit(grown, _stretch(nominal, model, nominal_joint))
-        for colour, piece in _coloured(item, shape):
-            shapes_by_colour.setdefault((joint, tuple(round(value, 4) for value in colour)), []).append(piece)
-        if type(item.geometry).__name__ == "Cylinder":
-            solid, axis = item.geometry, item.placement.rotation[:, 2].copy()
-            centre = size * item.placement.translation + shift
-            discs.append(Disc(joint, centre, axis, size * solid.radius, 2.0 * size * solid.halfLength))
-    parts = [LinkPart(*key, shapes.merged(items)) for key, items in shapes_by_colour.items()]
-    return Visuals(tuple(parts), tuple(discs), tuple(missing))
+        raw, joint = _shape_of(item), str(nominal.names[item.parentJoint])
+        if raw is not None:
+            placement = _growth(nominal, model, item.parentJoint) @ item.placement.homogeneous
+            for colour, piece in _coloured(item, shapes.moved(raw, placement)):
+                rounded = tuple(round(value, 4) for value in colour)
+                found.setdefault((carrier.get(joint, joint), rounded), []).append(piece)
+    parts = [LinkPart(*key, shapes.merged(items)) for key, items in found.items()]
+    return Visuals(tuple(parts), tuple(missing))
 
 
 def _read_with_meshes(urdf: Path) -> tuple[str, list[str]]:
@@ -133,43 +112,27 @@ def _nominal(model: pin.Model, urdf: Path, text: str) -> tuple[pin.Model, pin.Ge
     return nominal, geometry
 
 
-def _stretch(nominal: pin.Model, model: pin.Model, joint: str) -> tuple[np.ndarray, float, float] | None:
-    """Direction, ratio and length of the segment that a joint carries, if the model resized it."""
-    parent = nominal.getJointId(joint) if joint != FIXED_JOINT else 0
+def _growth(nominal: pin.Model, model: pin.Model, index: int) -> np.ndarray:
+    """What a joint carries in the model over what it carries in the file, shape ``(4, 4)``.
+
+    The way to the next joint is longer where the segment was resized. A last link is larger all round, as
+    its frames are farther away.
+    """
+    growth = np.eye(4)
     for child in range(1, nominal.njoints):
-        name = nominal.names[child]
-        if nominal.parents[child] != parent or not model.existJointName(name):
-            continue
-        old = np.asarray(nominal.jointPlacements[child].translation)
-        change = np.asarray(model.jointPlacements[model.getJointId(name)].translation) - old
-        size = float(np.linalg.norm(change))
-        length = float(old @ change) / max(size, 1e-9)
-        if size > 1e-9 and length != 0.0:
-            return change / size, 1.0 + size / length, abs(length)
-    return None
-
-
-def _growth(nominal: pin.Model, model: pin.Model, joint: str) -> float:
-    """How much farther from its joint a frame lies than in the file; 1 but for those of a fitted foot."""
+        name, old = nominal.names[child], np.asarray(nominal.jointPlacements[child].translation)
+        if nominal.parents[child] == index and model.existJointName(name):
+            change = np.asarray(model.jointPlacements[model.getJointId(name)].translation) - old
+            if abs(old @ change) > 1e-9:
+                growth[:3, :3] += np.outer(change, change) / (old @ change)
+                return growth
     for frame in nominal.frames:
         distance = float(np.linalg.norm(frame.placement.translation))
-        if str(nominal.names[frame.parentJoint]) == joint and distance > 0.0 and model.existFrame(frame.name):
+        if frame.parentJoint == index and distance > 0.0 and model.existFrame(frame.name):
             now = model.frames[model.getFrameId(frame.name)].placement.translation
-            return float(np.linalg.norm(now)) / distance
-    return 1.0
-
-
-def _fit(shape: Shape, stretch: tuple[np.ndarray, float, float] | None) -> tuple[Shape, np.ndarray]:
-    """Move a part with its segment and lengthen it if it spans it; also by how much it moved."""
-    if stretch is None:
-        return shape, np.zeros(3)
-    direction, ratio, length = stretch
-    along = shape.vertices @ direction
-    if np.ptp(along) >= _SPANNING_SHARE * length:
-        vertices = shape.vertices + (ratio - 1.0) * np.outer(along, direction)
-        return shape._replace(vertices=vertices), np.zeros(3)
-    shift = (ratio - 1.0) * 0.5 * float(along.min() + along.max()) * direction
-    return shape._replace(vertices=shape.vertices + shift), shift
+            growth[:3, :3] *= float(np.linalg.norm(now)) / distance
+            return growth
+    return growth
 
 
 def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
