@@ -32,7 +32,6 @@ from twin_gait.report.run_figures import (
     draw_angles,
     draw_currents,
     draw_cycle,
-    draw_energy,
     draw_feet,
     draw_ground_forces,
     draw_portrait,
@@ -240,7 +239,7 @@ def tripped(walk: Run) -> Run:
     return replace(walk, experiment=experiment, trip=trip, status=RunStatus.FELL)
 
 
-@pytest.mark.parametrize("draw", [draw_angles, draw_torques, draw_currents, draw_feet, draw_energy])
+@pytest.mark.parametrize("draw", [draw_angles, draw_torques, draw_currents, draw_feet])
 def test_pictures_over_time_mark_fault_trip_and_fall(tripped: Run, walk: Run, draw: Callable) -> None:
     figure, end = draw(tripped), tripped.log["time_s"].iloc[-1]
     marks = {

@@ -38,7 +38,6 @@ from twin_gait.palette import (
     SIDE_COLOURS,
     SIDE_COLOURS_ON_DARK,
     TORQUE_COLOURS,
-    WORK_COLOURS,
     phase_colour,
 )
 from twin_gait.runs.record import load_run, write_run
@@ -300,7 +299,6 @@ MEANINGS = {
     "joint": {str(joint): colour for joint, colour in JOINT_COLOURS.items()},
     "arrow": {"flexion": FLEXION_COLOUR, "extension": EXTENSION_COLOUR},
     "torque": dict(TORQUE_COLOURS),
-    "work": dict(WORK_COLOURS),
     "line": {"reference": REFERENCE_COLOUR, "limit": LIMIT_COLOUR},
     "event": {"hold": EVENT_COLOUR, "held": HELD_COLOUR},
 }
@@ -323,7 +321,7 @@ def test_no_two_meanings_share_a_colour(meanings: dict[str, dict[str, str]]) -> 
 @pytest.mark.parametrize("cone", ["red", "green"])
 @pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
 def test_what_stands_together_differs_for_colour_blind_people(cone: str, meanings: dict) -> None:
-    for group in ("side", "joint", "arrow", "torque", "work"):
+    for group in ("side", "joint", "arrow", "torque"):
         for first, second in combinations(meanings[group].values(), 2):
             apart = np.linalg.norm(as_seen_without(cone, first) - as_seen_without(cone, second))
             assert apart > 9.0, (group, first, second)
