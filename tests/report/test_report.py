@@ -173,7 +173,8 @@ def test_currents_show_the_current_at_the_torque_limit(walk: Run) -> None:
     knee = next(index for index, axes in enumerate(figure.axes) if axes.get_title() == "left knee")
     shown = float(np.asarray(line(figure, knee, "current at the torque limit").get_ydata())[0])
     assert shown == pytest.approx(60.0 / 7.05)
-    power = next(item for item in figure.axes[-1].get_lines() if item.get_label() == "battery power")
+    (power,) = (item for item in draw_figure(walk, "battery").axes[0].get_lines()
+                if item.get_label() == "battery power")  # fmt: skip
     assert set(np.unique(np.asarray(power.get_ydata()))) <= {100.0, -20.0}
 
 

@@ -173,16 +173,15 @@ def test_nested_groups_compose_to_forward_kinematics(worn_twin: LegModel, rng: n
 
 
 def test_only_what_changed_is_sent(worn_twin: LegModel) -> None:
-    recorder = Window()
-    scene = build_scene(recorder, worn_twin)
-    sent: list[tuple[str, str]] = []
-    scene._window = type("Log", (), {"send": lambda _, c: sent.append((c["path"], c["property"]))})()
+    window = Window()
+    scene = build_scene(window, worn_twin)
     q = np.zeros(worn_twin.nv)
-    scene.apply(scene.figure.posture(q))
-    sent.clear()
+    window.apply(scene.figure.posture(q))
+    window.changes()
     q[worn_twin.index(Side.LEFT, JointName.KNEE)] = 0.3
-    scene.apply(scene.figure.posture(q))
-    assert sent == [(scene.figure.paths["left_knee"], "quaternion")]
+    window.apply(scene.figure.posture(q))
+    sent = [key for key, _ in window.changes()]
+    assert sent == [("set_property", scene.figure.paths["left_knee"], "quaternion")]
 
 
 def test_a_leg_without_visuals_is_drawn_as_sticks_with_its_vertical_up(tmp_path: Path) -> None:

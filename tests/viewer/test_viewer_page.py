@@ -54,7 +54,7 @@ from twin_gait.viewer.motion import (
     read_motion,
 )
 from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, About, live_page, packed, page_data
-from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
+from twin_gait.viewer.picture import BROWSER_VARIABLE, find_browser, take_picture
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.surroundings import MATERIALS
@@ -311,7 +311,7 @@ ON_DARK = MEANINGS | {
 @pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
 def test_no_two_meanings_share_a_colour(meanings: dict[str, dict[str, str]]) -> None:
     named = {(group, name): colour for group, one in meanings.items() for name, colour in one.items()}
-    assert len(named) >= 30
+    assert len(named) >= 25
     for (first, here), (second, there) in combinations(named.items(), 2):
         apart = np.linalg.norm(lab(here) - lab(there))
         # 2.3 is just noticeable; side by side six times that is another colour to anybody.
@@ -535,7 +535,7 @@ def test_a_browser_that_draws_nothing_leaves_the_old_picture(
     old.write_bytes(b"old")
     limit = 0.5 if "sleep" in script else 20.0
     with pytest.raises(ViewerError, match=words) as caught:
-        take_picture("<html></html>", old, size=PictureSize(640, 400), timeout=limit)
+        take_picture("<html></html>", old, size=(640, 400), timeout=limit)
     assert "\n" not in str(caught.value)
     assert old.read_bytes() == b"old"
     assert find_browser() == str(tmp_path / "browser")

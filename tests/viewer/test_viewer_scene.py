@@ -274,7 +274,7 @@ def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
     assert len(paths) == 2 * 2 * arrows.LEVELS
     assert all(visible[path] is False for path in paths)
     for joint, torque in (("hip", 0.5 * FULL_TORQUE), ("knee", -FULL_TORQUE)):
-        scene.apply(arrows.arc_state(scene.arcs[Side.RIGHT][joint], torque))
+        recorder.apply(arrows.arc_state(scene.arcs[Side.RIGHT][joint], torque))
     visible = properties_of(recorder, "visible")
     seen = {path for path in paths if visible[path]}
     assert seen == {
@@ -314,7 +314,7 @@ def test_ropes_hang_from_the_bar_and_meet_the_harness(worn_twin: LegModel, lift:
     assert worn_twin.pelvis_index is not None
     q[worn_twin.pelvis_index] = 0.93 + lift
     motion = Motion(np.zeros(1), q[None, :], {}, PHASES)
-    scene.apply(scene.state_at(motion, 0))
+    recorder.apply(scene.state_at(motion, 0))
     vertices = meshes_of(recorder)
     straps_path = f"{scene.figure.paths['pelvis_vertical']}/wearer_harness"
     straps = on_stage(world(scene, recorder, straps_path), vertices[straps_path])
@@ -346,7 +346,7 @@ def test_every_mesh_moves_with_the_joint_that_carries_it(
     recorder = Window()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     q = rng.uniform(-0.4, 0.9, worn_twin.nv)
-    scene.apply(scene.figure.posture(q))
+    recorder.apply(scene.figure.posture(q))
     data = worn_twin.model.createData()
     pin.forwardKinematics(worn_twin.model, data, q)
     for joint, group in scene.figure.paths.items():

@@ -197,7 +197,7 @@ class LivePage(LiveServer):
 
     def scene(self) -> Iterable[Change]:
         """The whole scene for a page that has just been opened."""
-        return self.figure.window.everything()
+        return [("scene", self.figure.window.packed())]
 
     def greeting(self) -> Iterator[Message]:
         """Session, state, events and numbers for a panel that has just been opened."""

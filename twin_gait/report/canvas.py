@@ -38,7 +38,6 @@ BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
 SCREEN_WIDTH = 11.0  # [inches]
 LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
-Share = bool | Literal["row"]
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
@@ -250,20 +249,18 @@ class Sheet:
             self.figure.suptitle(text, fontsize="large")
 
     def leg_panels(
-        self, unit: Callable[[str], str], *, timed: bool = True, below: int = 0,
-        sharex: Share = True, sharey: Share = "row",
-    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:  # fmt: skip
+        self, unit: Callable[[str], str], *, timed: bool = True, sharex: bool | Literal["row"] = True
+    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
         """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
 
         ``unit``: label of the vertical axes, by the name of the joint; ``timed``: on the phases over time;
-        ``below``: rows that stay empty; ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
+        ``sharex`` as matplotlib's ``subplots`` takes it.
         """
         joints = list(self.records[0].angles)
-        shape = len(joints) + below, len(self.records)
-        self.figure.set_figheight(self.figure.get_figheight() * shape[0] / (2 + below))
-        panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey=sharey)
-        for axes in panels[len(joints) :].flat:
-            axes.remove()
+        self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
+        panels = self.figure.subplots(
+            len(joints), len(self.records), squeeze=False, sharex=sharex, sharey="row"
+        )
         for row, joint in enumerate(joints):
             for axes, record in zip(panels[row], self.records, strict=True):
                 style_panel(axes, f"{record.side} {joint}", unit(joint) if record is self.records[0] else "")

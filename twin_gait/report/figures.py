@@ -26,6 +26,7 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
     "joint_angles": run_figures.draw_angles,
     "torques": run_figures.draw_torques,
     "currents": run_figures.draw_currents,
+    "battery": run_figures.draw_battery,
     "feet": run_figures.draw_feet,
     "crutches": run_figures.draw_crutches,
     "phase_portrait": run_figures.draw_portrait,

@@ -1,4 +1,4 @@
-"""The pictures of a run: angles over cycle and time, torques, currents, feet, portraits, crutches.
+"""The pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits, crutches.
 
 Each takes a run and the width of the figure in inches (one narrower than a screen is for print), and gives
 the figure, or None where it does not apply.
@@ -150,24 +150,28 @@ def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
 
 
 def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw target and measured current of every motor, and the battery's power under them."""
+    """Draw target and measured current of every motor."""
     limits, plant = run.experiment.control.limits, run.experiment.plant
-    sheet = Sheet(run, "Motor currents and battery power", (width, 9.0), canvas.last_strides(run))
-    for axes, record, joint in sheet.leg_panels(lambda _: "current [A]", below=1, sharex=False, sharey=False):
+    sheet = Sheet(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
+    for axes, record, joint in sheet.leg_panels(lambda _: "current [A]"):
         name, actuator = f"{record.side}_{joint}", plant.actuators[joint]
         at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
         sheet.curve(axes, f"{name}_target_current_A", "target current", ORANGE, linewidth=2.4)
         sheet.curve(axes, f"{name}_measured_current_A", "measured current", BLACK, linewidth=1.2)
         sheet.limits(axes, (limits.current, -limits.current), "--", "current limit")
         sheet.limits(axes, (at_torque, -at_torque), ":", "current at the torque limit")
-    grid = sheet.figure.axes[0].get_gridspec()
-    assert grid is not None  # of subplots
-    battery = sheet.figure.add_subplot(grid[-1, :])
-    battery.axhline(0.0, color="0.6", linewidth=0.8)
-    style_panel(battery, "battery, below 0 while the motors feed it", "power [W]")
-    sheet.curve(battery, "battery_power_W", "battery power", palette.VERMILLION, linewidth=1.4)
-    sheet.limits(battery, [plant.battery.continuous_power], "-.", "continuous battery power")
-    return sheet.finished_over_time(battery)
+    return sheet.finished_over_time()
+
+
+def draw_battery(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
+    """Draw the power of the battery."""
+    sheet = Sheet(run, "Battery power", (width, 6.5), canvas.last_strides(run))
+    axes = sheet.figure.subplots()
+    axes.axhline(0.0, color="0.6", linewidth=0.8)
+    style_panel(axes, "battery, below 0 while the motors feed it", "power [W]")
+    sheet.curve(axes, "battery_power_W", "battery power", palette.VERMILLION, linewidth=1.4)
+    sheet.limits(axes, [run.experiment.plant.battery.continuous_power], "-.", "continuous battery power")
+    return sheet.finished_over_time(axes, phases=False)
 
 
 def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from twin_gait.gait.documents import mode_words, number
@@ -70,20 +70,14 @@ def condition_words(transition: Transition) -> str:
 
 def state_diagram_mermaid(table: StateTable) -> str:
     """Write the state diagram in Mermaid's ``stateDiagram-v2``."""
-    names = _mermaid_names(table.phase_names)
+    # Numbers, because a name of the table might be a word of Mermaid's.
+    names = {phase: f"phase_{place}" for place, phase in enumerate(table.phase_names, start=1)}
     lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]
     lines += [f'    state "{_mermaid(readable(phase))}" as {name}' for phase, name in names.items()]
     for item in table.transitions:
         label = _mermaid(f"{readable(item.cause)} [{condition_words(item)}]")
         lines.append(f"    {names[item.source]} --> {names[item.target]}: {label}")
     return "\n".join(lines) + "\n"
-
-
-def _mermaid_names(phases: Sequence[str]) -> dict[str, str]:
-    """Identifiers: the phases' own names, unless one might be a word of Mermaid's."""
-    if all(re.fullmatch(r"[A-Za-z]+(_[A-Za-z0-9]+)+", phase) for phase in phases):
-        return {phase: phase for phase in phases}
-    return {phase: f"phase_{position}" for position, phase in enumerate(phases, start=1)}
 
 
 def _mermaid(text: str) -> str:
@@ -95,8 +89,8 @@ LINE, SMALL_LINE = 17.0, 16.0  # [px] from line to line below the drawing and in
 _LINE_CHARACTERS = 110
 _BADGE = 19.0  # [px], height of a number on an arrow
 _CHARACTER = 7.1  # [px], width of a letter of these lines, on the safe side
-_COLUMNS = (14.0, 66.0, 126.0, 182.0, 254.0)  # [px] from the left edge of a box, for short joint names
-_BOX_WIDTH, _NAME_CHARACTERS = 296.0, 6
+_COLUMNS = (14.0, 92.0, 152.0, 208.0, 280.0)  # [px] from the left edge of a box
+_BOX_WIDTH = 322.0
 _DIGITS = 4
 _MARGIN, _HEAD = 20.0, 34.0  # [px] around the drawing, and above it for the title
 _TITLE_CHARACTER = 11.0
@@ -126,11 +120,8 @@ def state_diagram_svg(table: StateTable) -> str:
     Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
     lines = {phase: _box_lines(table, phase) for phase in table.phases}
-    # Long names of joints shift the columns behind them.
-    longest = max((len(row[0]) for rows in lines.values() for row in rows if len(row) > 1), default=0)
-    shift = _CHARACTER * max(0, longest - _NAME_CHARACTERS)
     name = max(len(readable(phase)) for phase in table.phases)
-    box_width = max(_BOX_WIDTH + shift, 80.0 + 1.3 * _CHARACTER * name)
+    box_width = max(_BOX_WIDTH, 80.0 + 1.3 * _CHARACTER * name)
     box_height = 36.0 + SMALL_LINE * max(map(len, lines.values()))
     groups = arrow_groups(table)
     boxes = ring(len(table.phases), box_width, box_height)
@@ -147,7 +138,7 @@ def state_diagram_svg(table: StateTable) -> str:
     texts = [_Text(x, top + _HEAD - 6.0, table.name, "title")]
     texts += [_Text(x, foot + LINE * (row + 1), text, style) for row, (text, style) in enumerate(said)]
     for place, (phase, box) in enumerate(zip(table.phases, boxes, strict=True), start=1):
-        texts += _box_texts(f"{place} {readable(phase)}", lines[phase], shift, box)
+        texts += _box_texts(f"{place} {readable(phase)}", lines[phase], box)
     texts += [
         _Text(mark.x, mark.y + 4.5, number, "cause", "middle")
         for mark, number in zip(marks, numbers, strict=True)
@@ -181,14 +172,13 @@ def _legend(table: StateTable) -> list[tuple[str, str]]:
     return [(text, "faint") for text in _LEGEND]
 
 
-def _box_texts(name: str, lines: list[tuple[str, ...]], shift: float, box: Rectangle) -> Iterator[_Text]:
+def _box_texts(name: str, lines: list[tuple[str, ...]], box: Rectangle) -> Iterator[_Text]:
     """Name of a phase, and what it sets."""
     x, y = box.x - box.width / 2.0, box.y - box.height / 2.0
-    columns = [_COLUMNS[0], *(column + shift for column in _COLUMNS[1:])]
     yield _Text(x + 36.0, y + 23.0, name, "name")
     for row, cells in enumerate(lines):
         style = "faint" if row == 0 or len(cells) == 1 else ""
-        for column, cell in zip(columns, cells, strict=False):
+        for column, cell in zip(_COLUMNS, cells, strict=False):
             yield _Text(x + column, y + 43.0 + SMALL_LINE * row, cell, style)
 
 

@@ -53,7 +53,7 @@ def recorded_run(
     drives = shown_joints(log, model.sides[0])
     scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
-    scene.apply(scene.state_at(motion, 0))
+    recorder.apply(scene.state_at(motion, 0))
     tracks = list(_tracks(scene, motion))
     if "belt_speed_m_per_s" in log and log["belt_speed_m_per_s"].any():
         tracks.append(_belt_track(log["belt_speed_m_per_s"].to_numpy()))

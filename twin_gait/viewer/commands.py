@@ -8,7 +8,7 @@ its place in the scene, so that the same scene gives the same bytes.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -182,25 +182,41 @@ _ORDER = ("page", "set_object", "set_transform", "set_property", "set_animation"
 
 
 class Window:
-    """What takes commands: it remembers the last command of each kind for each place."""
+    """What takes commands: it keeps the whole scene, and what has changed in it since somebody asked."""
 
     def __init__(self) -> None:
         """Start empty."""
-        self._commands: dict[tuple[str, str, str], Command] = {}
+        self._commands: dict[Hashable, Command] = {}  # the last one of each kind for each place
+        self._changes: dict[Hashable, Command] = {}
+        self._samples = 0
 
     def send(self, command: Command) -> None:
-        """Remember a command."""
-        self._commands[key_of(command)] = command
+        """Take a command, unless it would change nothing."""
+        key = command["type"], command["path"], command.get("property", "")
+        if self._commands.get(key) != command:
+            self._commands[key] = self._changes[key] = command
+
+    def apply(self, state: State) -> None:
+        """Set properties."""
+        for (path, name), value in state.items():
+            self.send(set_property(path, name, value))
+
+    def sample(self, sample: Command) -> None:
+        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
+        self._samples += 1
+        command = {"type": "sample", "path": "", "sample": sample}
+        self._commands["sample"] = self._changes["sample", self._samples] = command
 
     def commands(self) -> list[Command]:
-        """Commands in the order in which a viewer must take them."""
+        """The whole scene, in the order in which a viewer must take it."""
         return sorted(self._commands.values(), key=lambda command: _ORDER.index(command["type"]))
 
     def packed(self) -> bytes:
         """All commands, one after the other as :func:`pack` has them."""
         return b"".join(map(pack, self.commands()))
 
-
-def key_of(command: Command) -> tuple[str, str, str]:
-    """What a later command of the same key makes needless."""
-    return command["type"], command["path"], command.get("property", "")
+    def changes(self) -> list[tuple[Hashable, bytes]]:
+        """What has changed since the last call: a key each, and the packed command."""
+        packed = [(key, pack(command)) for key, command in self._changes.items()]
+        self._changes.clear()
+        return packed

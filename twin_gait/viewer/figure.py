@@ -45,8 +45,7 @@ class Figure:
             name = str(model.names[index])
             self.paths[name] = f"{parent}/{name.replace('/', '_')}"
         window.send(set_transform(ROOT, self.base))
-        for (path, name), value in self.posture(pin.neutral(model)).items():
-            window.send(set_property(path, name, value))
+        window.apply(self.posture(pin.neutral(model)))
 
     def draw(self, joint: str, name: str, shape: Shape, material: Material, *, casts: bool = True) -> str:
         """Draw a mesh on a joint.

@@ -1,7 +1,7 @@
 """The scene of the live page: whole for new pages, its changes for open ones."""
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -10,47 +10,14 @@ from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Command, Window, key_of, pack
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, leg_columns
 from twin_gait.viewer.page import About, leg_entry, page_data
-from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene
 from twin_gait.vocabulary import HOLD, JointName
 
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
-
-
-class LiveWindow(Window):
-    """Window that keeps the whole scene and collects the changes of a frame."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        super().__init__()
-        self._changes: dict[Hashable, Command] = {}
-        self._samples = 0
-
-    def send(self, command: Command) -> None:
-        """Take a command."""
-        super().send(command)
-        self._changes[key_of(command)] = command
-
-    def sample(self, sample: Command) -> None:
-        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
-        command = {"type": "sample", "path": "", "sample": sample}
-        super().send(command)
-        self._samples += 1
-        self._changes["sample", self._samples] = command
-
-    def changes(self) -> list[Change]:
-        """What has changed since the last call: a key each, and the packed command."""
-        packed = [(key, pack(command)) for key, command in self._changes.items()]
-        self._changes.clear()
-        return packed
-
-    def everything(self) -> list[Change]:
-        """The whole scene for a page that has just been opened: description, drawing, last numbers."""
-        return [(index, pack(command)) for index, command in enumerate(self.commands())]
 
 
 # What curves did over some ticks: the ``first`` one, the ``end`` after the last one, and under ``columns``
@@ -80,7 +47,7 @@ class LiveFigure:
         ``setting``: what is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises
         ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read.
         """
-        self.window = LiveWindow()
+        self.window = Window()
         self._phases = (*phases, HOLD)
         self._scene = build_scene(self.window, model, drives=drives, **setting)
         self._time, self._travelled, self._traced = 0.0, 0.0, 0
@@ -127,7 +94,7 @@ class LiveFigure:
             name: np.array([value], dtype=float) for name, value in row.items() if not isinstance(value, str)
         }
         motion = Motion(now, posture[None, :], legs, self._phases, columns)
-        self._scene.apply(self._scene.state_at(motion, 0))
+        self.window.apply(self._scene.state_at(motion, 0))
         self._move_belt(time, row.get("belt_speed_m_per_s", 0.0))
         numbers = [
             {key: factor * float(columns[name][0]) for key, (name, factor) in self._columns[side].items()}
@@ -143,7 +110,7 @@ class LiveFigure:
         self._time = time
         if speed != 0.0:
             offset = surroundings.belt_offset(self._travelled)
-            self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
+            self.window.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
 
     def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
         """Times in [s] and values of every curve of every leg; no line where a trace is missing."""

@@ -113,12 +113,9 @@ def frame_rate(duration: float) -> float:
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
     """Moments at which a leg changes its phase, or a hold begins, since the first row in [s], sorted."""
-    clock = log["time_s"].to_numpy(dtype=float)
-    changed = np.zeros(len(log), dtype=bool)
-    for column in (log[f"{side}_phase"] for side in Side if f"{side}_phase" in log):
-        codes = np.where(held_rows(log), -1, pd.factorize(column)[0])
-        changed[1:] |= codes[1:] != codes[:-1]
-    return np.asarray(clock[changed] - clock[0])
+    phases = log.filter(regex="_phase$").astype(str).assign(held=held_rows(log))
+    clock, changed = log["time_s"].to_numpy(dtype=float), (phases != phases.shift()).any(axis=1).to_numpy()
+    return np.asarray(clock[1:][changed[1:]] - clock[0])
 
 
 def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
@@ -141,13 +138,12 @@ def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarr
 
 
 def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
-    column = log[f"{side}_phase"]
-    codes = column.cat.set_categories(list(names)).cat.codes.to_numpy(dtype=int, copy=True)
-    codes[held_rows(log)] = len(names) - 1
-    if (codes < 0).any():
-        unknown = str(column.iloc[int(np.argmax(codes < 0))])
+    phases = log[f"{side}_phase"].astype(str).mask(held_rows(log), HOLD)
+    codes = phases.map({name: code for code, name in enumerate(names)})
+    if codes.isna().any():
+        unknown = str(phases[codes.isna()].iloc[0])
         raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
-    return _changes(codes, clock)
+    return _changes(codes.to_numpy(dtype=int), clock)
 
 
 def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
@@ -196,35 +192,25 @@ class Curve(NamedTuple):
     values: np.ndarray  # shape ``(n,)``; not a number where there is no line
 
 
-def corners(values: np.ndarray, kept: np.ndarray, tolerance: float) -> np.ndarray:
-    """Rows between which straight lines stay close to every value.
+def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> Curve:
+    """A curve that is nowhere off by more than 0.2 % of the range of its values.
 
     The row that is farthest from its line becomes a corner, until none is too far: the algorithm of Ramer
     (1972), Douglas and Peucker (1973) on all lines at once, with distances along the value's axis.
-    ``values``: shape ``(n,)``; lines end where they are not numbers; ``kept``: rows that are corners in any
-    case, sorted, with the first and the last one; ``tolerance``: largest distance of a value from its line,
-    in the unit of the values. Returns rows, sorted, shape ``(m,)``.
+    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; lines end where they are not numbers;
+    ``kept``: rows that are corners in any case, sorted, with the first and the last one.
     """
-    ends = np.flatnonzero(np.diff(np.isfinite(values)))
+    finite = np.isfinite(values)
+    tolerance = FAITHFUL * float(np.ptp(values[finite])) if finite.any() else 0.0
+    ends = np.flatnonzero(np.diff(finite))
     rows, kept = np.arange(len(values)), np.union1d(kept, np.concatenate((ends, ends + 1)))
     while True:
         off = np.nan_to_num(np.abs(values - np.interp(rows, kept, values[kept])))[:-1]
         worst = np.repeat(np.maximum.reduceat(off, kept[:-1]), np.diff(kept)) if len(off) else off
         found = np.flatnonzero((off == worst) & (off > tolerance))
         if not len(found):
-            return kept
+            return Curve(times[kept], values[kept])
         kept = np.union1d(kept, found)
-
-
-def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> Curve:
-    """A curve that is nowhere off by more than 0.2 % of the range of its values.
-
-    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; ``kept``: rows that stay as they are,
-    sorted, with the first and the last one.
-    """
-    finite = values[np.isfinite(values)]
-    rows = corners(values, kept, FAITHFUL * float(np.ptp(finite)) if len(finite) else 0.0)
-    return Curve(times[rows], values[rows])
 
 
 def extremes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import arc_state, arrow_state
 from twin_gait.viewer.body import LEFT
-from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
@@ -70,7 +70,6 @@ class Scene:
         self.ground = np.eye(3)  # its axes, column by column
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
         self._window = window
-        self._shown: State = {}
 
     def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str]) -> None:
         """Draw the motors of a leg: caps, which show its phase, and arrows of their torques, hidden."""
@@ -99,7 +98,7 @@ class Scene:
                 if shape is not None:
                     path = f"{TRAILS}/{side}_{number}"
                     draw_mesh(self._window, path, shape, _TRAIL)
-                    self.apply({(path, "visible"): False})
+                    self._window.apply({(path, "visible"): False})
                     self.trails.append(StrideTrail(path, end, following))
 
     def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
@@ -140,13 +139,6 @@ class Scene:
         for element in self.elements:
             state |= element.state(self.figure, motion, frame)
         return state
-
-    def apply(self, state: State) -> None:
-        """Send what has changed since the last state."""
-        for (path, name), value in state.items():
-            if self._shown.get((path, name)) != value:
-                self._window.send(set_property(path, name, value))
-                self._shown[path, name] = value
 
 
 class StrideTrail(NamedTuple):
