@@ -140,7 +140,7 @@ def test_a_copied_urdf_keeps_its_looks_without_its_meshes(tmp_path: Path) -> Non
     copy = tmp_path / "mine.urdf"
     copy.write_text(packaged_urdf("twin_leg.urdf").read_text(encoding="utf-8"), encoding="utf-8")
     visuals = load_visuals(build_model(copy), copy)
-    assert visuals.missing == ()
+    assert visuals.missing == []
     assert {"right_hip", "right_knee"} <= {part.joint for part in visuals.parts}
 
 

@@ -6,7 +6,6 @@ import math
 import re
 import textwrap
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from twin_gait.gait.documents import mode_words, number
 from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership, bracketed
@@ -14,7 +13,7 @@ from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, State, StateTable, Transition
 from twin_gait.palette import phase_colour
-from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, badges, bounds, ring
+from twin_gait.report.diagram_layout import arrow_groups, arrows, badges, bounds, ring
 from twin_gait.report.pages import render
 
 
@@ -65,7 +64,7 @@ def condition_words(transition: Transition) -> str:
         words.append(f"for {duration(transition.debounce_ticks)}")
     if transition.time_out_ticks is not None:
         words.append(f"after {duration(transition.time_out_ticks)}")
-    return " ".join(words)
+    return " ".join(filter(None, words))
 
 
 def state_diagram_mermaid(table: StateTable) -> str:
@@ -104,82 +103,57 @@ _MODE_LEGEND = (_LEGEND[0], "A trip of the safety monitor leads from every mode 
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-class _Text(NamedTuple):
-    """A line of text."""
-
-    x: float
-    y: float
-    words: str
-    style: str = ""
-    anchor: str = "start"
-
-
 def state_diagram_svg(table: StateTable) -> str:
     """Draw the phases on a ring in the order of the cycle, with an arrow for each way out.
 
     Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
-    lines = {phase: _box_lines(table, phase) for phase in table.phases}
-    name = max(len(readable(phase)) for phase in table.phases)
-    box_width = max(_BOX_WIDTH, 80.0 + 1.3 * _CHARACTER * name)
-    box_height = 36.0 + SMALL_LINE * max(map(len, lines.values()))
+    lines = [_box_lines(table, phase) for phase in table.phases]
+    names = [f"{place} {readable(phase)}" for place, phase in enumerate(table.phases, start=1)]
+    box_width = max(_BOX_WIDTH, 66.0 + 1.3 * _CHARACTER * max(map(len, names)))
+    box_height = 36.0 + SMALL_LINE * max(map(len, lines))
     groups = arrow_groups(table)
     boxes = ring(len(table.phases), box_width, box_height)
     curves = arrows(groups, boxes)
     numbers = [
         ", ".join(str(1 + table.transitions.index(item)) for item in group.transitions) for group in groups
     ]
-    widths = [10.0 + _CHARACTER * len(number) for number in numbers]
-    marks = badges(curves, boxes, widths, _BADGE)
-    said = [*_transition_lines(table), *_legend(table)]
+    marks = badges(curves, boxes, [10.0 + _CHARACTER * len(number) for number in numbers], _BADGE)
+    said, legend = list(_transition_lines(table)), _legend(table)
     left, top, width, height = bounds([*boxes, *marks], _MARGIN)
-    top, foot = top - _HEAD, top + height
-    x, least = left + _MARGIN, _TITLE_CHARACTER * len(table.name)
-    texts = [_Text(x, top + _HEAD - 6.0, table.name, "title")]
-    texts += [_Text(x, foot + LINE * (row + 1), text, style) for row, (text, style) in enumerate(said)]
-    for place, (phase, box) in enumerate(zip(table.phases, boxes, strict=True), start=1):
-        texts += _box_texts(f"{place} {readable(phase)}", lines[phase], box)
-    texts += [
-        _Text(mark.x, mark.y + 4.5, number, "cause", "middle")
-        for mark, number in zip(marks, numbers, strict=True)
-    ]
+    widths = [_TITLE_CHARACTER * len(table.name), *(_CHARACTER * len(text) for text in (*said, *legend))]
     colours = [phase_colour(name, place) for place, name in enumerate(table.phase_names)]
     content = {
-        "name": _FORBIDDEN.sub("\ufffd", table.name),
+        "name": table.name,
+        "x": left + _MARGIN,
+        "foot": top + height,
         "left": left,
-        "top": top,
-        "width": max(width, 2.0 * _MARGIN + max(least, *(_CHARACTER * len(text) for text, _ in said))),
-        "height": _HEAD + height + LINE * len(said) + _MARGIN,
+        "top": top - _HEAD,
+        "width": max(width, 2.0 * _MARGIN + max(widths)),
+        "height": _HEAD + height + LINE * len((*said, *legend)) + _MARGIN,
         "arrows": list(zip(curves, groups, strict=True)),
-        "boxes": list(zip(boxes, colours, strict=True)),
-        "badges": marks,
-        "texts": [text._replace(words=_FORBIDDEN.sub("\ufffd", text.words)) for text in texts],
+        "boxes": list(zip(boxes, colours, names, lines, strict=True)),
+        "badges": list(zip(marks, numbers, strict=True)),
+        "said": said,
+        "legend": legend,
+        "columns": _COLUMNS,
+        "line": LINE,
+        "small_line": SMALL_LINE,
     }
-    return render("state_diagram.svg", content) + "\n"
+    return _FORBIDDEN.sub("\ufffd", render("state_diagram.svg", content)) + "\n"
 
 
-def _transition_lines(table: StateTable) -> Iterator[tuple[str, str]]:
-    """What the numbers of the arrows stand for, each with its style."""
+def _transition_lines(table: StateTable) -> Iterator[str]:
+    """What the numbers of the arrows stand for."""
     for place, item in enumerate(table.transitions, start=1):
         way = f"{readable(item.source)} → {readable(item.target)}"
         text = f"{place}  {way}, {readable(item.cause)}: {condition_words(item)}"
-        yield from ((line, "") for line in textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent="     "))
+        yield from textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent="     ")
 
 
-def _legend(table: StateTable) -> list[tuple[str, str]]:
-    if isinstance(table, ModeTable):
-        return [(text.format(readable(table.hold)), "faint") for text in _MODE_LEGEND]
-    return [(text, "faint") for text in _LEGEND]
-
-
-def _box_texts(name: str, lines: list[tuple[str, ...]], box: Rectangle) -> Iterator[_Text]:
-    """Name of a phase, and what it sets."""
-    x, y = box.x - box.width / 2.0, box.y - box.height / 2.0
-    yield _Text(x + 36.0, y + 23.0, name, "name")
-    for row, cells in enumerate(lines):
-        style = "faint" if row == 0 or len(cells) == 1 else ""
-        for column, cell in zip(_COLUMNS, cells, strict=False):
-            yield _Text(x + column, y + 43.0 + SMALL_LINE * row, cell, style)
+def _legend(table: StateTable) -> list[str]:
+    texts = _MODE_LEGEND if isinstance(table, ModeTable) else _LEGEND
+    return [text.format(readable(getattr(table, "hold", ""))) for text in texts]
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:

@@ -1,6 +1,7 @@
 """The articulated figure: one group per joint, so that a posture is one rotation per joint."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -9,7 +10,7 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.visuals import FIXED_JOINT, Visuals
+from twin_gait.viewer.visuals import FIXED_JOINT, LinkPart
 
 ROOT = "/meshcat/figure"
 STICK_COLOUR = (0.86, 0.88, 0.91)
@@ -30,9 +31,14 @@ class Figure:
         paths: Place of the group of each joint, by the joint's name.
     """
 
-    def __init__(self, window: Window, model: pin.Model, *, up_axis: str = "z") -> None:
-        """Make the groups. ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model."""
-        self.model = model
+    def __init__(
+        self, window: Window, model: pin.Model, parts: Sequence[LinkPart] = (), *, up_axis: str = "z"
+    ) -> None:
+        """Make the groups and draw the parts of the URDF, or without any sticks from joint to joint.
+
+        ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model.
+        """
+        self.model, self._parts = model, parts
         self._window = window
         self._data = model.createData()
         self.base = np.eye(4)
@@ -46,6 +52,14 @@ class Figure:
             self.paths[name] = f"{parent}/{name.replace('/', '_')}"
         window.send(set_transform(ROOT, self.base))
         window.apply(self.posture(pin.neutral(model)))
+        for number, part in enumerate(parts):
+            *colour, opacity = part.colour
+            gloss = 0.8 if max(colour) < 0.3 else 0.42
+            # Of both sides, because it may have holes.
+            look = Material(colour=colour, opacity=opacity, roughness=gloss, two_sided=True)
+            self.draw(part.joint, f"visual_{number}", part.shape, look)
+        if not parts:
+            self._draw_skeleton()
 
     def draw(self, joint: str, name: str, shape: Shape, material: Material, *, casts: bool = True) -> str:
         """Draw a mesh on a joint.
@@ -59,16 +73,7 @@ class Figure:
         draw_mesh(self._window, path, shape, material, casts=casts and material.opacity == 1.0)
         return path
 
-    def draw_visuals(self, visuals: Visuals) -> None:
-        """Draw the visuals of the URDF."""
-        for number, part in enumerate(visuals.parts):
-            *colour, opacity = part.colour
-            gloss = 0.8 if max(colour) < 0.3 else 0.42
-            # Of both sides, because it may have holes.
-            look = Material(colour=colour, opacity=opacity, roughness=gloss, two_sided=True)
-            self.draw(part.joint, f"visual_{number}", part.shape, look)
-
-    def draw_skeleton(self) -> None:
+    def _draw_skeleton(self) -> None:
         """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
         ends = [self._ends(index) for index in range(self.model.njoints)]
         lengths = [float(np.linalg.norm(end)) for tips in ends for end in tips]
@@ -152,6 +157,16 @@ class Figure:
             found[path, "position"] = transform.translation.tolist()
             found[path, "quaternion"] = pin.Quaternion(transform.rotation).coeffs().tolist()
         return found
+
+    def points(self) -> np.ndarray:
+        """Vertices of the parts, or all frames, and all joints in the scene at zero, shape ``(n, 3)``."""
+        pin.framesForwardKinematics(self.model, self._data, pin.neutral(self.model))
+        origins = [*self._data.oMi, *(() if self._parts else self._data.oMf)]
+        points = [np.array([place.translation for place in origins])]
+        for part in self._parts:
+            place = self._data.oMi[self.model.getJointId(part.joint)]
+            points.append(shapes.moved(part.shape, place.homogeneous).vertices)
+        return np.concatenate(points) @ self.base[:3, :3].T
 
     def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:
         """Position of a point on a joint in the scene, whose vertical is z.

@@ -4,9 +4,11 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
+import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
@@ -17,7 +19,8 @@ from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.visuals import Visuals
+from twin_gait.viewer.surroundings import set_studio
+from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side
 
 _IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
@@ -57,9 +60,11 @@ class Element(Protocol):
 class Scene:
     """A scene that has been drawn and can be moved."""
 
-    def __init__(self, window: Window, figure: Figure, visuals: Visuals) -> None:
-        """Start a scene with a figure."""
-        self.figure = figure
+    def __init__(self, window: Window, model: pin.Model, urdf: Path, up_axis: str) -> None:
+        """Start a scene with what a URDF shows of a model, as :class:`Figure` draws it."""
+        set_studio(window)
+        visuals = load_visuals(model, urdf)
+        self.figure = Figure(window, model, visuals.parts, up_axis=up_axis)
         self.missing_meshes = visuals.missing  # mesh files of the URDF that were not found
         self.caps: dict[Side, list[str]] = {}  # places of the coloured caps of motors
         self.arrows: dict[Side, str] = {}  # place of the ground force

@@ -104,13 +104,6 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
     return surface(elliptic(rings, columns))
 
 
-def capsule(radius: float, length: float) -> Shape:
-    """Make a capsule along z. ``radius`` in [m]; ``length`` of the straight part in [m]."""
-    ball = ellipsoid((radius, radius, radius))
-    shift = np.where(ball.vertices[:, 2:] > 0.0, 0.5 * length, -0.5 * length)
-    return ball._replace(vertices=ball.vertices + shift * [0.0, 0.0, 1.0])
-
-
 def arrow() -> Shape:
     """Make an arrow of 1 m from the origin along z, whose head takes a fifth of it."""
     return turned([(0.0, 0.0), (0.012, 0.0), (0.012, 0.8), (0.031, 0.8), (0.0, 1.0)], columns=24)

@@ -7,7 +7,7 @@ are read here.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,8 +39,8 @@ class LinkPart(NamedTuple):
 class Visuals(NamedTuple):
     """What a URDF shows."""
 
-    parts: tuple[LinkPart, ...]  # the meshes
-    missing: tuple[str, ...]  # mesh files that the URDF names and that are not there
+    parts: Sequence[LinkPart]  # the meshes
+    missing: Sequence[str]  # mesh files that the URDF names and that are not there
 
 
 def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
@@ -63,7 +63,7 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
                 rounded = tuple(round(value, 4) for value in colour)
                 found.setdefault((carrier.get(joint, joint), rounded), []).append(piece)
     parts = [LinkPart(*key, shapes.merged(items)) for key, items in found.items()]
-    return Visuals(tuple(parts), tuple(missing))
+    return Visuals(parts, missing)
 
 
 def _read_with_meshes(urdf: Path) -> tuple[str, list[str]]:
@@ -83,8 +83,6 @@ def _read_with_meshes(urdf: Path) -> tuple[str, list[str]]:
                 if found is None:
                     missing.append(name)
                     link.remove(visual)
-    if root.find(".//capsule") is not None:
-        root.set("version", "1.2")  # Pinocchio overlooks capsules in a file of version 1.0
     return ElementTree.tostring(root, encoding="unicode"), missing
 
 
@@ -159,8 +157,8 @@ def _shape_of(item: Any) -> Shape | None:
             return shapes.rounded_box(size.tolist(), min(_EDGE_SHARE * float(size.min()), _LARGEST_EDGE))
         case "Cylinder":
             return shapes.cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
-        case "Sphere" | "Capsule":
-            return shapes.capsule(float(solid.radius), 2.0 * float(getattr(solid, "halfLength", 0.0)))
+        case "Sphere":
+            return shapes.ellipsoid((float(solid.radius),) * 3)
     if not hasattr(solid, "tri_indices") or solid.num_tris == 0:
         return None
     vertices = np.array(solid.vertices(), dtype=float)  # scaled already
