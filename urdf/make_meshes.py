@@ -578,6 +578,33 @@ def crutch() -> Mesh:
     return _unit(joined(parts), CRUTCH)
 
 
+def motor_cap() -> Mesh:
+    """Cap of a motor of radius 1 about z: a disc of height 1.15 with a groove in either face."""
+    half, groove = 0.575, 0.525
+    rim = [(1.0, half - 0.14), (0.958, half - 0.042), (0.86, half), (0.72, half), (0.70, groove)]
+    upper = [*rim, (0.64, groove), (0.62, half)]
+    profile = [(radius, -height) for radius, height in reversed(upper)] + upper
+    return closed(ellipses(np.array([(height, 0.0, 0.0, radius, radius) for radius, height in profile]), 28))
+
+
+def torque(level: int) -> Mesh:
+    """Arrow about z that begins on x, 0.1 m from the axis; the longest of six sweeps 270°."""
+    radius, head = 0.1, 0.044
+    sweep = math.radians(45.0) * level
+    # The shortest is hardly longer than its head.
+    angle = np.linspace(0.0, max(sweep - head / radius, 0.3 * sweep), 4 * level + 2)
+    shaft = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(angle)))
+    # The head goes along the arc's direction there and a little inward, as the arc goes on.
+    out = shaft[-1] / radius
+    ahead = np.cross([0.0, 0.0, 1.0], out) - 0.5 * head / radius * out
+    ahead /= np.linalg.norm(ahead)
+    cone = closed(ellipses(np.array([(0.0, 0.0, 0.0, 0.019, 0.019), (0.043, 0.0, 0.0, 5e-4, 5e-4)]), 12))
+    turn = np.column_stack(([0.0, 0.0, 1.0], np.cross(ahead, [0.0, 0.0, 1.0]), ahead))
+    return joined(
+        [pipe(shaft, 0.008, beside=(0.0, 0.0, 1.0), points=8), moved(cone, turn=turn, shift=shaft[-1])]
+    )
+
+
 def mast() -> Mesh:
     """Mast on the left rail of the treadmill, its arm, and the bar that ropes hang from, 1.83 m up."""
     foot, bar = np.array([-0.62, 0.38, -0.085]), np.array([0.0, 0.0, 1.83])
@@ -616,6 +643,8 @@ MESHES: dict[str, Callable[[], Mesh]] = {
     "wearer_upper_arm": wearer_upper_arm,
     "wearer_forearm": wearer_forearm,
     "crutch": crutch,
+    "motor_cap": motor_cap,
+    **{f"torque_{level}": partial(torque, level) for level in range(1, 7)},
     "mast": mast,
 }
 

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.viewer import shapes
-from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
+from twin_gait.viewer.arrows import LEVELS, arc_arrow
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, LinkPart
@@ -108,10 +108,8 @@ class Figure:
 
     def draw_cap(self, joint: str, radius: float, material: Material) -> str:
         """Draw the cap of a motor of a radius in [m]; its colour shows the phase."""
-        placement = shapes.frame(self.axis(joint))
-        return self.draw(
-            joint, "motor_cap", shapes.moved(shapes.ring_cap(radius, 1.15 * radius), placement), material
-        )
+        placement = shapes.frame(self.axis(joint)) @ np.diag([radius, radius, radius, 1.0])
+        return self.draw(joint, "motor_cap", shapes.packaged("motor_cap", placement), material)
 
     def draw_arc(self, joint: str, radius: float, outward: float) -> dict[int, str]:
         """Draw the arrows that show the torque of a motor, all hidden.
@@ -125,14 +123,13 @@ class Figure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        start = up - (up @ axis) * axis
-        start /= np.linalg.norm(start)
-        placement = shapes.translation(before.translation + (0.575 * radius + _ARC_GAP) * face)
+        middle = before.translation + (0.575 * radius + _ARC_GAP) * face
+        placement = shapes.frame(axis, up, at=middle)
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
-            arrow = shapes.moved(arc_arrow(radius + _ARC_CLEARANCE, number, axis, start), placement)
+            arrow, material = arc_arrow(number, radius + _ARC_CLEARANCE, placement)
             name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
-            paths[number] = self.draw(parent, name, arrow, arc_material(number), casts=False)
+            paths[number] = self.draw(parent, name, arrow, material, casts=False)
             self._window.send(set_property(paths[number], "visible", False))
         return paths
 

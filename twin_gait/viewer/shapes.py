@@ -72,26 +72,13 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
     return surface(elliptic(rings, columns))
 
 
-def _mirrored(upper: list[tuple[float, float]]) -> Shape:
-    """Turned part that is alike above and below; the profile goes from its rim to its axis."""
-    return turned([(radius, -height) for radius, height in reversed(upper)] + upper)
-
-
 def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
     """Make a cylinder along z, its edges bevelled by at most a third of radius and length; all in [m]."""
     half = length / 2.0
     bevel = min(bevel, radius / 3.0, length / 3.0)
     third = bevel * (1.0 - math.cos(math.pi / 4.0))
-    edge = [(radius, half - bevel), (radius - third, half - third), (radius - bevel, half)]
-    return _mirrored([*edge, (0.0, half)])
-
-
-def ring_cap(radius: float, length: float) -> Shape:
-    """Make the cover of a motor: a disc along z with a groove in either face; all in [m]."""
-    half, bevel, groove = length / 2.0, 0.14 * radius, length / 2.0 - 0.05 * radius
-    edge = [(radius, half - bevel), (radius - 0.3 * bevel, half - 0.3 * bevel), (radius - bevel, half)]
-    ring = [(0.72 * radius, half), (0.70 * radius, groove), (0.64 * radius, groove), (0.62 * radius, half)]
-    return _mirrored([*edge, *ring, (0.0, half)])
+    upper = [(radius, half - bevel), (radius - third, half - third), (radius - bevel, half), (0.0, half)]
+    return turned([(ring, -height) for ring, height in reversed(upper)] + upper)
 
 
 def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
@@ -102,11 +89,6 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
     around[[0, -1]] = 0.0
     rings = np.column_stack((z * np.sin(latitude), middle, middle, x * around, y * around))
     return surface(elliptic(rings, columns))
-
-
-def arrow() -> Shape:
-    """Make an arrow of 1 m from the origin along z, whose head takes a fifth of it."""
-    return turned([(0.0, 0.0), (0.012, 0.0), (0.012, 0.8), (0.031, 0.8), (0.0, 1.0)], columns=24)
 
 
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
