@@ -1,6 +1,6 @@
 """Colours that pictures and the viewer share.
 
-One meaning a colour: what is told apart by phase, side, joint, part of a torque, source of work or event
+One meaning a colour: what is told apart by phase, side, joint, part of a torque or event
 shares its colour with nothing else, by day and by night. The phases have those of Okabe and Ito (2008);
 stance is cold and swing warm. People with any common colour blindness can tell the colours of a group apart.
 The plain names are for figures with a legend of their own. Nothing heavy is imported here.
@@ -9,31 +9,9 @@ The plain names are for figures with a legend of their own. Nothing heavy is imp
 from twin_gait.vocabulary import FIRST_SWING, HOLD, STAND, GaitPhase, JointName, Side
 
 __all__ = [
-    "BLACK",
-    "BLUE",
-    "BLUISH_GREEN",
-    "EVENT_COLOUR",
-    "EVENT_ON_DARK",
-    "EXTENSION_COLOUR",
-    "FLEXION_COLOUR",
-    "GREY",
-    "GROUND_FORCE_COLOUR",
-    "HELD_COLOUR",
-    "JOINT_COLOURS",
-    "LIMIT_COLOUR",
-    "ORANGE",
-    "PHASE_COLOURS",
-    "REDDISH_PURPLE",
-    "REFERENCE_COLOUR",
-    "SIDE_COLOURS",
-    "SIDE_COLOURS_ON_DARK",
-    "SKY_BLUE",
-    "TORQUE_COLOURS",
-    "VERMILLION",
-    "WORK_COLOURS",
-    "YELLOW",
-    "phase_colour",
-]
+    "BLACK", "BLUE", "BLUISH_GREEN", "EVENT_COLOUR", "GREY", "JOINT_COLOURS", "ORANGE", "PHASE_COLOURS",
+    "REDDISH_PURPLE", "REFERENCE_COLOUR", "SIDE_COLOURS", "SKY_BLUE", "VERMILLION", "YELLOW", "phase_colour",
+]  # fmt: skip
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -78,17 +56,6 @@ TORQUE_COLOURS: dict[str, str] = {
     "inertia_compensation": "#6C7FA8",
     "target": "#A9B331",
 }
-# Sources of work, by the words of the log columns.
-WORK_COLOURS: dict[str, str] = {
-    "motor": "#3B4252",
-    "friction": "#E8836B",
-    "stop": "#F7B7D2",
-    "spring": "#8FD694",
-    "contact": GROUND_FORCE_COLOUR,
-    "patient": "#4F6D1F",
-    "brace": "#12716F",
-}
-
 # For phases of a table that does not use the five names.
 _FURTHER_COLOURS = ("#F4B183", "#A9D8C8", "#C9B8E8", *reversed(PHASE_COLOURS.values()))
 

@@ -1,4 +1,4 @@
-"""Make the meshes of the device that the URDF files show: ``python urdf/make_meshes.py``.
+"""Make the meshes of the device that the URDF files show, and of its wearer: ``python urdf/make_meshes.py``.
 
 Every mesh is lofted, turned or bent from the few numbers below, which were drawn by eye for the lengths in
 the URDF files and carry no data. Frames are those of the links: x forward, y left, z up, origin at the
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -208,6 +209,113 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
+def limb(rings: np.ndarray, *, rows: int = 15, points: int = 20) -> Mesh:
+    """Limb of ellipses along z with domes for ends, on cubics whose slopes are central differences.
+
+    Args:
+        rings: From end to end: height, centre x and y, half axes x and y, all in [m], shape ``(n, 5)``.
+        rows: Rings of the mesh beside those of the domes.
+        points: Of a ring.
+
+    Returns:
+        The mesh.
+    """
+    rings = rings[np.argsort(rings[:, 0])]
+    places, slopes = np.linspace(0.0, len(rings) - 1.0, rows), np.gradient(rings, axis=0)
+    start = np.minimum(places.astype(int), len(rings) - 2)
+    share, rise = (places - start)[:, None], rings[start + 1] - rings[start]
+    bow = (slopes[start] - rise) * (1.0 - share) - (slopes[start + 1] - rise) * share
+    curve = rings[start] + share * rise + share * (1.0 - share) * bow
+    ends = _dome(curve[0], curve[1]), _dome(curve[-1], curve[-2])[::-1]
+    return closed(ellipses(np.concatenate((ends[0], curve[1:-1], ends[1])), points))
+
+
+def _dome(ring: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
+    turn = np.linspace(0.1, np.pi / 2.0, 4)
+    dome = np.tile(ring, (4, 1))
+    dome[:, 0] += np.sign(ring[0] - neighbour[0]) * 0.8 * ring[3:].min() * np.cos(turn)
+    dome[:, 3:] *= np.sin(turn)[:, None]
+    return dome
+
+
+def ellipses(rings: np.ndarray, points: int) -> np.ndarray:
+    """Points of rings as :func:`limb` takes them.
+
+    Args:
+        rings: Shape ``(n, 5)``.
+        points: Of a ring.
+
+    Returns:
+        Shape ``(n, points, 3)``.
+    """
+    made = []
+    for height, x, y, half_x, half_y in rings:
+        ring = outline(half_x, half_y, 2.0, points) + np.array([x, y])
+        made.append(np.column_stack((ring, np.full(points, height))))
+    return np.array(made)
+
+
+def sleeve(rings: np.ndarray, low: float, high: float, *, rows: int = 2, points: int = 24) -> Mesh:
+    """Strap around a limb, 4 mm thick.
+
+    Args:
+        rings: Of the limb, as :func:`limb` takes them.
+        low: Height of its lower edge in [m].
+        high: Height of its upper edge in [m].
+        rows: Rings of its outside.
+        points: Of a ring.
+
+    Returns:
+        The mesh.
+    """
+    rings, heights = rings[np.argsort(rings[:, 0])], np.linspace(low, high, rows)
+    skin = np.column_stack([np.interp(heights, rings[:, 0], column) for column in rings.T])
+    outside = skin + np.array([0.0, 0.0, 0.0, 0.004, 0.004])
+    around = ellipses(np.concatenate((outside, skin[::-1])), points)
+    n, m, _ = around.shape
+    row, column = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
+    a, b = (row * m + column).ravel(), (row * m + (column + 1) % m).ravel()
+    above = [(corner + m) % (n * m) for corner in (a, b)]
+    faces = np.concatenate((np.column_stack((a, b, above[1])), np.column_stack((a, above[1], above[0]))))
+    return Mesh(around.reshape(-1, 3), faces)
+
+
+def pipe(path: np.ndarray, radius: float, *, beside: Sequence[float], points: int = 12) -> Mesh:
+    """Round tube along a path.
+
+    Args:
+        path: Points in [m], shape ``(n, 3)``.
+        radius: In [m].
+        beside: A direction that the path never takes.
+        points: Of a ring.
+
+    Returns:
+        The mesh.
+    """
+    ahead = np.gradient(path, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    across = np.asarray(beside, dtype=float) - (ahead @ np.asarray(beside))[:, None] * ahead
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    ring = outline(radius, radius, 2.0, points)
+    around = ring[None, :, :1] * across[:, None] + ring[None, :, 1:] * np.cross(ahead, across)[:, None]
+    return closed(path[:, None] + around)
+
+
+def curved(start: np.ndarray, corner: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Parabola that touches the lines to a corner where it starts and ends.
+
+    Args:
+        start: In [m], shape ``(3,)``.
+        corner: Likewise.
+        end: Likewise.
+
+    Returns:
+        Points, shape ``(9, 3)``.
+    """
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    return np.asarray((1.0 - share) ** 2 * start + 2.0 * share * (1.0 - share) * corner + share**2 * end)
+
+
 def backpack() -> Mesh:
     """Shell of the backpack: narrower and thinner towards the top."""
     sections = [
@@ -309,6 +417,208 @@ def stirrup() -> Mesh:
     return joined((upright, across))
 
 
+# The wearer: a body of 1.75 m and 70 kg. Of a limb: share of its length below the upper joint, centre
+# forward, half axes forward and sideways in [m]; of trunk and head: height over the hips as a share of the
+# trunk. Of the foot: share of its length from the heel; centre over the sole, half height and half width as
+# shares of its height.
+BODY = {
+    "thigh": (
+        (-0.03, -0.004, 0.08, 0.074),
+        (0.08, -0.002, 0.088, 0.08),
+        (0.3, 0.006, 0.081, 0.075),
+        (0.55, 0.009, 0.068, 0.064),
+        (0.8, 0.007, 0.056, 0.053),
+        (0.95, 0.006, 0.053, 0.05),
+        (1.02, 0.004, 0.05, 0.047),
+    ),
+    "shank": (
+        (-0.02, 0.005, 0.047, 0.045),
+        (0.08, 0.0, 0.05, 0.048),
+        (0.28, -0.01, 0.056, 0.053),
+        (0.5, -0.01, 0.048, 0.046),
+        (0.75, -0.005, 0.036, 0.035),
+        (0.93, -0.003, 0.033, 0.032),
+        (1.0, -0.004, 0.034, 0.031),
+    ),
+    "foot": (
+        (0.1, 0.52, 0.48, 0.42),
+        (0.24, 0.68, 0.64, 0.5),
+        (0.36, 0.66, 0.64, 0.52),
+        (0.52, 0.48, 0.46, 0.58),
+        (0.7, 0.34, 0.33, 0.66),
+        (0.84, 0.25, 0.24, 0.64),
+        (0.92, 0.2, 0.19, 0.54),
+    ),
+    "trunk": (
+        (-0.17, -0.006, 0.066, 0.095),
+        (-0.06, -0.014, 0.106, 0.15),
+        (0.06, -0.016, 0.112, 0.166),
+        (0.2, -0.002, 0.098, 0.15),
+        (0.36, 0.01, 0.09, 0.134),
+        (0.55, 0.012, 0.104, 0.148),
+        (0.72, 0.008, 0.115, 0.168),
+        (0.86, -0.004, 0.106, 0.182),
+        (0.95, -0.012, 0.082, 0.172),
+        (1.02, -0.014, 0.06, 0.116),
+        (1.08, -0.008, 0.052, 0.06),
+        (1.2, 0.006, 0.05, 0.051),
+    ),
+    "head": (
+        (1.16, 0.02, 0.046, 0.044),
+        (1.22, 0.03, 0.07, 0.06),
+        (1.33, 0.024, 0.092, 0.074),
+        (1.46, 0.012, 0.099, 0.077),
+        (1.55, 0.004, 0.086, 0.069),
+        (1.59, 0.002, 0.066, 0.054),
+    ),
+    "upper_arm": (
+        (-0.1, 0.042, 0.04),
+        (0.08, 0.055, 0.051),
+        (0.3, 0.052, 0.046),
+        (0.6, 0.046, 0.041),
+        (0.88, 0.041, 0.038),
+        (1.04, 0.039, 0.037),
+    ),
+    "forearm": (
+        (-0.06, 0.037, 0.036),
+        (0.08, 0.043, 0.044),
+        (0.25, 0.045, 0.046),
+        (0.55, 0.037, 0.037),
+        (0.85, 0.028, 0.026),
+        (1.0, 0.027, 0.024),
+    ),
+}
+TRUNK, FOOT, FOOT_HEIGHT = 0.504, 0.266, 0.068  # [m]
+LENGTHS = {"thigh": 0.42, "shank": 0.43, "upper_arm": 0.326}  # [m]
+STRAPS = {"thigh": (0.60, 0.46), "shank": (0.46, 0.32)}  # from and to, as shares of the length
+FOREARM, CRUTCH = 0.256, 1.104  # [m], the second from the elbow to the tip
+HANDLE = 0.045  # of its middle in front of the shaft [m]
+
+
+def _body_rings(name: str, length: float) -> np.ndarray:
+    return np.array([(share * length, x, 0.0, a, b) for share, x, a, b in BODY[name]])
+
+
+def _unit(mesh: Mesh, length: float) -> Mesh:
+    """Limb of 1 m along z: who draws it makes it as long as it is."""
+    return Mesh(mesh.vertices / [1.0, 1.0, length], mesh.faces)
+
+
+def wearer_limb(name: str) -> Mesh:
+    """Thigh or shank, of 1 m below its upper joint."""
+    return _unit(limb(_body_rings(name, -LENGTHS[name])), LENGTHS[name])
+
+
+def wearer_strap(name: str) -> Mesh:
+    """Strap around it."""
+    low, high = (-share * LENGTHS[name] for share in STRAPS[name])
+    return _unit(sleeve(_body_rings(name, -LENGTHS[name]), low, high), LENGTHS[name])
+
+
+def wearer_foot() -> Mesh:
+    """Foot in the frame of the ankle, its sole a foot height below."""
+    rings = [
+        ((share - 0.25) * FOOT, (1.0 - centre) * FOOT_HEIGHT, 0.0, a * FOOT_HEIGHT, b * FOOT_HEIGHT)
+        for share, centre, a, b in BODY["foot"]
+    ]
+    return moved(limb(np.array(rings)), turn=_ALONG_X)
+
+
+def wearer_vest() -> Mesh:
+    """Vest of the harness."""
+    return sleeve(_body_rings("trunk", TRUNK), 0.50 * TRUNK, 0.80 * TRUNK, rows=6, points=28)
+
+
+def wearer_harness() -> Mesh:
+    """Shoulder straps, from where a rope meets them to front and back of the vest."""
+    rings = _body_rings("trunk", TRUNK)
+    half_x, half_y = (np.interp(0.80 * TRUNK, rings[:, 0], rings[:, column]) for column in (3, 4))
+    angle, straps = math.radians(52.0), []
+    for side in (1.0, -1.0):
+        hook = np.array([0.0, 0.15 * side, 1.12 * TRUNK])
+        for front in (1.0, -1.0):
+            end = np.array([front * half_x * math.sin(angle), side * half_y * math.cos(angle), 0.80 * TRUNK])
+            middle = 0.5 * (hook + end) + [front * 0.035, 0.0, 0.02]
+            straps.append(pipe(curved(hook, middle, end), 0.007, beside=(0.0, 1.0, 0.0), points=6))
+    return joined(straps)
+
+
+def wearer_upper_arm() -> Mesh:
+    """Upper arm of 1 m from the shoulder along z."""
+    rings = [(share * LENGTHS["upper_arm"], 0.0, 0.0, a, b) for share, a, b in BODY["upper_arm"]]
+    return _unit(limb(np.array(rings)), LENGTHS["upper_arm"])
+
+
+def _forearm_rings() -> np.ndarray:
+    """Those of a forearm whose elbow is on z and whose hand holds a handle in front of it."""
+    rows = [(CRUTCH - share * FOREARM, share * HANDLE, 0.0, a, b) for share, a, b in BODY["forearm"]]
+    return np.array(rows)
+
+
+def wearer_forearm() -> Mesh:
+    """Forearm and hand on a crutch; from its tip to the elbow is 1 m along z."""
+    latitude = np.radians(np.linspace(-84.0, 84.0, 12))
+    half = (0.040 * np.cos(latitude), 0.036 * np.cos(latitude))
+    height, x = CRUTCH - FOREARM + 0.005 + 0.046 * np.sin(latitude), np.full(12, HANDLE)
+    hand = closed(ellipses(np.column_stack((height, x, np.zeros(12), *half)), 20))
+    return _unit(joined([limb(_forearm_rings()), hand]), CRUTCH)
+
+
+def crutch() -> Mesh:
+    """Crutch to it: shaft, behind the forearm up to the cuff, handle, cuff and rubber tip."""
+    grip, rings = CRUTCH - FOREARM, _forearm_rings()
+    high, low = (CRUTCH - share * FOREARM for share in (0.16, 0.34))
+    shaft = np.array([[0.0, 0.0, 0.04], [0.0, 0.0, 0.4 * grip], [0.0, 0.0, grip - 0.02],
+                      [-0.045, 0.0, 0.5 * (high + low)]])  # fmt: skip
+    handle = np.array([[x, 0.0, grip] for x in (-0.012, 0.05, 0.105)])
+    tip = [(0.0, 0.0, 0.0, 0.027, 0.027), (0.012, 0.0, 0.0, 0.024, 0.024), (0.05, 0.0, 0.0, 0.017, 0.017)]
+    across = (0.0, 1.0, 0.0)
+    parts = [pipe(shaft, 0.0115, beside=across), pipe(handle, 0.0155, beside=across),
+             sleeve(rings, low, high, rows=3), closed(ellipses(np.array(tip), 20))]  # fmt: skip
+    return _unit(joined(parts), CRUTCH)
+
+
+def motor_cap() -> Mesh:
+    """Cap of a motor of radius 1 about z: a disc of height 1.15 with a groove in either face."""
+    half, groove = 0.575, 0.525
+    rim = [(1.0, half - 0.14), (0.958, half - 0.042), (0.86, half), (0.72, half), (0.70, groove)]
+    upper = [*rim, (0.64, groove), (0.62, half)]
+    profile = [(radius, -height) for radius, height in reversed(upper)] + upper
+    return closed(ellipses(np.array([(height, 0.0, 0.0, radius, radius) for radius, height in profile]), 28))
+
+
+def torque(level: int) -> Mesh:
+    """Arrow about z that begins on x, 0.1 m from the axis; the longest of six sweeps 270°."""
+    radius, head = 0.1, 0.044
+    sweep = math.radians(45.0) * level
+    # The shortest is hardly longer than its head.
+    angle = np.linspace(0.0, max(sweep - head / radius, 0.3 * sweep), 4 * level + 2)
+    shaft = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(angle)))
+    # The head goes along the arc's direction there and a little inward, as the arc goes on.
+    out = shaft[-1] / radius
+    ahead = np.cross([0.0, 0.0, 1.0], out) - 0.5 * head / radius * out
+    ahead /= np.linalg.norm(ahead)
+    cone = closed(ellipses(np.array([(0.0, 0.0, 0.0, 0.019, 0.019), (0.043, 0.0, 0.0, 5e-4, 5e-4)]), 12))
+    turn = np.column_stack(([0.0, 0.0, 1.0], np.cross(ahead, [0.0, 0.0, 1.0]), ahead))
+    return joined(
+        [pipe(shaft, 0.008, beside=(0.0, 0.0, 1.0), points=8), moved(cone, turn=turn, shift=shaft[-1])]
+    )
+
+
+def mast() -> Mesh:
+    """Mast on the left rail of the treadmill, its arm, and the bar that ropes hang from, 1.83 m up."""
+    foot, bar = np.array([-0.62, 0.38, -0.085]), np.array([0.0, 0.0, 1.83])
+    arm, elbow = np.array([0.0, 0.0, 1.88]), np.array([-0.62, 0.38, 1.88])
+    inward = 0.20 * (arm - elbow) / np.linalg.norm(arm - elbow)
+    bend = curved(elbow - [0.0, 0.0, 0.20], elbow, elbow + inward)
+    ends = np.array([[0.0, -0.19, 1.83], bar, [0.0, 0.19, 1.83]])
+    across = (1.0, 0.0, 0.0)
+    hanger = np.array([[0.0, 0.0, 1.825], [0.0, 0.0, 1.885]])
+    parts = [pipe(np.array([foot, *bend, arm]), 0.022, beside=across, points=14),
+             pipe(ends, 0.016, beside=across), pipe(hanger, 0.012, beside=across)]  # fmt: skip
+    return joined(parts)
+
+
 MESHES: dict[str, Callable[[], Mesh]] = {
     "backpack": backpack,
     "battery": battery,
@@ -321,6 +631,21 @@ MESHES: dict[str, Callable[[], Mesh]] = {
     "shank_cuff": lambda: cuff(0.060, 0.054, 0.065),
     "sole": sole,
     "stirrup": stirrup,
+    "wearer_thigh": partial(wearer_limb, "thigh"),
+    "wearer_shank": partial(wearer_limb, "shank"),
+    "wearer_thigh_strap": partial(wearer_strap, "thigh"),
+    "wearer_shank_strap": partial(wearer_strap, "shank"),
+    "wearer_foot": wearer_foot,
+    "wearer_trunk": lambda: limb(_body_rings("trunk", TRUNK), rows=20, points=24),
+    "wearer_head": lambda: limb(_body_rings("head", TRUNK), rows=12, points=24),
+    "wearer_vest": wearer_vest,
+    "wearer_harness": wearer_harness,
+    "wearer_upper_arm": wearer_upper_arm,
+    "wearer_forearm": wearer_forearm,
+    "crutch": crutch,
+    "motor_cap": motor_cap,
+    **{f"torque_{level}": partial(torque, level) for level in range(1, 7)},
+    "mast": mast,
 }
 
 

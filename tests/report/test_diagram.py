@@ -36,7 +36,6 @@ from twin_gait.gait.signals import all_signal_names
 from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, ring
 from twin_gait.report.state_diagram import (
     guard_words,
-    phase_colours,
     state_diagram_mermaid,
     state_diagram_svg,
 )
@@ -403,7 +402,7 @@ def texts(svg: str) -> list[str]:
 
 @each_table
 def test_drawing_shows_phases_causes_thresholds_and_parameters(table: GaitTable) -> None:
-    shown = "\n".join(texts(state_diagram_svg(table)))
+    shown = " ".join(" ".join(texts(state_diagram_svg(table))).split())
     for name, parameters in table.phases.items():
         assert name.replace("_", " ") in shown
         for joint in parameters.joints.values():
@@ -412,8 +411,7 @@ def test_drawing_shows_phases_causes_thresholds_and_parameters(table: GaitTable)
     for item in table.transitions:
         assert item.cause.replace("_", " ") in shown
         for atom in comparisons_of(item.guard):
-            # A long condition goes on in the next line.
-            assert f"{atom.operator} {atom.threshold:g}".replace("-", "−") in shown.replace("\n", " ")
+            assert f"{atom.operator} {atom.threshold:g}".replace("-", "−") in shown
 
 
 @each_table
@@ -492,8 +490,8 @@ def test_nothing_in_a_drawing_lies_on_anything(table: GaitTable) -> None:
     for text, place in found.texts:
         half = np.array([place.width, place.height]) / 2.0
         crossed = (np.abs(found.arrows - [place.x, place.y]) < half).all(axis=1)
-        # On a ring of fifteen phases an arrow crosses the word on another one.
-        assert len(table.phases) > 12 or not crossed.any(), f"an arrow through {text!r}"
+        badge = text.replace(", ", "").isdigit()  # it lies on its arrow
+        assert badge or not crossed.any(), f"an arrow through {text!r}"
         for box in found.boxes:
             inside = (
                 abs(place.x - box.x) + half[0] <= box.width / 2.0 and abs(place.y - box.y) < box.height / 2.0
@@ -522,12 +520,6 @@ def test_arrows_begin_and_end_just_outside_their_boxes(table: GaitTable) -> None
             assert outside == pytest.approx(7.0)
 
 
-def test_phases_of_a_table_have_colours_of_their_own() -> None:
-    for table in TABLES.values():
-        # There are nine; the phases of a chair repeat those of walking.
-        assert len(set(phase_colours(table).values())) == min(len(table.phases), 9)
-
-
 def test_names_of_a_table_cannot_break_the_drawing() -> None:
     odd = one_phase_table()
     odd = dataclasses.replace(odd, name='<script>"&\x07', phases={"a<b & c": phase()})
@@ -544,8 +536,8 @@ def test_mermaid_has_every_transition_and_no_character_that_it_reads_as_syntax()
         assert len(labelled) == len(table.transitions)
         for (path, label), item in zip(labelled, table.transitions, strict=True):
             source, target = (part.strip() for part in path.split("-->"))
-            if all("_" in name for name in table.phase_names):
-                assert (source, target) == (item.source, item.target)
+            names = (f"phase_{1 + table.phase_index(phase)}" for phase in (item.source, item.target))
+            assert (source, target) == tuple(names)
             assert not set(re.sub(r"#\d+;", "", label)) & set(":;<>#\"'{}%|")
 
 

@@ -100,16 +100,16 @@ def test_a_figure_gives_the_same_file_each_time(walk, tmp_path):
 def test_what_cannot_be_drawn_is_said(walk, bench, tmp_path):
     with pytest.raises(ParameterError, match="no 'gait'; there are gait_cycle, ground_forces, joint_angles"):
         walk.plot("gait")
-    with pytest.raises(ParameterError, match="this run has no feet: it is not on the ground"):
+    with pytest.raises(ParameterError, match="this run has no feet; there are joint_angles"):
         bench.plot("feet")
-    with pytest.raises(ParameterError, match="this run has no gait_cycle: a leg made no whole stride"):
+    with pytest.raises(ParameterError, match="this run has no gait_cycle; there are"):
         bench.plot()
     with pytest.raises(ParameterError, match="width: expected 60 to 270 mm, got 20"):
         plot_run(walk, width_mm=20)
     with pytest.raises(ParameterError, match=r"out: expected a name ending in .pdf, .svg, .png, got 'a.doc'"):
         plot_run(walk, out=tmp_path / "a.doc")
-    with pytest.raises(ParameterError, match="this run has no energy: its log is too short"):
-        plot_run(replace(walk, log=walk.log.iloc[:1]), "energy")
+    with pytest.raises(ParameterError, match="this run has no torques; there are none"):
+        plot_run(replace(walk, log=walk.log.iloc[:1]), "torques")
 
 
 # ---------------------------------------------------------------------- the command
@@ -141,9 +141,9 @@ def test_plot_draws_all_that_the_run_has(folder):
         (["--figure", "gait"], "figure: no 'gait'; there are gait_cycle"),
         (["--figure", "gait_cycle"], "this run has no gait_cycle"),
         (["--out", "all.pdf"], "--out: takes one figure"),
-        (["--figure", "energy", "--width", "3"], "width: expected 60 to 270 mm, got 3"),
-        (["--figure", "energy", "--format", "doc"], "invalid choice"),
-        (["--figure", "energy", "--format", "png", "--out", "x.pdf"], "ends in .pdf, but png is written"),
+        (["--figure", "torques", "--width", "3"], "width: expected 60 to 270 mm, got 3"),
+        (["--figure", "torques", "--format", "doc"], "invalid choice"),
+        (["--figure", "torques", "--format", "png", "--out", "x.pdf"], "ends in .pdf, but png is written"),
     ],
 )
 def test_a_mistake_is_one_line(folder, capsys, options, said):
@@ -156,7 +156,7 @@ def test_a_mistake_is_one_line(folder, capsys, options, said):
 
 
 def test_plot_replaces_with_force_only(folder, capsys):
-    command = ["plot", str(folder), "--figure", "energy", "--format", "png"]
+    command = ["plot", str(folder), "--figure", "torques", "--format", "png"]
     assert main(command) == 0
     assert main(command) == 2
     assert "--force" in capsys.readouterr().err

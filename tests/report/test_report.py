@@ -32,7 +32,6 @@ from twin_gait.report.run_figures import (
     draw_angles,
     draw_currents,
     draw_cycle,
-    draw_energy,
     draw_feet,
     draw_ground_forces,
     draw_portrait,
@@ -174,7 +173,8 @@ def test_currents_show_the_current_at_the_torque_limit(walk: Run) -> None:
     knee = next(index for index, axes in enumerate(figure.axes) if axes.get_title() == "left knee")
     shown = float(np.asarray(line(figure, knee, "current at the torque limit").get_ydata())[0])
     assert shown == pytest.approx(60.0 / 7.05)
-    power = next(item for item in figure.axes[-1].get_lines() if item.get_label() == "battery power")
+    (power,) = (item for item in draw_figure(walk, "battery").axes[0].get_lines()
+                if item.get_label() == "battery power")  # fmt: skip
     assert set(np.unique(np.asarray(power.get_ydata()))) <= {100.0, -20.0}
 
 
@@ -240,7 +240,7 @@ def tripped(walk: Run) -> Run:
     return replace(walk, experiment=experiment, trip=trip, status=RunStatus.FELL)
 
 
-@pytest.mark.parametrize("draw", [draw_angles, draw_torques, draw_currents, draw_feet, draw_energy])
+@pytest.mark.parametrize("draw", [draw_angles, draw_torques, draw_currents, draw_feet])
 def test_pictures_over_time_mark_fault_trip_and_fall(tripped: Run, walk: Run, draw: Callable) -> None:
     figure, end = draw(tripped), tripped.log["time_s"].iloc[-1]
     marks = {

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -26,7 +25,7 @@ from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
 from twin_gait.parameters import BraceParameters, SpringDamper
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.run_figures import draw_angles, draw_energy
+from twin_gait.report.run_figures import draw_angles
 from twin_gait.runs.log_files import read_table
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.binding import bind
@@ -350,10 +349,3 @@ def test_the_picture_of_the_angles_has_both(walk):
 def test_the_comparison_takes_the_torque_of_the_braces(walk):
     log = walk.log.assign(left_hip_brace_torque_Nm=7.0)
     assert run_measures(replace(walk, log=log))["left_hip_interaction_rms_Nm"] == pytest.approx(7.0)
-
-
-def test_the_picture_of_the_energy_has_the_work_of_the_braces(walk):
-    figure = draw_energy(walk)
-    names = {line.get_label() for axes in figure.axes for line in axes.get_lines()}
-    assert "work of brace" in names
-    plt.close(figure)

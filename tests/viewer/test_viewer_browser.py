@@ -263,7 +263,7 @@ def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None
     scene = build_scene(Window(), experiment.build_world().model, patient=experiment.patient)
     colour = """(path) => twinGait.stage.viewer.scene_tree.find(
         path.split("/").filter((part) => part)).object.material.color.toArray()"""
-    cover = f"{scene.covers[Side.RIGHT][0]}/<object>"
+    cover = f"{scene.caps[Side.RIGHT][0]}/<object>"
     walk("(time) => player.seek(time)", float(switch["time_s"]))
     seen = [walk(colour, cover)]
     walk.page.keyboard.press("ArrowLeft")

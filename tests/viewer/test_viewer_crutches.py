@@ -156,8 +156,11 @@ def test_the_chair_stands_where_the_log_has_its_front_edge(drawn: Drawn) -> None
     state = scene.state_at(motion, 0)
     assert state[CHAIR, "position"][0] == -0.2 and state[CHAIR, "visible"]
     seat = next(c for c in recorder.commands() if c["path"] == f"{CHAIR}/seat")
+    scale = next(
+        c["value"] for c in recorder.commands() if c.get("property") == "scale" and c["path"] == CHAIR
+    )
     buffer = seat["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data
-    corners = np.frombuffer(buffer, dtype=np.float32).reshape(-1, 3)
+    corners = np.frombuffer(buffer, dtype=np.float32).reshape(-1, 3) * scale
     assert corners[:, 2].max() == pytest.approx(SIZES.height, abs=1e-5)
     assert (corners[:, 0].min(), corners[:, 0].max()) == pytest.approx((-SIZES.depth, 0.0), abs=1e-5)
 

@@ -75,7 +75,7 @@ def _check(arguments: argparse.Namespace) -> None:
             options.check_file(option, path.expanduser(), force=arguments.force, form=form)
 
 
-def picture_size(text: str | None) -> viewer.picture.PictureSize:
+def picture_size(text: str | None) -> tuple[int, int]:
     """Read a size such as ``1600x1000``; None stands for the default."""
     if text is None:
         return viewer.picture.DEFAULT_SIZE
@@ -83,7 +83,7 @@ def picture_size(text: str | None) -> viewer.picture.PictureSize:
     if found is None:
         raise ParameterError(f"--size: expected WIDTHxHEIGHT such as 1600x1000, got {text!r}")
     least, most = viewer.picture.SMALLEST, viewer.picture.LARGEST
-    size = viewer.picture.PictureSize(int(found[1]), int(found[2]))
+    size = int(found[1]), int(found[2])
     if not all(least <= side <= most for side in size):
         raise ParameterError(f"--size: expected {least} to {most} pixels each way, got {text}")
     return size

@@ -85,9 +85,10 @@ class LiveServer(SceneServer):
 class StopHandler(Guarded):
     """The way to stop when the socket of a page is not open."""
 
+    needs_origin = True
+
     def post(self) -> None:
         """Stop."""
-        self.require_own_page()
         self.server.stop()
         self.write("stopped\n")
 
@@ -196,7 +197,7 @@ class LivePage(LiveServer):
 
     def scene(self) -> Iterable[Change]:
         """The whole scene for a page that has just been opened."""
-        return self.figure.window.everything()
+        return [("scene", self.figure.window.packed())]
 
     def greeting(self) -> Iterator[Message]:
         """Session, state, events and numbers for a panel that has just been opened."""

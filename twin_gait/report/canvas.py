@@ -7,7 +7,6 @@ needed.
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -39,7 +38,6 @@ BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
 SCREEN_WIDTH = 11.0  # [inches]
 LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
-Share = bool | Literal["row"]
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
@@ -113,30 +111,27 @@ def amount(value: float | None, unit: str = "") -> str:
 
 
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
-    """Put one legend under all panels, where it covers nothing: rows of lines, rows of phases.
+    """Put one legend under all panels, where it covers nothing: lines and areas, then phases.
 
-    ``lines``: entries of lines and areas; of equal labels one is kept.
+    Of equal labels one is kept.
     """
-    most = int(figure.get_figwidth() / LEGEND_COLUMN)
-    entries = [list({str(item.get_label()): item for item in row}.values()) for row in (lines, phases) if row]
-    rows = [row for items in entries for row in _even_rows(items, most)]
-    columns = max(len(row) for row in rows)
-    blank = Patch(alpha=0.0, label=" ")
-    padded = [[*row, *[blank] * (columns - len(row))] for row in rows]
-    # matplotlib fills a legend column by column.
-    handles = [row[column] for column in range(columns) for row in padded]
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+    entries = list({str(item.get_label()): item for item in (*lines, *phases)}.values())
+    columns = min(len(entries), int(figure.get_figwidth() / LEGEND_COLUMN))
+    figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
 
 
-def _even_rows(items: list[Artist], most: int) -> list[list[Artist]]:
-    length = math.ceil(len(items) / math.ceil(len(items) / most))
-    return [items[start : start + length] for start in range(0, len(items), length)]
+def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTION) -> bytes:
+    """A figure as PNG, PDF or SVG; the same figure gives the same bytes.
 
-
-def picture_bytes(figure: Figure) -> bytes:
-    """A figure as PNG."""
+    Letters stay letters in PDF (TrueType) and become outlines in SVG, so that they look the same everywhere.
+    ``resolution`` of a PNG in dots per inch.
+    """
+    undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    # Half of the usual effort makes a file 7 % larger in two thirds of the time.
+    packing: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
     room = io.BytesIO()
-    figure.savefig(room, format="png", dpi=RESOLUTION)
+    with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
+        figure.savefig(room, format=form, dpi=resolution, metadata=undated.get(form), **packing)
     return room.getvalue()
 
 
@@ -160,20 +155,12 @@ def write_figures_page(
 
 
 def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLUTION) -> Path:
-    """Write a figure.
+    """Write a figure as :func:`picture_bytes` has it.
 
-    Letters stay letters in PDF (TrueType) and become outlines in SVG, so that they look the same everywhere.
-    The same figure gives the same file. ``form``: ``png``, ``pdf`` or ``svg``; what the name of the file says
-    by default; ``resolution`` of a PNG in dots per inch. Raises RunDirectoryError if it cannot be written.
+    ``form``: ``png``, ``pdf`` or ``svg``; what the name of the file says by default; ``resolution`` of a PNG
+    in dots per inch. Raises RunDirectoryError if it cannot be written.
     """
-    form = form or path.suffix[1:]
-    undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
-    # Half of the usual effort makes a file 7 % larger in two thirds of the time.
-    packing: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
-    room = io.BytesIO()
-    with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
-        figure.savefig(room, format=form, dpi=resolution, metadata=undated.get(form), **packing)
-    write_atomically(path, room.getvalue())
+    write_atomically(path, picture_bytes(figure, form or path.suffix[1:], resolution))
     return path
 
 
@@ -254,41 +241,32 @@ class Sheet:
         self.time = run.log["time_s"].to_numpy()[self.window]
         self.records, self.names = run.leg_records(), run.table.phase_names
         self.lines: list[Artist] = []
-        events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
-        more = [f"and {len(events) - MOST_EVENTS} more"] * (len(events) > MOST_EVENTS)
-        lines = [title, describe(run), " · ".join([*events[:MOST_EVENTS], *more])]
-        text = "\n".join(line for line in lines if line)
+        events = [f"{event.text}, {event.time:.2f} s" for event in run.events[:MOST_EVENTS]]
+        text = "\n".join(filter(None, (title, describe(run), " · ".join(events))))
         self.figure = Figure(figsize=size, layout="constrained")
         self.figure.set_label(text)
         if size[0] >= SCREEN_WIDTH:
             self.figure.suptitle(text, fontsize="large")
 
     def leg_panels(
-        self, unit: Callable[[str], str], *, below: int = 0, sharex: Share = True, sharey: Share = "row"
+        self, unit: Callable[[str], str], *, timed: bool = True, sharex: bool | Literal["row"] = True
     ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
         """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
 
-        ``unit``: label of the vertical axes, by the name of the joint; ``below``: rows that stay empty;
-        ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
+        ``unit``: label of the vertical axes, by the name of the joint; ``timed``: on the phases over time;
+        ``sharex`` as matplotlib's ``subplots`` takes it.
         """
         joints = list(self.records[0].angles)
-        shape = len(joints) + below, len(self.records)
-        self.figure.set_figheight(self.figure.get_figheight() * shape[0] / (2 + below))
-        panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey=sharey)
-        for axes in panels[len(joints) :].flat:
-            axes.remove()
+        self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
+        panels = self.figure.subplots(
+            len(joints), len(self.records), squeeze=False, sharex=sharex, sharey="row"
+        )
         for row, joint in enumerate(joints):
             for axes, record in zip(panels[row], self.records, strict=True):
                 style_panel(axes, f"{record.side} {joint}", unit(joint) if record is self.records[0] else "")
+                if timed:
+                    shade_phases(axes, self.time, self.phases(record), self.names)
                 yield axes, record, joint
-
-    def leg_panels_over_time(
-        self, unit: Callable[[str], str], **options: Any
-    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
-        """The same, on the phases; ``options`` as for :meth:`leg_panels`."""
-        for axes, record, joint in self.leg_panels(unit, **options):
-            shade_phases(axes, self.time, self.phases(record), self.names)
-            yield axes, record, joint
 
     def phases(self, record: LegRecord) -> np.ndarray:
         """Phases of a leg in the window: index of the phase, or ``HELD``, shape ``(n,)``."""
@@ -305,7 +283,7 @@ class Sheet:
         options: dict[str, Any] = {"color": LIMIT_COLOUR, "linestyle": style, "linewidth": width}
         self.lines += [axes.axhline(value, label=label, zorder=1, **options) for value in values]
 
-    def mark_events(self, axes: Axes) -> None:
+    def _mark_events(self, axes: Axes) -> None:
         """Draw a line at every event that the window shows."""
         for event in self.run.events:
             if self.time[0] <= event.time <= self.time[-1]:
@@ -314,10 +292,13 @@ class Sheet:
                 self.lines.append(mark)
 
     def finished_over_time(self, *lowest: Axes, phases: bool = True) -> Figure:
-        """The picture, with events in all panels and the time below the lowest; ``phases``: in the legend."""
+        """The picture with events in all panels, the time below the lowest, by default the last row.
+
+        ``phases``: whether they are in the legend.
+        """
         for axes in self.figure.axes:
-            self.mark_events(axes)
-        for axes in lowest:
+            self._mark_events(axes)
+        for axes in lowest or self.figure.axes[-len(self.records) :]:
             axes.set_xlim(self.time[0], self.time[-1])
             axes.set_xlabel("time [s]")
         return self.finished([self.phases(record) for record in self.records] if phases else ())

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
@@ -27,10 +26,10 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
     "joint_angles": run_figures.draw_angles,
     "torques": run_figures.draw_torques,
     "currents": run_figures.draw_currents,
+    "battery": run_figures.draw_battery,
     "feet": run_figures.draw_feet,
     "crutches": run_figures.draw_crutches,
     "phase_portrait": run_figures.draw_portrait,
-    "energy": run_figures.draw_energy,
 }
 
 WIDTHS = (85, 174)  # [mm], one column and two
@@ -47,12 +46,6 @@ _PRINT: dict[Any, float] = {
     "legend.handlelength": 1.6,
     "legend.columnspacing": 1.0,
 }
-_LACKS = {
-    "gait_cycle": "a leg made no whole stride",
-    "ground_forces": "no strides on a belt",
-    "feet": "it is not on the ground",
-    "crutches": "it has none",
-}
 
 
 def available_figures(run: Run) -> list[str]:
@@ -62,7 +55,14 @@ def available_figures(run: Run) -> list[str]:
     """
     if len(run.log) < 2:
         return []
-    return [name for name, draw in FIGURES.items() if draw(run, width=SCREEN_WIDTH) is not None]
+    return [name for name, _ in _drawn(run)]
+
+
+def _drawn(run: Run) -> Iterator[tuple[str, Figure]]:
+    for name, draw in FIGURES.items():
+        figure = draw(run, width=SCREEN_WIDTH)
+        if figure is not None:
+            yield name, figure
 
 
 def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
@@ -76,7 +76,8 @@ def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
         raise ParameterError(f"figure: no {name!r}; there are {', '.join(FIGURES)}")
     figure = FIGURES[name](run, width=width) if len(run.log) > 1 else None
     if figure is None:
-        raise ParameterError(f"figure: this run has no {name}: {_LACKS.get(name, 'its log is too short')}")
+        known = ", ".join(available_figures(run)) or "none"
+        raise ParameterError(f"figure: this run has no {name}; there are {known}")
     return figure
 
 
@@ -103,9 +104,8 @@ def _letter_panels(figure: Figure) -> str:
         title = axes.get_title()
         parts.append(f"({letter}) {title}")
         axes.set_title("")
-        axes.set_title(
-            rf"$\mathbf{{{letter}}}$  {re.split('[,:]', title)[0]}", loc="left", fontsize="medium", pad=3.0
-        )
+        short = re.split("[,:]", title)[0]
+        axes.set_title(rf"$\mathbf{{{letter}}}$  {short}", loc="left", fontsize="medium", pad=3.0)
     return ". ".join(parts) + "."
 
 
@@ -123,8 +123,6 @@ def _size(figure: Figure) -> None:
         line.set_markersize(_THINNER * line.get_markersize())
     for item in (item for axes in figure.axes for item in axes.collections):
         item.set_linewidth((_THINNER * np.asarray(item.get_linewidth())).tolist())
-        if isinstance(item, PathCollection):  # dots, by their areas
-            item.set_sizes(_THINNER**2 * item.get_sizes())
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if not isinstance(axis.get_major_locator(), FixedLocator):
             axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
@@ -135,5 +133,4 @@ def write_figures(run: Run, directory: Path) -> list[Path]:
 
     A run without strides has no picture of the gait cycle, and one without ground none of the feet.
     """
-    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in FIGURES.items())
-    return [save(figure, directory / f"{name}.png") for name, figure in drawn if figure is not None]
+    return [save(figure, directory / f"{name}.png") for name, figure in _drawn(run)]

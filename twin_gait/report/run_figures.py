@@ -1,4 +1,4 @@
-"""The pictures of a run: angles over cycle and time, torques, currents, feet, portraits, energy, crutches.
+"""The pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits, crutches.
 
 Each takes a run and the width of the figure in inches (one narrower than a screen is for print), and gives
 the figure, or None where it does not apply.
@@ -18,7 +18,6 @@ from twin_gait import palette
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK
 from twin_gait.measures.crutches import TRUNK_PITCH
-from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import phase_spells, usual_phases
@@ -34,7 +33,6 @@ from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report import canvas
 from twin_gait.report.canvas import SCREEN_WIDTH, Sheet, draw_cycle_curve, flexion, shown_strides, style_panel
 from twin_gait.report.reference import reference_cycle, reference_ground_force
-from twin_gait.simulation.log import work_sources
 from twin_gait.simulation.run import Run
 
 SHOWN_SECONDS = 30.0  # of angles, on a screen; a narrower picture shows less
@@ -56,7 +54,7 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     entry = f"entry into {canvas.readable(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
     sheet = Sheet(run, f"Gait cycle from {beginning}", (width, 7.5))
-    for axes, record, joint in sheet.leg_panels(flexion):
+    for axes, record, joint in sheet.leg_panels(flexion, timed=False):
         bounds = shown_strides(record)
         cycles = normalise_strides(record.angles[joint], bounds)
         canvas.shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(sheet.names)), sheet.names)
@@ -123,7 +121,7 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the joint angles of the last seconds with the equilibrium of the virtual spring."""
     window = canvas.end_or_events(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
     sheet = Sheet(run, "Joint angles", (width, 7.5), window)
-    for axes, record, joint in sheet.leg_panels_over_time(flexion):
+    for axes, record, joint in sheet.leg_panels(flexion):
         name = f"{record.side}_{joint}"
         shown = [
             (record.angles[joint], "angle", BLACK, "-"),
@@ -133,14 +131,14 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
             shown.append((run.log[f"{name}_angle_rad"].to_numpy(), "angle of the device", ORANGE, "--"))
         for values, label, colour, style in shown:
             sheet.curve(axes, np.degrees(values), label, colour, linestyle=style)
-    return sheet.finished_over_time(*sheet.figure.axes[-len(sheet.records) :])
+    return sheet.finished_over_time()
 
 
 def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw what the controller asks for, part by part, and what the motor gives."""
     window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
     sheet = Sheet(run, "Motor torques and their parts", (width, 8.0), window)
-    for axes, record, joint in sheet.leg_panels_over_time(lambda _: "torque [N m]"):
+    for axes, record, joint in sheet.leg_panels(lambda _: "torque [N m]"):
         name = f"{record.side}_{joint}"
         for part, colour in palette.TORQUE_COLOURS.items():
             values = run.log[f"{name}_{part}_torque_Nm"].to_numpy()
@@ -148,30 +146,32 @@ def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
                 sheet.curve(axes, values, canvas.readable(part), colour, linewidth=1.3)
         sheet.curve(axes, f"{name}_motor_torque_Nm", "motor torque", BLACK, linewidth=2.0)
         sheet.limits(axes, (limit, -limit), "--", "torque limit", 1.0)
-    return sheet.finished_over_time(*sheet.figure.axes[-len(sheet.records) :])
+    return sheet.finished_over_time()
 
 
 def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw target and measured current of every motor, and the battery's power under them."""
+    """Draw target and measured current of every motor."""
     limits, plant = run.experiment.control.limits, run.experiment.plant
-    sheet = Sheet(run, "Motor currents and battery power", (width, 9.0), canvas.last_strides(run))
-    for axes, record, joint in sheet.leg_panels_over_time(
-        lambda _: "current [A]", below=1, sharex=False, sharey=False
-    ):
+    sheet = Sheet(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
+    for axes, record, joint in sheet.leg_panels(lambda _: "current [A]"):
         name, actuator = f"{record.side}_{joint}", plant.actuators[joint]
         at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
         sheet.curve(axes, f"{name}_target_current_A", "target current", ORANGE, linewidth=2.4)
         sheet.curve(axes, f"{name}_measured_current_A", "measured current", BLACK, linewidth=1.2)
         sheet.limits(axes, (limits.current, -limits.current), "--", "current limit")
         sheet.limits(axes, (at_torque, -at_torque), ":", "current at the torque limit")
-    grid = sheet.figure.axes[0].get_gridspec()
-    assert grid is not None  # of subplots
-    battery = sheet.figure.add_subplot(grid[-1, :])
-    battery.axhline(0.0, color="0.6", linewidth=0.8)
-    style_panel(battery, "battery, below 0 while the motors feed it", "power [W]")
-    sheet.curve(battery, "battery_power_W", "battery power", palette.VERMILLION, linewidth=1.4)
-    sheet.limits(battery, [plant.battery.continuous_power], "-.", "continuous battery power")
-    return sheet.finished_over_time(battery)
+    return sheet.finished_over_time()
+
+
+def draw_battery(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
+    """Draw the power of the battery."""
+    sheet = Sheet(run, "Battery power", (width, 6.5), canvas.last_strides(run))
+    axes = sheet.figure.subplots()
+    axes.axhline(0.0, color="0.6", linewidth=0.8)
+    style_panel(axes, "battery, below 0 while the motors feed it", "power [W]")
+    sheet.curve(axes, "battery_power_W", "battery power", palette.VERMILLION, linewidth=1.4)
+    sheet.limits(axes, [run.experiment.plant.battery.continuous_power], "-.", "continuous battery power")
+    return sheet.finished_over_time(axes, phases=False)
 
 
 def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
@@ -209,7 +209,7 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     title = "Phase portraits; a dot marks each change of phase"
     sheet, occurring = Sheet(run, title, (width, 8.5)), []
     unit = "{} velocity [°/s]".format
-    for axes, record, joint in sheet.leg_panels(unit, sharex="row"):
+    for axes, record, joint in sheet.leg_panels(unit, timed=False, sharex="row"):
         bounds = shown_strides(record)[-MOST_STRIDES:]
         rows = slice(*walks(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
         phases = canvas.shown_phases(run, record, rows)
@@ -227,27 +227,6 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
     return sheet.finished(occurring)
-
-
-def draw_energy(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw work by source, change of energy, and the residual between them."""
-    energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
-    works = {source: run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)}
-    balance = energy_balance(energy, np.array(list(works.values())))
-    sheet = Sheet(run, "Energy balance", (width, 7.5))
-    upper, lower = sheet.figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    for source, work in works.items():
-        if np.any(work != 0.0):
-            sheet.curve(upper, work, f"work of {source}", palette.WORK_COLOURS[source])
-    sheet.curve(upper, energy - energy[0], "kinetic and potential energy", BLACK, linewidth=1.8)
-    style_panel(upper, "work since the start, and change of energy", "energy [J]")
-    lower.plot(sheet.time, balance.residual[sheet.window], color=BLACK, linewidth=1.2)
-    title = (
-        f"energy less work: at most {balance.largest_residual:.2g} J of the {balance.throughput:.1f} J "
-        f"exchanged ({100.0 * balance.relative_residual:.2g} %)"
-    )
-    style_panel(lower, title, "energy [J]")
-    return sheet.finished_over_time(lower, phases=False)
 
 
 def draw_crutches(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
 
 from twin_gait.gait.documents import mode_words, number
 from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership, bracketed
@@ -14,7 +13,7 @@ from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, State, StateTable, Transition
 from twin_gait.palette import phase_colour
-from twin_gait.report.diagram_layout import ArrowGroup, Label, Rectangle, arrow_groups, bounds, lay_out
+from twin_gait.report.diagram_layout import arrow_groups, arrows, badges, bounds, ring
 from twin_gait.report.pages import render
 
 
@@ -50,55 +49,34 @@ def guard_words(guard: Guard) -> str:
         names = " or ".join(readable(name) for name in guard.phases)
         return f"other leg in {names}" if guard.of == LEG_WORDS.of else f"{guard.of} {names}"
     if isinstance(guard, (AllOf, AnyOf)):
-        return _joiner(guard).join(bracketed(inner, guard_words) for inner in guard.guards)
+        joiner = " and " if isinstance(guard, AllOf) else " or "
+        return joiner.join(bracketed(inner, guard_words) for inner in guard.guards)
     left, unit = signal_words(guard.signal)
     if guard.minus is not None:
         left = f"{left} − {signal_words(guard.minus)[0]}"
     return f"{left} {guard.operator} {number(guard.threshold)}{unit}"
 
 
-def _joiner(guard: AllOf | AnyOf) -> str:
-    return " and " if isinstance(guard, AllOf) else " or "
-
-
-def condition_lines(transition: Transition, width: int) -> list[str]:
-    """What a transition waits for in lines of at most a width: its conditions, then debounce and time.
-
-    ``and`` or ``or`` stands in front of all conditions but the first.
-    """
-    guard = transition.guard
-    if isinstance(guard, (AllOf, AnyOf)):
-        word = _joiner(guard).lstrip()
-        lines = [
-            f"{word if index else ''}{bracketed(inner, guard_words)}"
-            for index, inner in enumerate(guard.guards)
-        ]
-    else:
-        lines = [guard_words(guard)]
+def condition_words(transition: Transition) -> str:
+    """What a transition waits for: its conditions, then debounce and time."""
+    words = [] if transition.guard is None else [guard_words(transition.guard)]
     if transition.debounce_ticks > 1:
-        lines.append(f"for {duration(transition.debounce_ticks)}")
+        words.append(f"for {duration(transition.debounce_ticks)}")
     if transition.time_out_ticks is not None:
-        lines.append(f"after {duration(transition.time_out_ticks)}")
-    return [part for line in lines for part in textwrap.wrap(line, width)]
+        words.append(f"after {duration(transition.time_out_ticks)}")
+    return " ".join(filter(None, words))
 
 
 def state_diagram_mermaid(table: StateTable) -> str:
     """Write the state diagram in Mermaid's ``stateDiagram-v2``."""
-    names = _mermaid_names(table.phase_names)
+    # Numbers, because a name of the table might be a word of Mermaid's.
+    names = {phase: f"phase_{place}" for place, phase in enumerate(table.phase_names, start=1)}
     lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]
     lines += [f'    state "{_mermaid(readable(phase))}" as {name}' for phase, name in names.items()]
     for item in table.transitions:
-        conditions = " ".join(condition_lines(item, 10**6))
-        label = _mermaid(f"{readable(item.cause)} [{conditions}]")
+        label = _mermaid(f"{readable(item.cause)} [{condition_words(item)}]")
         lines.append(f"    {names[item.source]} --> {names[item.target]}: {label}")
     return "\n".join(lines) + "\n"
-
-
-def _mermaid_names(phases: Sequence[str]) -> dict[str, str]:
-    """Identifiers: the phases' own names, unless one might be a word of Mermaid's."""
-    if all(re.fullmatch(r"[A-Za-z]+(_[A-Za-z0-9]+)+", phase) for phase in phases):
-        return {phase: phase for phase in phases}
-    return {phase: f"phase_{position}" for position, phase in enumerate(phases, start=1)}
 
 
 def _mermaid(text: str) -> str:
@@ -106,18 +84,18 @@ def _mermaid(text: str) -> str:
     return "".join(char if char.isalnum() or char in " _.,°/−ζθ()[]-+" else f"#{ord(char)};" for char in text)
 
 
-LINE, SMALL_LINE = 17.0, 16.0  # [px] from line to line of labels and in boxes
-_LABEL_CHARACTERS = 32
-_CHARACTER = 7.1  # [px], width of a letter at the label's size, on the safe side
-_COLUMNS = (14.0, 66.0, 126.0, 182.0, 254.0)  # [px] from the left edge of a box, for short joint names
-_BOX_WIDTH, _NAME_CHARACTERS = 296.0, 6
+LINE, SMALL_LINE = 17.0, 16.0  # [px] from line to line below the drawing and in boxes
+_LINE_CHARACTERS = 110
+_BADGE = 19.0  # [px], height of a number on an arrow
+_CHARACTER = 7.1  # [px], width of a letter of these lines, on the safe side
+_COLUMNS = (14.0, 92.0, 152.0, 208.0, 280.0)  # [px] from the left edge of a box
+_BOX_WIDTH = 322.0
 _DIGITS = 4
-# [px]: around the drawing, above it for the title, below it for the legend, and the least width for that.
-_MARGIN, _HEAD, _FOOT, _LEAST_WIDTH = 20.0, 34.0, 54.0, 640.0
+_MARGIN, _HEAD = 20.0, 34.0  # [px] around the drawing, and above it for the title
 _TITLE_CHARACTER = 11.0
 
 _LEGEND = (
-    "Solid: the guard opens. Dashed: time-out. First listed cause wins.",
+    "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins.",
     "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation",
 )
 _MODE_LEGEND = (_LEGEND[0], "A trip of the safety monitor leads from every mode to {}.")
@@ -125,84 +103,57 @@ _MODE_LEGEND = (_LEGEND[0], "A trip of the safety monitor leads from every mode 
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-class _Text(NamedTuple):
-    """A line of text."""
-
-    x: float
-    y: float
-    words: str
-    style: str = ""
-    anchor: str = "start"
-
-
-def phase_colours(table: StateTable) -> dict[str, str]:
-    """Colour of each phase; a phase with a name of its own takes one that the others leave.
-
-    Returns colours as ``#RRGGBB`` by phase; they repeat in tables of more phases than there are colours.
-    """
-    usual = {name: phase_colour(name, 0) for name in table.phase_names}
-    own = [name for name in table.phase_names if phase_colour(name, 0) != phase_colour(name, 1)]
-    taken = {colour for name, colour in usual.items() if name not in own}
-    for position, name in enumerate(own):
-        free = (phase_colour(name, k) for k in range(len(table.phases) + 8))
-        usual[name] = next((c for c in free if c not in taken), phase_colour(name, position))
-        taken.add(usual[name])
-    return usual
-
-
 def state_diagram_svg(table: StateTable) -> str:
     """Draw the phases on a ring in the order of the cycle, with an arrow for each way out.
 
     Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
-    lines = {phase: _box_lines(table, phase) for phase in table.phases}
-    # Long names of joints shift the columns behind them.
-    longest = max((len(row[0]) for rows in lines.values() for row in rows if len(row) > 1), default=0)
-    shift = _CHARACTER * max(0, longest - _NAME_CHARACTERS)
-    name = max(len(readable(phase)) for phase in table.phases)
-    box_width = max(_BOX_WIDTH + shift, 80.0 + 1.3 * _CHARACTER * name)
-    box_height = 36.0 + SMALL_LINE * max(map(len, lines.values()))
+    lines = [_box_lines(table, phase) for phase in table.phases]
+    names = [f"{place} {readable(phase)}" for place, phase in enumerate(table.phases, start=1)]
+    box_width = max(_BOX_WIDTH, 66.0 + 1.3 * _CHARACTER * max(map(len, names)))
+    box_height = 36.0 + SMALL_LINE * max(map(len, lines))
     groups = arrow_groups(table)
-    labels = [_label_lines(item) for item in groups]
-    sizes = [(_CHARACTER * max(len(text) for text, _ in item), LINE * len(item)) for item in labels]
-    layout = lay_out(groups, len(table.phases), (box_width, box_height), sizes)
-    left, top, width, height = bounds([*layout.boxes, *(label.place for label in layout.labels)], _MARGIN)
-    top, height = top - _HEAD, height + _HEAD + _FOOT
-    x, foot = left + _MARGIN, top + height - _FOOT + 12.0
-    texts = [_Text(x, top + _HEAD - 6.0, table.name, "title")]
-    texts += [_Text(x, foot + LINE * row, text, "faint") for row, text in enumerate(_legend(table))]
-    for place, (phase, box) in enumerate(zip(table.phases, layout.boxes, strict=True), start=1):
-        texts += _box_texts(f"{place} {readable(phase)}", lines[phase], shift, box)
-    for label, said in zip(layout.labels, labels, strict=True):
-        texts += _label_texts(label, said)
+    boxes = ring(len(table.phases), box_width, box_height)
+    curves = arrows(groups, boxes)
+    numbers = [
+        ", ".join(str(1 + table.transitions.index(item)) for item in group.transitions) for group in groups
+    ]
+    marks = badges(curves, boxes, [10.0 + _CHARACTER * len(number) for number in numbers], _BADGE)
+    said, legend = list(_transition_lines(table)), _legend(table)
+    left, top, width, height = bounds([*boxes, *marks], _MARGIN)
+    widths = [_TITLE_CHARACTER * len(table.name), *(_CHARACTER * len(text) for text in (*said, *legend))]
+    colours = [phase_colour(name, place) for place, name in enumerate(table.phase_names)]
     content = {
-        "name": _FORBIDDEN.sub("\ufffd", table.name),
+        "name": table.name,
+        "x": left + _MARGIN,
+        "foot": top + height,
         "left": left,
-        "top": top,
-        "width": max(width, _LEAST_WIDTH, 2.0 * _MARGIN + _TITLE_CHARACTER * len(table.name)),
-        "height": height,
-        "arrows": list(zip(layout.arrows, groups, strict=True)),
-        "boxes": list(zip(layout.boxes, phase_colours(table).values(), strict=True)),
-        "texts": [text._replace(words=_FORBIDDEN.sub("\ufffd", text.words)) for text in texts],
+        "top": top - _HEAD,
+        "width": max(width, 2.0 * _MARGIN + max(widths)),
+        "height": _HEAD + height + LINE * len((*said, *legend)) + _MARGIN,
+        "arrows": list(zip(curves, groups, strict=True)),
+        "boxes": list(zip(boxes, colours, names, lines, strict=True)),
+        "badges": list(zip(marks, numbers, strict=True)),
+        "said": said,
+        "legend": legend,
+        "columns": _COLUMNS,
+        "line": LINE,
+        "small_line": SMALL_LINE,
     }
-    return render("state_diagram.svg", content) + "\n"
+    return _FORBIDDEN.sub("\ufffd", render("state_diagram.svg", content)) + "\n"
 
 
-def _legend(table: StateTable) -> tuple[str, ...]:
-    if isinstance(table, ModeTable):
-        return tuple(text.format(readable(table.hold)) for text in _MODE_LEGEND)
-    return _LEGEND
+def _transition_lines(table: StateTable) -> Iterator[str]:
+    """What the numbers of the arrows stand for."""
+    for place, item in enumerate(table.transitions, start=1):
+        way = f"{readable(item.source)} → {readable(item.target)}"
+        text = f"{place}  {way}, {readable(item.cause)}: {condition_words(item)}"
+        yield from textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent="     ")
 
 
-def _box_texts(name: str, lines: list[tuple[str, ...]], shift: float, box: Rectangle) -> Iterator[_Text]:
-    """Name of a phase, and what it sets."""
-    x, y = box.x - box.width / 2.0, box.y - box.height / 2.0
-    columns = [_COLUMNS[0], *(column + shift for column in _COLUMNS[1:])]
-    yield _Text(x + 36.0, y + 23.0, name, "name")
-    for row, cells in enumerate(lines):
-        style = "faint" if row == 0 or len(cells) == 1 else ""
-        for column, cell in zip(columns, cells, strict=False):
-            yield _Text(x + column, y + 43.0 + SMALL_LINE * row, cell, style)
+def _legend(table: StateTable) -> list[str]:
+    texts = _MODE_LEGEND if isinstance(table, ModeTable) else _LEGEND
+    return [text.format(readable(getattr(table, "hold", ""))) for text in texts]
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
@@ -234,25 +185,3 @@ def _cells(joint: JointImpedance) -> tuple[str, ...]:
 
 def _stay(phase: State) -> list[str]:
     return [f"at least {duration(phase.minimum_ticks)}"] if phase.minimum_ticks > 0 else []
-
-
-def _label_lines(group: ArrowGroup) -> list[tuple[str, str]]:
-    """Lines of a label with their style: the cause in bold, its conditions below."""
-    lines: list[tuple[str, str]] = []
-    for item in group.transitions:
-        lines += [("", "")] if lines else []
-        lines.append((readable(item.cause), "cause"))
-        lines += [(text, "") for text in condition_lines(item, _LABEL_CHARACTERS)]
-    return lines
-
-
-def _label_texts(label: Label, lines: list[tuple[str, str]]) -> Iterator[_Text]:
-    """A label, set flush on the side of its arrow."""
-    place = label.place
-    anchor, x = "middle", place.x
-    if label.normal.real > 0.35:
-        anchor, x = "start", place.x - place.width / 2.0
-    elif label.normal.real < -0.35:
-        anchor, x = "end", place.x + place.width / 2.0
-    for row, (text, style) in enumerate(lines):
-        yield _Text(x, place.y - place.height / 2.0 + LINE * (row + 0.75), text, style, anchor)

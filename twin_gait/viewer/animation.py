@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -28,8 +28,6 @@ _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
 _BELT_LOOK = 40  # ticks between two looks at the belt
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
-_CURVE_DECIMALS = 4  # of angles in [deg] and torques in [N m]
-_DECIMALS_OF = {"force": 2, "crutch": 2}  # of forces in [N]
 # A range wider than this is no limit: continuous joints, and files that leave the limits out.
 _WIDEST_TURN, _WIDEST_WAY = 4.0 * math.pi, 10.0  # [rad], [m]
 _FREE_TURN, _FREE_WAY = math.pi, 1.0  # either way of a joint without limits, in [rad], [m]
@@ -55,7 +53,7 @@ def recorded_run(
     drives = shown_joints(log, model.sides[0])
     scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
-    scene.apply(scene.state_at(motion, 0))
+    recorder.apply(scene.state_at(motion, 0))
     tracks = list(_tracks(scene, motion))
     if "belt_speed_m_per_s" in log and log["belt_speed_m_per_s"].any():
         tracks.append(_belt_track(log["belt_speed_m_per_s"].to_numpy()))
@@ -86,19 +84,15 @@ def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, An
 
 def _frames(motion: Motion) -> dict[str, Any]:
     """Times in [ms], curves and phases, as the script of the page reads them."""
-    legs = [
-        {
-            "series": {
-                name: {
-                    "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
-                    "values": _numbers(curve.values, _DECIMALS_OF.get(name, _CURVE_DECIMALS)),
-                }
-                for name, curve in leg.curves.items()
-            },
-            "phases": _spells(leg.phases),
-        }
-        for leg in motion.legs.values()
-    ]
+    legs = []
+    for leg in motion.legs.values():
+        series = {}
+        for name, curve in leg.curves.items():
+            # Forces in [N] have two decimals, angles in [deg] and torques in [N m] four.
+            rounded = np.round(curve.values, 2 if name in ("force", "crutch") else 4) + 0.0
+            known = [value if np.isfinite(value) else None for value in rounded.tolist()]
+            series[name] = {"steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(), "values": known}
+        legs.append({"series": series, "phases": _spells(leg.phases)})
     return {"times": _milliseconds(motion.times).tolist(), "legs": legs, "modes": _spells(motion.modes)}
 
 
@@ -108,11 +102,6 @@ def _spells(spells: PhaseSpells | None) -> dict[str, Any] | None:
 
 def _milliseconds(times: np.ndarray) -> np.ndarray:
     return np.round(1000.0 * times).astype(int)
-
-
-def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:
-    rounded = np.round(values, decimals) + 0.0
-    return [float(value) if np.isfinite(value) else None for value in rounded]
 
 
 def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
@@ -129,16 +118,15 @@ def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
         if (values != values[0]).any():
             yield _thinned(Track(place, name, times, values))
     for side, leg in motion.legs.items():
-        for cover in scene.covers.get(side, ()):
-            yield from _colour_track(f"{cover}/<object>", leg, motion)
+        for cap in scene.caps.get(side, ()):
+            yield from _colour_track(f"{cap}/<object>", leg, motion)
 
 
 def _thinned(track: Track) -> Track:
     """Drop the keys inside a spell without change, which interpolation gives back exactly."""
     same = (track.values[1:] == track.values[:-1]).reshape(len(track.times) - 1, -1).all(axis=1)
-    inside = np.zeros(len(track.times), dtype=bool)
-    inside[1:-1] = same[:-1] & same[1:]
-    return Track(track.path, track.name, track.times[~inside], track.values[~inside])
+    kept = ~np.concatenate(([False], same[:-1] & same[1:], [False]))
+    return replace(track, times=track.times[kept], values=track.values[kept])
 
 
 def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
@@ -156,19 +144,17 @@ def _belt_track(speed: np.ndarray) -> Track:
 
     ``speed`` of the belt at every tick in [m] / [s].
     """
-    spacing, every = surroundings.BELT_MARK_SPACING, _BELT_LOOK
-    looks = (np.arange(len(speed))[::every] * TICK).tolist()
-    ways = (TICK * (np.cumsum(speed) - speed)[::every]).tolist()
-    times, offsets = [0.0], [surroundings.belt_offset(ways[0])]
-    for (before, old), (time, way) in pairwise(zip(looks, ways, strict=True)):
-        if way // spacing > old // spacing:
-            jump = float(np.interp(spacing * (way // spacing), (old, way), (before, time)))
-            times += [jump, jump + _SWITCH]
-            offsets += [-spacing, 0.0]
-        times.append(max(time, times[-1] + _SWITCH))
-        offsets.append(surroundings.belt_offset(way))
-    values = np.outer(np.round(offsets, 5), [1.0, 0.0, 0.0])
-    return _thinned(Track(surroundings.BELT, "position", np.array(times), values))
+    spacing = surroundings.BELT_MARK_SPACING
+    looks = (np.arange(len(speed)) * TICK)[::_BELT_LOOK]
+    ways = (TICK * (np.cumsum(speed) - speed))[::_BELT_LOOK]
+    jumps = np.interp(spacing * np.arange(1.0, ways[-1] // spacing + 1.0), ways, looks)
+    before = np.append(-1.0, jumps)[np.searchsorted(jumps, looks, side="right")]
+    seen = looks - before > _SWITCH
+    times = np.concatenate((looks[seen], jumps, jumps + _SWITCH))
+    offsets = np.concatenate((-(ways[seen] % spacing), 0.0 * jumps - spacing, 0.0 * jumps))
+    order = np.argsort(times)
+    values = np.outer(np.round(offsets[order], 5), [1.0, 0.0, 0.0])
+    return _thinned(Track(surroundings.BELT, "position", times[order], values))
 
 
 def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
@@ -182,17 +168,13 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     model = build_model(urdf)
     recorder = Window()
     scene = build_urdf_scene(recorder, model, urdf, up_axis=up_axis)
+    counted = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
     page = page_data(
-        About(title=urdf.name, subtitle=counted(model)), mode="model", view=scene.view,
+        About(title=urdf.name, subtitle=counted), mode="model", view=scene.view,
         missing_meshes=scene.missing_meshes, joints=joint_entries(scene.figure),
         scene=packed(recorder.packed()),
     )  # fmt: skip
     return recorded_page([page])
-
-
-def counted(model: pin.Model) -> str:
-    """How many joints and degrees of freedom a model has, in words."""
-    return f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
 
 
 def joint_entries(figure: Figure) -> list[dict[str, Any]]:
@@ -204,13 +186,13 @@ def joint_entries(figure: Figure) -> list[dict[str, Any]]:
     model = figure.model
     rest = figure.posture(pin.neutral(model))
     entries = []
-    for index in range(1, model.njoints):
-        joint, name = model.joints[index], str(model.names[index])
+    for joint, name in zip(model.joints[1:], list(model.names)[1:], strict=True):
         if joint.nq != 1:  # planar and floating ones
             continue
         slides = joint.shortname().startswith("JointModelP")
         lower, upper = (
-            float(limit[joint.idx_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit)
+            float(model.lowerPositionLimit[joint.idx_q]),
+            float(model.upperPositionLimit[joint.idx_q]),
         )
         free = not 0.0 < upper - lower <= (_WIDEST_WAY if slides else _WIDEST_TURN)
         if free:

@@ -8,7 +8,7 @@ its place in the scene, so that the same scene gives the same bytes.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,21 +20,15 @@ from twin_gait.viewer.shapes import Shape
 _CHALK = 0.7  # surfaces at least as rough show no gloss
 
 Command = dict[str, Any]
-Colour = tuple[float, float, float]
-
-# Names and codes of typed arrays in msgpack-lite, which meshcat's viewer decodes with.
-_ARRAY_TYPES: dict[type, tuple[str, int]] = {
-    np.uint16: ("Uint16Array", 0x14),
-    np.uint32: ("Uint32Array", 0x16),
-    np.float32: ("Float32Array", 0x17),
-}
+State = dict[tuple[str, str], Any]  # values of properties, by place and name
+Colour = Sequence[float]  # red, green and blue from 0 to 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
     """How a surface looks."""
 
-    colour: Colour  # red, green and blue from 0 to 1
+    colour: Colour
     opacity: float = 1.0  # from 0 to 1
     roughness: float = 0.55  # 0 is a mirror, 1 is chalk
     glow: float = 0.0  # share of the colour that needs no light
@@ -43,8 +37,7 @@ class Material:
 
 def rgb(colour: str) -> Colour:
     """Red, green and blue from 0 to 1 of a colour written as ``#RRGGBB``."""
-    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return red, green, blue
+    return [part / 255.0 for part in bytes.fromhex(colour[1:])]
 
 
 def set_object(path: str, shape: Shape, material: Material) -> Command:
@@ -140,26 +133,25 @@ def pack(command: Command) -> bytes:
 
 
 def _buffers(shape: Shape) -> Command:
-    index_type = np.uint16 if len(shape.vertices) < 65536 else np.uint32
     # Rounded coordinates compress to about half. Points of a seam, which differ in the last bit, are made
     # equal first: rounded apart, they would leave a crack.
     attributes = {
-        "position": _array(np.round(np.round(shape.vertices, 8), 5) + 0.0, 3),
-        "normal": _array(np.round(shape.normals, 3) + 0.0, 3),
+        "position": _array(np.round(np.round(shape.vertices, 8), 5) + 0.0),
+        "normal": _array(np.round(shape.normals, 3) + 0.0),
     }
-    if shape.opacity is not None or shape.colours is not None:
-        # With opacity only where it differs, because that makes a part translucent.
-        columns = [np.ones((len(shape.vertices), 3)) if shape.colours is None else shape.colours]
-        columns += [] if shape.opacity is None else [shape.opacity[:, None]]
-        colours = np.hstack(columns)
-        attributes["color"] = _array(colours, colours.shape[1])
-    return {"attributes": attributes, "index": _array(shape.faces, 1, index_type)}
+    if shape.colours is not None:
+        attributes["color"] = _array(shape.colours)
+    elif shape.opacity is not None:  # only where it differs, because it makes a part translucent
+        attributes["color"] = _array(np.insert(shape.opacity[:, None], [0, 0, 0], 1.0, axis=1))
+    return {"attributes": attributes, "index": _array(shape.faces.reshape(-1, 1))}
 
 
-def _array(values: np.ndarray, item_size: int, dtype: type = np.float32) -> Command:
-    name, code = _ARRAY_TYPES[dtype]
-    packed = umsgpack.Ext(code, np.ascontiguousarray(values, dtype=dtype).tobytes())
-    return {"itemSize": item_size, "type": name, "array": packed, "normalized": False}
+def _array(rows: np.ndarray) -> Command:
+    """A typed array, by the name of three.js and the code of msgpack-lite, which meshcat's viewer reads."""
+    whole = rows.dtype.kind == "i"
+    name, code, kind = ("Uint32Array", 0x16, "<u4") if whole else ("Float32Array", 0x17, "<f4")
+    packed = umsgpack.Ext(code, rows.astype(kind).tobytes())
+    return {"itemSize": rows.shape[1], "type": name, "array": packed, "normalized": False}
 
 
 def _surface(material: Material, shape: Shape) -> Command:
@@ -168,23 +160,20 @@ def _surface(material: Material, shape: Shape) -> Command:
     surface: Command = {
         "type": "MeshLambertMaterial" if chalk else "MeshStandardMaterial",
         "color": _integer(material.colour),
+        "emissive": _integer([material.glow * value for value in material.colour]),
         "side": 2 if material.two_sided else 0,
+        "vertexColors": shape.opacity is not None or shape.colours is not None,
     }
     if not chalk:
         surface |= {"roughness": material.roughness, "metalness": 0.0}
-    if material.glow > 0.0:
-        surface["emissive"] = _integer(tuple(material.glow * value for value in material.colour))
     if material.opacity < 1.0 or shape.opacity is not None:
         # Only front faces, and no depth: what lies behind a translucent part must stay visible.
         surface |= {"opacity": material.opacity, "transparent": True, "depthWrite": False, "side": 0}
-    if shape.opacity is not None or shape.colours is not None:
-        surface["vertexColors"] = True
     return surface
 
 
-def _integer(colour: Sequence[float]) -> int:
-    red, green, blue = (round(255.0 * value) for value in colour)
-    return (red << 16) + (green << 8) + blue
+def _integer(colour: Colour) -> int:
+    return int.from_bytes(round(255.0 * value) for value in colour)
 
 
 # Objects first, because setting one clears its properties; the animation after them, because its tracks
@@ -193,25 +182,41 @@ _ORDER = ("page", "set_object", "set_transform", "set_property", "set_animation"
 
 
 class Window:
-    """What takes commands: it remembers the last command of each kind for each place."""
+    """What takes commands: it keeps the whole scene, and what has changed in it since somebody asked."""
 
     def __init__(self) -> None:
         """Start empty."""
-        self._commands: dict[tuple[str, str, str], Command] = {}
+        self._commands: dict[Hashable, Command] = {}  # the last one of each kind for each place
+        self._changes: dict[Hashable, Command] = {}
+        self._samples = 0
 
     def send(self, command: Command) -> None:
-        """Remember a command."""
-        self._commands[key_of(command)] = command
+        """Take a command, unless it would change nothing."""
+        key = command["type"], command["path"], command.get("property", "")
+        if self._commands.get(key) != command:
+            self._commands[key] = self._changes[key] = command
+
+    def apply(self, state: State) -> None:
+        """Set properties."""
+        for (path, name), value in state.items():
+            self.send(set_property(path, name, value))
+
+    def sample(self, sample: Command) -> None:
+        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
+        self._samples += 1
+        command = {"type": "sample", "path": "", "sample": sample}
+        self._commands["sample"] = self._changes["sample", self._samples] = command
 
     def commands(self) -> list[Command]:
-        """Commands in the order in which a viewer must take them."""
+        """The whole scene, in the order in which a viewer must take it."""
         return sorted(self._commands.values(), key=lambda command: _ORDER.index(command["type"]))
 
     def packed(self) -> bytes:
         """All commands, one after the other as :func:`pack` has them."""
         return b"".join(map(pack, self.commands()))
 
-
-def key_of(command: Command) -> tuple[str, str, str]:
-    """What a later command of the same key makes needless."""
-    return command["type"], command["path"], command.get("property", "")
+    def changes(self) -> list[tuple[Hashable, bytes]]:
+        """What has changed since the last call: a key each, and the packed command."""
+        packed = [(key, pack(command)) for key, command in self._changes.items()]
+        self._changes.clear()
+        return packed

@@ -7,19 +7,17 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.viewer import shapes
-from twin_gait.viewer.arrows import LEVELS, arc_arrow, arc_material
-from twin_gait.viewer.commands import Material, Window, draw_mesh, set_property, set_transform
+from twin_gait.viewer.arrows import LEVELS, arc_arrow
+from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
+from twin_gait.viewer.visuals import FIXED_JOINT, LinkPart
 
 ROOT = "/meshcat/figure"
 STICK_COLOUR = (0.86, 0.88, 0.91)
 _STICK_RADIUS = 0.05  # share of the segment's length
-_COVER_MARGIN = 0.003  # by which the coloured cover of a motor is larger than the motor [m]
 _SHORTEST_SEGMENT = 0.02  # [m]
 _SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
-_ARC_CLEARANCE, _ARC_GAP = 0.036, 0.014  # of a torque's arrow around and beside its motor [m]
-_COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
+_ARC_CLEARANCE, _ARC_GAP = 0.033, 0.014  # of a torque's arrow around and beside its motor [m]
 
 
 class Figure:
@@ -33,9 +31,14 @@ class Figure:
         paths: Place of the group of each joint, by the joint's name.
     """
 
-    def __init__(self, window: Window, model: pin.Model, *, up_axis: str = "z") -> None:
-        """Make the groups. ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model."""
-        self.model = model
+    def __init__(
+        self, window: Window, model: pin.Model, parts: Sequence[LinkPart] = (), *, up_axis: str = "z"
+    ) -> None:
+        """Make the groups and draw the parts of the URDF, or without any sticks from joint to joint.
+
+        ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model.
+        """
+        self.model, self._parts = model, parts
         self._window = window
         self._data = model.createData()
         self.base = np.eye(4)
@@ -48,8 +51,15 @@ class Figure:
             name = str(model.names[index])
             self.paths[name] = f"{parent}/{name.replace('/', '_')}"
         window.send(set_transform(ROOT, self.base))
-        for (path, name), value in self.posture(pin.neutral(model)).items():
-            window.send(set_property(path, name, value))
+        window.apply(self.posture(pin.neutral(model)))
+        for number, part in enumerate(parts):
+            *colour, opacity = part.colour
+            gloss = 0.8 if max(colour) < 0.3 else 0.42
+            # Of both sides, because it may have holes.
+            look = Material(colour=colour, opacity=opacity, roughness=gloss, two_sided=True)
+            self.draw(part.joint, f"visual_{number}", part.shape, look)
+        if not parts:
+            self._draw_skeleton()
 
     def draw(self, joint: str, name: str, shape: Shape, material: Material, *, casts: bool = True) -> str:
         """Draw a mesh on a joint.
@@ -63,33 +73,18 @@ class Figure:
         draw_mesh(self._window, path, shape, material, casts=casts and material.opacity == 1.0)
         return path
 
-    def draw_visuals(self, visuals: Visuals) -> None:
-        """Draw the visuals of the URDF."""
-        for number, part in enumerate(visuals.parts):
-            red, green, blue, opacity = part.colour
-            roughness = 0.8 if max(red, green, blue) < 0.3 else 0.42
-            # Of both sides, because it may have holes.
-            material = Material(
-                colour=(red, green, blue), opacity=opacity, roughness=roughness, two_sided=True
-            )
-            self.draw(part.joint, f"visual_{number}", part.shape, material)
-
-    def draw_skeleton(self) -> None:
+    def _draw_skeleton(self) -> None:
         """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
         ends = [self._ends(index) for index in range(self.model.njoints)]
         lengths = [float(np.linalg.norm(end)) for tips in ends for end in tips]
         radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
         material = Material(colour=STICK_COLOUR, roughness=0.8)
         for name, tips in zip(map(str, self.model.names), ends, strict=True):
-            sticks = [
-                shapes.moved(
-                    shapes.capsule(radius, float(np.linalg.norm(end))), shapes.frame(end, at=0.5 * end)
-                )
-                for end in tips
-            ]
-            balls = [shapes.ellipsoid((1.5 * radius,) * 3, columns=16)] if name != FIXED_JOINT else []
-            if sticks or balls:
-                self.draw(name, "sticks", shapes.merged([*balls, *sticks]), material)
+            pieces = [shapes.tube(np.array([0.0 * end, 0.5 * end, end]), radius) for end in tips]
+            if name != FIXED_JOINT:
+                pieces.append(shapes.ellipsoid((1.5 * radius,) * 3, columns=16))
+            if pieces:
+                self.draw(name, "sticks", shapes.merged(pieces), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
         """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
@@ -111,63 +106,30 @@ class Figure:
         bare = before if np.linalg.norm(before) > _SHORTEST_SEGMENT else _SOME_SEGMENT
         return max(self._ends(index), key=np.linalg.norm, default=bare)
 
-    def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Disc:
-        """The motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
+    def draw_cap(self, joint: str, radius: float, material: Material) -> str:
+        """Draw the cap of a motor of a radius in [m]; its colour shows the phase."""
+        placement = shapes.frame(self.axis(joint)) @ np.diag([radius, radius, radius, 1.0])
+        return self.draw(joint, "motor_cap", shapes.packaged("motor_cap", placement), material)
 
-        That one stands on the link before, parallel to the axes of both joints and about neither. Without one
-        it has the ``default_radius`` in [m]. Returned on the joint, or on the one before.
-        """
-        index = self.model.getJointId(joint)
-        parent = str(self.model.names[self.model.parents[index]])
-        placements = {joint: pin.SE3.Identity(), parent: self.model.jointPlacements[index].inverse()}
-        axis = self.axis(joint)
-        found, beside = [], []
-        for disc in (item for item in discs if item.joint in placements):
-            placement, own = placements[disc.joint], np.asarray(disc.centre)
-            centre = placement.act(own)
-            if abs(float(placement.rotation @ disc.axis @ axis)) <= 0.99:
-                continue
-            # The other leg's motor may lie on the same axis, but not here.
-            if _off_axis(centre, axis) < _COAXIAL:
-                if abs(float(centre @ axis)) < 2.0 * disc.length:
-                    found.append(disc._replace(joint=joint, centre=centre, axis=axis))
-            elif disc.joint == parent != FIXED_JOINT:
-                before = self.axis(parent)
-                if abs(float(disc.axis @ before)) > 0.99 and _off_axis(own, before) > _COAXIAL:
-                    beside.append(disc)
-        default = Disc(joint, np.zeros(3), axis, default_radius, default_radius)
-        return max(found or beside, key=lambda motor: motor.radius, default=default)
-
-    def draw_cover(self, joint: str, motor: Disc, material: Material) -> str:
-        """Draw the cover of a motor, whose colour shows the phase."""
-        cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
-        placement = shapes.frame(self.axis(motor.joint), at=motor.centre)
-        name = "motor_cover" if motor.joint == joint else f"motor_cover_{joint.replace('/', '_')}"
-        return self.draw(motor.joint, name, shapes.moved(cover, placement), material)
-
-    def draw_arc(self, joint: str, motor: Disc, outward: float) -> dict[int, str]:
+    def draw_arc(self, joint: str, radius: float, outward: float) -> dict[int, str]:
         """Draw the arrows that show the torque of a motor, all hidden.
 
-        They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
-        ``outward``: 1 if the outer face of the motor is its left one, -1 for the right one.
+        They stand still in the link before the joint, on the outer face of the cap, and begin at the top.
+        ``radius`` of the cap in [m]; ``outward``: 1 if its outer face is its left one, -1 for the right one.
         Returns the place of each arrow by its level.
         """
         index = self.model.getJointId(joint)
-        parent = str(self.model.names[self.model.parents[index]])
-        before = self.model.jointPlacements[index]
+        parent, before = str(self.model.names[self.model.parents[index]]), self.model.jointPlacements[index]
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        middle = before.act(motor.centre) if motor.joint == joint else motor.centre
-        start = up - (up @ axis) * axis
-        start /= np.linalg.norm(start)
-        placement = shapes.translation(middle + (0.5 * motor.length + _ARC_GAP) * face)
+        middle = before.translation + (0.575 * radius + _ARC_GAP) * face
+        placement = shapes.frame(axis, up, at=middle)
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
-            arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
+            arrow, material = arc_arrow(number, radius + _ARC_CLEARANCE, placement)
             name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
-            at_motor = shapes.moved(arrow, placement)
-            paths[number] = self.draw(parent, name, at_motor, arc_material(number), casts=False)
+            paths[number] = self.draw(parent, name, arrow, material, casts=False)
             self._window.send(set_property(paths[number], "visible", False))
         return paths
 
@@ -179,19 +141,29 @@ class Figure:
         motion = np.asarray(data.S).reshape(6, -1)[:, 0]  # linear and angular velocity per joint velocity
         return motion[3:] if np.any(motion[3:]) else motion[:3]
 
-    def posture(self, q: np.ndarray) -> dict[tuple[str, str], list[float]]:
+    def posture(self, q: np.ndarray) -> State:
         """Where every joint group is in the group of the joint before it.
 
         ``q``: coordinates, shape ``(nq,)``. Returns by the place of the group its ``position`` in [m] and its
         ``quaternion`` (x, y, z, w).
         """
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
-        found: dict[tuple[str, str], list[float]] = {}
+        found: State = {}
         for name, transform in zip(list(self.model.names)[1:], list(self._data.liMi)[1:], strict=True):
             path = self.paths[str(name)]
             found[path, "position"] = transform.translation.tolist()
             found[path, "quaternion"] = pin.Quaternion(transform.rotation).coeffs().tolist()
         return found
+
+    def points(self) -> np.ndarray:
+        """Vertices of the parts, or all frames, and all joints in the scene at zero, shape ``(n, 3)``."""
+        pin.framesForwardKinematics(self.model, self._data, pin.neutral(self.model))
+        origins = [*self._data.oMi, *(() if self._parts else self._data.oMf)]
+        points = [np.array([place.translation for place in origins])]
+        for part in self._parts:
+            place = self._data.oMi[self.model.getJointId(part.joint)]
+            points.append(shapes.moved(part.shape, place.homogeneous).vertices)
+        return np.concatenate(points) @ self.base[:3, :3].T
 
     def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:
         """Position of a point on a joint in the scene, whose vertical is z.
@@ -211,8 +183,3 @@ class Figure:
         found = self.model.frames[self.model.getFrameId(frame)]
         joint = str(self.model.names[found.parentJoint])
         return self.world_point(q, joint, np.asarray(found.placement.translation))
-
-
-def _off_axis(point: np.ndarray, axis: np.ndarray) -> float:
-    """Distance of a point from an axis through the origin in [m]."""
-    return float(np.linalg.norm(point - (point @ axis) * axis))

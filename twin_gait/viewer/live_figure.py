@@ -1,7 +1,7 @@
 """The scene of the live page: whole for new pages, its changes for open ones."""
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -10,47 +10,14 @@ from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Command, Window, key_of, pack
+from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, leg_columns
 from twin_gait.viewer.page import About, leg_entry, page_data
-from twin_gait.viewer.server import Change
 from twin_gait.viewer.staging import Setting, build_scene
-from twin_gait.vocabulary import HOLD, JointName, Side
+from twin_gait.vocabulary import HOLD, JointName
 
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
-
-
-class LiveWindow(Window):
-    """Window that keeps the whole scene and collects the changes of a frame."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        super().__init__()
-        self._changes: dict[Hashable, Command] = {}
-        self._samples = 0
-
-    def send(self, command: Command) -> None:
-        """Take a command."""
-        super().send(command)
-        self._changes[key_of(command)] = command
-
-    def sample(self, sample: Command) -> None:
-        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
-        command = {"type": "sample", "path": "", "sample": sample}
-        super().send(command)
-        self._samples += 1
-        self._changes["sample", self._samples] = command
-
-    def changes(self) -> list[Change]:
-        """What has changed since the last call: a key each, and the packed command."""
-        packed = [(key, pack(command)) for key, command in self._changes.items()]
-        self._changes.clear()
-        return packed
-
-    def everything(self) -> list[Change]:
-        """The whole scene for a page that has just been opened: description, drawing, last numbers."""
-        return [(index, pack(command)) for index, command in enumerate(self.commands())]
 
 
 # What curves did over some ticks: the ``first`` one, the ``end`` after the last one, and under ``columns``
@@ -80,14 +47,22 @@ class LiveFigure:
         ``setting``: what is drawn around the figure; see :class:`~twin_gait.viewer.staging.Setting`. Raises
         ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read.
         """
-        self.window = LiveWindow()
-        self._model, self._phases = model, (*phases, HOLD)
-        self._drives = tuple(drives)
+        self.window = Window()
+        self._phases = (*phases, HOLD)
         self._scene = build_scene(self.window, model, drives=drives, **setting)
-        self._forces = {"force": bool(self._scene.arrows), "crutch": setting.get("crutches") is not None}
-        self._time, self._travelled = 0.0, 0.0
-        self._columns = {side: self._read_out(side) for side in model.sides}
-        self._traced = 0
+        self._time, self._travelled, self._traced = 0.0, 0.0, 0
+        left_out = {f"{joint}_{_UNUSED}" for joint in drives}
+        left_out |= set() if self._scene.arrows else {"force"}
+        left_out |= set() if setting.get("crutches") else {"crutch"}
+        # What is read out of each leg: column of the log, and factor from its unit to the one that is shown.
+        self._columns = {
+            side: {
+                key: (column, _DEGREES if key in drives else 1.0)
+                for key, column in leg_columns(side, drives).items()
+                if key not in left_out
+            }
+            for side in model.sides
+        }
         self.page = page_data(
             about, mode="live", view=self._scene.view,
             missing_meshes=self._scene.missing_meshes, phases=self._phases, arrows=bool(self._scene.arrows),
@@ -112,27 +87,17 @@ class LiveFigure:
         posture = np.asarray(q, dtype=float)  # null is not a number
         if not np.isfinite(posture).all():
             return  # a walk that diverged stays as it was last seen
-        now = np.array([time])
-        held = row["safety_state"] == SafetyState.HOLD.code
-        phases = {
-            side: self._phases.index(HOLD if held else row[f"{side}_phase"]) for side in self._model.sides
-        }
-        legs = {
-            side: LegMotion(PhaseSpells(now, np.array([code])), curves={}) for side, code in phases.items()
-        }
+        now, held = np.array([time]), row["safety_state"] == SafetyState.HOLD.code
+        phases = {side: self._phases.index(HOLD if held else row[f"{side}_phase"]) for side in self._columns}
+        legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in phases.items()}
         columns = {
             name: np.array([value], dtype=float) for name, value in row.items() if not isinstance(value, str)
         }
         motion = Motion(now, posture[None, :], legs, self._phases, columns)
-        self._scene.apply(self._scene.state_at(motion, 0))
-        belt_speed = row.get("belt_speed_m_per_s", 0.0)
-        self._travelled += belt_speed * max(0.0, time - self._time)
-        self._time = time
-        if belt_speed != 0.0:
-            offset = surroundings.belt_offset(self._travelled)
-            self._scene.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
+        self.window.apply(self._scene.state_at(motion, 0))
+        self._move_belt(time, row.get("belt_speed_m_per_s", 0.0))
         numbers = [
-            {key: self._factor(key) * float(columns[name][0]) for key, name in self._columns[side].items()}
+            {key: factor * float(columns[name][0]) for key, (name, factor) in self._columns[side].items()}
             | {"phase": code}
             for side, code in phases.items()
         ]
@@ -140,9 +105,12 @@ class LiveFigure:
         sample |= {"mode": int(row[MODE])} if MODE in row else {}
         self.window.sample(sample)
 
-    def _factor(self, key: str) -> float:
-        """From the unit of the log to the one that is shown."""
-        return _DEGREES if key in self._drives else 1.0
+    def _move_belt(self, time: float, speed: float) -> None:
+        self._travelled += speed * max(0.0, time - self._time)
+        self._time = time
+        if speed != 0.0:
+            offset = surroundings.belt_offset(self._travelled)
+            self.window.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
 
     def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
         """Times in [s] and values of every curve of every leg; no line where a trace is missing."""
@@ -150,23 +118,12 @@ class LiveFigure:
             {key: {"times": [], "values": []} for key in columns} for columns in self._columns.values()
         ]
         for trace in traces:
-            missing = trace["first"] != self._traced
-            self._traced = trace["end"]
+            missing, self._traced = trace["first"] != self._traced, trace["end"]
             for leg, columns in zip(curves, self._columns.values(), strict=True):
-                for key, column in columns.items():
+                for key, (column, factor) in columns.items():
                     ticks, values = trace["columns"][column]
-                    factor = self._factor(key)
                     if missing:
-                        leg[key]["times"].append(trace["first"] * TICK)
-                        leg[key]["values"].append(None)
+                        ticks, values = [trace["first"], *ticks], [None, *values]
                     leg[key]["times"] += [round(tick * TICK, 3) for tick in ticks]
                     leg[key]["values"] += [None if item is None else item * factor for item in values]
         return curves
-
-    def _read_out(self, side: Side) -> dict[str, str]:
-        columns = leg_columns(side, self._drives).items()
-        return {
-            key: column
-            for key, column in columns
-            if not key.endswith(_UNUSED) and self._forces.get(key, True)
-        }

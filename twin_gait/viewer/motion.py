@@ -16,14 +16,13 @@ from twin_gait.control import SafetyState
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.leg_record import driven_joints
+from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
 _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
-# Parts of the commanded torque, by the words of the log columns; the last two only where they are used.
-_PARTS = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
-_RARE_PARTS = _PARTS[3:]
+_RARE_PARTS = ("inertia_compensation", "target")  # of the torque, shown only where they are used
 MODE = "mode"  # column
 FAITHFUL = 0.002  # of its range that a drawn curve may be off the log, at any tick
 EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest value: 200 spans a second
@@ -95,21 +94,14 @@ def read_motion(
         names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
     changes = [one.starts for one in spells.values()]
-    rows = _rows_to_show(
-        clock, frames_per_second, np.concatenate([*changes, np.asarray(moments, dtype=float)])
-    )
-    shown = log.iloc[rows]
-    legs = {
-        side: LegMotion(
-            phases=spells[side],
-            curves={
-                name: faithful_curve(clock - clock[0], values[:n_rows], rows)
-                for name, values in leg_values(log, side).items()
-            },
-        )
-        for side in model.sides
-    }
-    columns = {str(name): values.to_numpy() for name, values in shown.select_dtypes("number").items()}
+    rows = _rows_to_show(clock, frames_per_second, np.concatenate([*changes, moments]))
+    legs = {}
+    for side, phases in spells.items():
+        values = leg_values(log.iloc[:n_rows], side)
+        curves = {name: faithful_curve(clock - clock[0], known, rows) for name, known in values.items()}
+        legs[side] = LegMotion(phases, curves)
+    shown = log.iloc[rows].select_dtypes("number")
+    columns = {str(name): values.to_numpy() for name, values in shown.items()}
     modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock) if MODE in log else None
     return Motion(clock[rows] - clock[0], q[rows], legs, names, columns, modes)
 
@@ -121,21 +113,17 @@ def frame_rate(duration: float) -> float:
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
     """Moments at which a leg changes its phase, or a hold begins, since the first row in [s], sorted."""
-    clock = log["time_s"].to_numpy(dtype=float)
-    changed = np.zeros(len(log), dtype=bool)
-    for column in (log[f"{side}_phase"] for side in Side if f"{side}_phase" in log):
-        codes = np.where(held_rows(log), -1, pd.factorize(column)[0])
-        changed[1:] |= codes[1:] != codes[:-1]
-    return np.asarray(clock[changed] - clock[0])
+    phases = log.filter(regex="_phase$").astype(str).assign(held=held_rows(log))
+    clock, changed = log["time_s"].to_numpy(dtype=float), (phases != phases.shift()).any(axis=1).to_numpy()
+    return np.asarray(clock[1:][changed[1:]] - clock[0])
 
 
 def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
     """Coordinates of the model for every row, shape ``(n, nv)``."""
     columns, _ = state_columns(model)
-    phases = (f"{side}_phase" for side in model.sides)
-    absent = [name for name in ("time_s", *columns, *phases) if name not in log.columns]
-    if absent:
-        raise ViewerError(f"the log has no column {absent[0]!r}; is it a log of {model.urdf_path.name}?")
+    for name in ("time_s", *columns, *(f"{side}_phase" for side in model.sides)):
+        if name not in log.columns:
+            raise ViewerError(f"the log has no column {name!r}; is it a log of {model.urdf_path.name}?")
     return log[columns].to_numpy(dtype=float)
 
 
@@ -150,13 +138,12 @@ def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarr
 
 
 def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
-    column = log[f"{side}_phase"]
-    codes = column.cat.set_categories(list(names)).cat.codes.to_numpy(dtype=int, copy=True)
-    codes[held_rows(log)] = len(names) - 1
-    if (codes < 0).any():
-        unknown = str(column.iloc[int(np.argmax(codes < 0))])
+    phases = log[f"{side}_phase"].astype(str).mask(held_rows(log), HOLD)
+    codes = phases.map({name: code for code, name in enumerate(names)})
+    if codes.isna().any():
+        unknown = str(phases[codes.isna()].iloc[0])
         raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
-    return _changes(codes, clock)
+    return _changes(codes.to_numpy(dtype=int), clock)
 
 
 def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
@@ -166,8 +153,7 @@ def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
 
 def held_rows(log: pd.DataFrame) -> np.ndarray:
     """Rows after a trip, in which the phase no longer says what the legs do; shape ``(n,)``."""
-    held: np.ndarray = log["safety_state"].to_numpy() == SafetyState.HOLD.code
-    return held
+    return np.asarray(log["safety_state"] == SafetyState.HOLD.code)
 
 
 def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
@@ -195,7 +181,7 @@ def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
     for joint in joints:
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
-        columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
+        columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}
     return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
 
 
@@ -206,35 +192,25 @@ class Curve(NamedTuple):
     values: np.ndarray  # shape ``(n,)``; not a number where there is no line
 
 
-def corners(values: np.ndarray, kept: np.ndarray, tolerance: float) -> np.ndarray:
-    """Rows between which straight lines stay close to every value.
+def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> Curve:
+    """A curve that is nowhere off by more than 0.2 % of the range of its values.
 
     The row that is farthest from its line becomes a corner, until none is too far: the algorithm of Ramer
     (1972), Douglas and Peucker (1973) on all lines at once, with distances along the value's axis.
-    ``values``: shape ``(n,)``; lines end where they are not numbers; ``kept``: rows that are corners in any
-    case, sorted, with the first and the last one; ``tolerance``: largest distance of a value from its line,
-    in the unit of the values. Returns rows, sorted, shape ``(m,)``.
+    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; lines end where they are not numbers;
+    ``kept``: rows that are corners in any case, sorted, with the first and the last one.
     """
-    ends = np.flatnonzero(np.diff(np.isfinite(values)))
+    finite = np.isfinite(values)
+    tolerance = FAITHFUL * float(np.ptp(values[finite])) if finite.any() else 0.0
+    ends = np.flatnonzero(np.diff(finite))
     rows, kept = np.arange(len(values)), np.union1d(kept, np.concatenate((ends, ends + 1)))
     while True:
         off = np.nan_to_num(np.abs(values - np.interp(rows, kept, values[kept])))[:-1]
         worst = np.repeat(np.maximum.reduceat(off, kept[:-1]), np.diff(kept)) if len(off) else off
         found = np.flatnonzero((off == worst) & (off > tolerance))
         if not len(found):
-            return kept
+            return Curve(times[kept], values[kept])
         kept = np.union1d(kept, found)
-
-
-def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> Curve:
-    """A curve that is nowhere off by more than 0.2 % of the range of its values.
-
-    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; ``kept``: rows that stay as they are,
-    sorted, with the first and the last one.
-    """
-    finite = values[np.isfinite(values)]
-    rows = corners(values, kept, FAITHFUL * float(np.ptp(finite)) if len(finite) else 0.0)
-    return Curve(times[rows], values[rows])
 
 
 def extremes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from twin_gait.templates import templates_in
 from twin_gait.viewer.arrows import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.viewer.commands import rgb
 from twin_gait.viewer.surroundings import FLOOR
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
     from twin_gait.viewer.scene import View
@@ -38,12 +38,16 @@ RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
-_PART_LABELS = {
-    "impedance": "impedance", "friction_compensation": "friction comp.",
-    "gravity_compensation": "gravity comp.", "inertia_compensation": "inertia comp.", "target": "target",
-}  # fmt: skip
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
 _LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
+_BRIGHT = 0.216  # luminance of a ground from which the dark ink has the larger contrast ratio of WCAG 2
+_ARCS = (
+    {"label": "Flexion torque", "colour": palette.FLEXION_COLOUR},
+    {
+        "label": f"Extension torque (longest from {FULL_TORQUE:.0f} N·m on)",
+        "colour": palette.EXTENSION_COLOUR,
+    },
+)
 
 
 def viewer_folder() -> Path:
@@ -94,20 +98,27 @@ def page_data(
     in that mode only.
     """
     arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
+    shown = {key for leg in legs for key in leg["shows"]}
+    more_missing = f" and {len(missing_meshes) - 1} more" if len(missing_meshes) > 1 else ""
+    missing = [f"Mesh not found: {Path(name).name}{more_missing}." for name in missing_meshes[:1]]
     return {
         **about,
         "mode": mode,
         "title": _unicode(about["title"]),
-        "subtitle": _unicode(about.get("subtitle", "")),
-        "notes": [*map(_unicode, about.get("notes", ())), *_notes(missing_meshes)],
+        "subtitle": about.get("subtitle", ""),
+        "notes": [*map(_unicode, (*about.get("notes", ()), *missing))],
         "view": asdict(view),
         "phases": _phase_entries(phases),
-        "modes": [_unicode(_words(name)) for name in about.get("modes", ())],
+        "modes": [_words(name) for name in about.get("modes", ())],
         "events": event_entries(about.get("events", ())),
-        "parts": _part_entries(legs),
+        "parts": [
+            {"key": key, "label": key.replace("_", " ").replace("compensation", "comp."), "colour": colour}
+            for key, colour in palette.TORQUE_COLOURS.items()
+            if any(name.endswith(f"_{key}") for name in shown)
+        ],
         "legs": list(legs),
         "arrow": {"label": arrow, "colour": palette.GROUND_FORCE_COLOUR} if arrows else None,
-        "arcs": _arc_entries(legs) if legs else [],
+        "arcs": _ARCS if legs else (),
         "floor": FLOOR,  # what a dark page darkens
         "duration": None,  # in [s], unless there is no end
         "footnote": FOOTNOTE,
@@ -133,15 +144,14 @@ def _unicode(text: str) -> str:
 
 
 def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
-    initials = ["".join(word[0] for word in name.split("_") if word)[:2].upper() for name in names]
-    # Letters that two phases share would tell nothing.
-    unique = len(set(initials)) == len(names)
+    shorts = ["".join(word[0] for word in name.split("_") if word)[:2].upper() for name in names]
+    if "" in shorts or len(set(shorts)) < len(names):  # letters that two phases share would tell nothing
+        shorts = [str(place) for place in range(1, len(names) + 1)]
     entries = []
-    for code, (name, initial) in enumerate(zip(names, initials, strict=True)):
-        colour, short = palette.phase_colour(name, code), initial if unique and initial else str(code + 1)
-        texts = {"name": name, "label": _words(name), "short": short}
-        texts = {key: _unicode(text) for key, text in texts.items()}
-        entries.append({**texts, "colour": colour, "ink": _ink_on(colour)})
+    for code, (name, short) in enumerate(zip(names, shorts, strict=True)):
+        colour = palette.phase_colour(name, code)
+        ink = _DARK_INK if _luminance(colour) > _BRIGHT else _LIGHT_INK
+        entries.append({"name": name, "label": _words(name), "short": short, "colour": colour, "ink": ink})
     return entries
 
 
@@ -149,42 +159,9 @@ def _words(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-def _ink_on(colour: str) -> str:
-    """The one of two inks that has the larger contrast ratio on a colour, as WCAG 2 defines it."""
-    ground, light, dark = (_luminance(one) + 0.05 for one in (colour, _LIGHT_INK, _DARK_INK))
-    return _LIGHT_INK if light / ground > ground / dark else _DARK_INK
-
-
 def _luminance(colour: str) -> float:
     shares = [s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour)]
     return float(np.dot([0.2126, 0.7152, 0.0722], shares))
-
-
-def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Parts of the commanded torque that any of the legs shows."""
-    shown = {key for leg in legs for key in leg["shows"]}
-    return [
-        {"key": key, "label": label, "colour": palette.TORQUE_COLOURS[key]}
-        for key, label in _PART_LABELS.items()
-        if any(name.endswith(f"_{key}") for name in shown)
-    ]
-
-
-def _arc_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    ankle = any(JointName.ANKLE in leg["shows"] for leg in legs)
-    up, down = ("lexion or dorsiflexion", "xtension or plantarflexion") if ankle else ("lexion", "xtension")
-    return [
-        {"label": f"F{up} torque", "colour": palette.FLEXION_COLOUR},
-        {
-            "label": f"E{down} torque (longest from {FULL_TORQUE:.0f} N·m on)",
-            "colour": palette.EXTENSION_COLOUR,
-        },
-    ]
-
-
-def _notes(missing_meshes: Sequence[str]) -> list[str]:
-    more = f" and {len(missing_meshes) - 1} more" if len(missing_meshes) > 1 else ""
-    return [f"Mesh not found: {_unicode(Path(name).name)}{more}." for name in missing_meshes[:1]]
 
 
 def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:

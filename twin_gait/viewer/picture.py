@@ -1,21 +1,23 @@
 """A page as a picture, drawn by a Chromium that is on this machine."""
 
 import os
+import re
 import shutil
 import struct
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.files import write_atomically
 
 BROWSER_VARIABLE = "TWIN_GAIT_BROWSER"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+BROWSERS = (
+    "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome",
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+)  # fmt: skip
 SMALLEST, LARGEST = 200, 4000  # side of a picture in pixels
-_MAC_BROWSER = Path("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome")
-_READY = "twin_gait: ready"
+_READY = "ready"
 _SETTLING = 8000  # [ms] of the page's own time
 _FLAGS = (
     "--headless", "--disable-gpu", "--no-first-run", "--disable-background-networking",
@@ -26,14 +28,7 @@ _FLAGS = (
 )  # fmt: skip
 
 
-class PictureSize(NamedTuple):
-    """Size of a picture in pixels."""
-
-    width: int = 1600  # horizontal
-    height: int = 1000  # vertical
-
-
-DEFAULT_SIZE = PictureSize()
+DEFAULT_SIZE = (1600, 1000)  # width and height of a picture in pixels
 
 
 def find_browser() -> str:
@@ -42,7 +37,7 @@ def find_browser() -> str:
     Raises ViewerError if there is none.
     """
     named = os.environ.get(BROWSER_VARIABLE)
-    names = [named] if named else [*BROWSERS, str(_MAC_BROWSER)]
+    names = [named] if named else BROWSERS
     found = next(filter(None, map(shutil.which, names)), None)
     if found is None:
         raise ViewerError(
@@ -57,16 +52,16 @@ def take_picture(
     path: str | Path,
     *,
     time: float = 0.0,
-    size: PictureSize = DEFAULT_SIZE,
+    size: tuple[int, int] = DEFAULT_SIZE,
     dark: bool = False,
     timeout: float = 120.0,
 ) -> Path:
     """Draw a recorded page at a moment and write it as PNG.
 
     ``page``: HTML of :func:`twin_gait.viewer.page.recorded_page`; ``path``: the PNG file; an existing one is
-    replaced only by a complete one; ``time``: moment to show in [s]; ``timeout``: longest wait for the
-    browser in [s]. Raises RunDirectoryError if the file cannot be written. Raises ViewerError if there is no
-    Chromium, or it does not draw the page.
+    replaced only by a complete one; ``time``: moment to show in [s]; ``size``: width and height in pixels;
+    ``timeout``: longest wait for the browser in [s]. Raises RunDirectoryError if the file cannot be written.
+    Raises ViewerError if there is no Chromium, or it does not draw the page.
     """
     browser = find_browser()
     path = Path(path)
@@ -80,29 +75,21 @@ def take_picture(
         sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         command = [
             browser, *_FLAGS, *sandbox, f"--user-data-dir={folder}/profile",
-            f"--window-size={size.width},{size.height}", f"--screenshot={drawn}", address,
+            f"--window-size={size[0]},{size[1]}", f"--screenshot={drawn}", address,
         ]  # fmt: skip
-        said = _run(command, Path(folder) / "said.txt", timeout)
+        log = Path(folder) / "said.txt"  # a file, because helpers of the browser may outlive it
+        try:
+            with log.open("wb") as said:
+                subprocess.run(command, stdout=subprocess.DEVNULL, stderr=said, timeout=timeout, check=False)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            reason = f"it does not start, or is not ready within {timeout:g} s"
+            raise ViewerError(f"{browser} cannot draw the page: {reason}") from error
+        notes = re.findall(r"twin_gait: ([^\"\n]*)", log.read_text(encoding="utf-8", errors="replace"))
         content = drawn.read_bytes() if drawn.is_file() else b""
-    notes = [line for line in said.splitlines() if "twin_gait: " in line]
-    if not any(_READY in line for line in notes):
-        reason = notes[-1].split("twin_gait: ", 1)[1] if notes else "it did not finish the page"
+    if _READY not in notes:
+        reason = notes[-1] if notes else "it did not finish the page"
         raise ViewerError(f"{browser} cannot draw the page: {reason}")
     if content[16:24] != struct.pack(">II", *size):  # as the head of a PNG has it
-        raise ViewerError(
-            f"{browser} made no picture of {size.width}x{size.height} pixels; try another --size"
-        )
+        raise ViewerError(f"{browser} made no picture of {size[0]}x{size[1]} pixels; try another --size")
     write_atomically(path, content)
     return path
-
-
-def _run(command: list[str], log: Path, timeout: float) -> str:
-    """What the browser says while it draws; in a file, because its helpers may outlive it."""
-    try:
-        with log.open("wb") as said:
-            subprocess.run(command, stdout=subprocess.DEVNULL, stderr=said, timeout=timeout, check=False)
-    except OSError as error:
-        raise ViewerError(f"{command[0]}: cannot be started ({error.strerror})") from error
-    except subprocess.TimeoutExpired as error:
-        raise ViewerError(f"{command[0]} has not drawn the picture within {timeout:g} s") from error
-    return log.read_text(encoding="utf-8", errors="replace")

@@ -3,24 +3,29 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import numpy as np
+import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.palette import phase_colour
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import arc_state, arrow_state
 from twin_gait.viewer.body import LEFT
-from twin_gait.viewer.commands import Material, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.visuals import Visuals
+from twin_gait.viewer.surroundings import set_studio
+from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side
 
-_IDLE = (0.55, 0.60, 0.66)  # covers of motors before a phase is known
+_IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
+_CAP_SHARE = 0.16  # radius over the length of the segment; it hides the motors of the shipped device
+_SMALLEST_CAP = 0.045  # [m]
 _FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
 RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
 TRAILS = "/meshcat/trail"
@@ -32,8 +37,6 @@ _TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
 _RADIUS = 0.006  # [m]
 _COLUMNS = 5
 _SHORTEST_STEP = 1e-3  # [m]
-
-State = dict[tuple[str, str], Any]
 
 
 @dataclass(frozen=True)
@@ -57,11 +60,13 @@ class Element(Protocol):
 class Scene:
     """A scene that has been drawn and can be moved."""
 
-    def __init__(self, window: Window, figure: Figure, visuals: Visuals) -> None:
-        """Start a scene with a figure."""
-        self.figure = figure
+    def __init__(self, window: Window, model: pin.Model, urdf: Path, up_axis: str) -> None:
+        """Start a scene with what a URDF shows of a model, as :class:`Figure` draws it."""
+        set_studio(window)
+        visuals = load_visuals(model, urdf)
+        self.figure = Figure(window, model, visuals.parts, up_axis=up_axis)
         self.missing_meshes = visuals.missing  # mesh files of the URDF that were not found
-        self.covers: dict[Side, list[str]] = {}  # places of the coloured motor covers
+        self.caps: dict[Side, list[str]] = {}  # places of the coloured caps of motors
         self.arrows: dict[Side, str] = {}  # place of the ground force
         self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # of the motor torque, by joint and level
         self.elements: list[Element] = []  # what else moves
@@ -70,36 +75,36 @@ class Scene:
         self.ground = np.eye(3)  # its axes, column by column
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
         self._window = window
-        self._shown: State = {}
 
-    def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
-        """Draw the motors of a leg: covers, which show its phase, and arrows of their torques, hidden."""
-        material, outward = Material(colour=_IDLE, roughness=0.4, glow=0.12), LEFT[side]
-        self.legs[side], self.covers[side], self.arcs[side] = leg, [], {}
+    def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str]) -> None:
+        """Draw the motors of a leg: caps, which show its phase, and arrows of their torques, hidden."""
+        material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
+        self.legs[side], self.caps[side], self.arcs[side] = leg, [], {}
         for name, joint in leg.items():
             if name in drives:
                 length = float(np.linalg.norm(self.figure.segment(joint)))
-                motor = self.figure.motor(joint, visuals.discs, default_radius=0.12 * length)
-                self.covers[side].append(self.figure.draw_cover(joint, motor, material))
-                self.arcs[side][str(name)] = self.figure.draw_arc(joint, motor, outward)
+                radius = max(_CAP_SHARE * length, _SMALLEST_CAP)
+                self.caps[side].append(self.figure.draw_cap(joint, radius, material))
+                self.arcs[side][str(name)] = self.figure.draw_arc(joint, radius, LEFT[side])
 
     def draw_trails(self, motion: Motion) -> None:
-        """Draw the path of each foot in every stride of a motion, hidden."""
+        """Draw the path of each foot in every stride of a motion, hidden.
+
+        A stride is from one entry into the first phase of the table to the next.
+        """
         self.trails = []
         for side, leg in motion.legs.items():
-            spans = strides(leg.phases, motion.duration)
-            ends = [end for _, end in spans[1:]] + [math.inf]
-            for number, (span, following) in enumerate(zip(spans[:MOST_STRIDES], ends, strict=False)):
-                frames = np.flatnonzero((motion.times >= span[0]) & (motion.times <= span[1]))
-                if len(frames) < FEWEST_POINTS:
-                    continue
+            entries = [float(start) for start, code in zip(*leg.phases, strict=True) if code == 0 and start]
+            strides = zip(entries, entries[1:], [*entries[2:], math.inf], strict=False)
+            for number, (start, end, following) in enumerate(islice(strides, MOST_STRIDES)):
+                frames = np.flatnonzero((motion.times >= start) & (motion.times <= end))
                 points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
                 shape = trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
                 if shape is not None:
                     path = f"{TRAILS}/{side}_{number}"
                     draw_mesh(self._window, path, shape, _TRAIL)
-                    self.apply({(path, "visible"): False})
-                    self.trails.append(StrideTrail(path, span[1], following))
+                    self._window.apply({(path, "visible"): False})
+                    self.trails.append(StrideTrail(path, end, following))
 
     def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
         """End of the leg that leaves the trail: the middle of the sole, or the end of its last segment."""
@@ -133,19 +138,12 @@ class Scene:
             state |= self._force_state(side, motion, frame)
             code = leg.phases.at(time)
             colour = rgb(phase_colour(motion.phase_names[code], code))
-            state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
+            state |= {(path, "color"): [*colour, 1.0] for path in self.caps.get(side, ())}
         for path, begin, end in self.trails:
             state[path, "visible"] = begin <= time < end
         for element in self.elements:
             state |= element.state(self.figure, motion, frame)
         return state
-
-    def apply(self, state: State) -> None:
-        """Send what has changed since the last state."""
-        for (path, name), value in state.items():
-            if self._shown.get((path, name)) != value:
-                self._window.send(set_property(path, name, value))
-                self._shown[path, name] = value
 
 
 class StrideTrail(NamedTuple):
@@ -154,16 +152,6 @@ class StrideTrail(NamedTuple):
     path: str  # its place in the scene
     begin: float  # time at which the stride was complete in [s]
     end: float  # time at which the next one is, in [s]
-
-
-def strides(phases: PhaseSpells, duration: float) -> list[tuple[float, float]]:
-    """Strides from one entry into the first phase of the table to the next.
-
-    ``phases``: phases of a leg; ``duration`` of the motion in [s]. Returns start and end of each complete
-    stride in [s].
-    """
-    entries = [float(start) for start, code in zip(*phases, strict=True) if code == 0 and start > 0.0]
-    return [(start, end) for start, end in pairwise(entries) if end <= duration]
 
 
 def trail_shape(

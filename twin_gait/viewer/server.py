@@ -36,6 +36,10 @@ LONGEST_MESSAGE = 65536  # [B]
 MOST_SOCKETS = 64
 PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request
 _LONGEST_HEADER = 16384  # [B]
+_HEADERS = {
+    "Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
+    "Content-Security-Policy": "frame-ancestors 'none'", "Referrer-Policy": "no-referrer",
+}  # fmt: skip
 _FAREWELL = 0.05  # [s] in which a page may answer that it has heard of the end
 
 
@@ -63,6 +67,8 @@ def is_own_page(origin: str | None, host: str) -> bool:
 class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
     """Answers only requests that name this machine and have the token; says in one line why not."""
 
+    needs_origin = False  # of its own page; without it also what does not say where it comes from is answered
+
     def initialize(self, server: Any) -> None:
         """Remember the server."""
         self.server = server
@@ -72,7 +78,7 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         origin = self.request.headers.get("Origin")
         if not is_loopback(self.request.host):
             self.refuse("this server answers under the names of this machine only")
-        if origin is not None and not is_own_page(origin, self.request.host):
+        if (origin or self.needs_origin) and not is_own_page(origin, self.request.host):
             self.refuse("this server answers its own pages only")
         if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
             self.refuse("open the address that the program has printed: it holds the token of this start")
@@ -82,18 +88,10 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         self.server.refused += 1
         raise HTTPError(403, reason)
 
-    def require_own_page(self) -> None:
-        """Refuse what does not say that it comes from our own page."""
-        if not is_own_page(self.request.headers.get("Origin"), self.request.host):
-            self.refuse("this server answers its own pages only")
-
     def set_default_headers(self) -> None:
         """Keep the page out of other pages and out of caches."""
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("X-Frame-Options", "DENY")
-        self.set_header("Content-Security-Policy", "frame-ancestors 'none'")
-        self.set_header("Referrer-Policy", "no-referrer")
+        for name, value in _HEADERS.items():
+            self.set_header(name, value)
 
     def write_error(self, status_code: int, **details: Any) -> None:
         """Answer with the reason as plain text. ``details``: the exception, as ``exc_info``."""
@@ -161,10 +159,11 @@ class Outbox:
 class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
     """A web socket of our own page."""
 
+    needs_origin = True
+
     def prepare(self) -> None:
         """Refuse what is not our own page, and more pages than anybody has."""
         super().prepare()
-        self.require_own_page()
         if len(self.server.sockets) >= MOST_SOCKETS:
             self.server.refused += 1
             raise HTTPError(503, "too many pages are open; close one")

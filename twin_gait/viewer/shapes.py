@@ -1,10 +1,13 @@
-"""Smooth triangle meshes from a few numbers: rounded boxes, turned parts, limbs, arrows."""
+"""Smooth triangle meshes from a few numbers: rounded boxes, turned parts, tubes, arrows."""
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+
+from twin_gait.files import shipped_file
 
 _CREASE = math.cos(math.radians(40.0))  # sharper edges stay edges
 
@@ -31,15 +34,12 @@ def rounded_box(size: Sequence[float], radius: float) -> Shape:
     # A box without any rounding would have no normals at its edges.
     radius = float(np.clip(radius, 1e-6 * half.min(), 0.999 * half.min()))
     eighth = np.radians([0.0, 45.0, 90.0])
-    latitude, above = np.concatenate((eighth - math.pi / 2.0, eighth))[:, None], np.repeat([-1.0, 1.0], 3)
+    latitude = np.concatenate((eighth - math.pi / 2.0, eighth))[:, None]
     longitude = np.concatenate([eighth + quarter * math.pi / 2.0 for quarter in range(4)])
-    corners = np.stack((np.repeat([1, -1, -1, 1], 3), np.repeat([1, 1, -1, -1], 3)), axis=1)
-    points = np.empty((6, 12, 3))
-    points[:, :, 0] = radius * np.cos(latitude) * np.cos(longitude)
-    points[:, :, 1] = radius * np.cos(latitude) * np.sin(longitude)
-    points[:, :, 2] = radius * np.sin(latitude)
-    points[:, :, :2] += (half[:2] - radius) * corners
-    points[:, :, 2] += (half[2] - radius) * above[:, None]
+    corner = [np.repeat([1, -1, -1, 1], 3), np.repeat([1, 1, -1, -1], 3), np.repeat([-1, 1], 3)[:, None]]
+    ball = [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    parts = zip(ball, corner, half - radius, strict=True)
+    points = np.stack(np.broadcast_arrays(*(radius * on + way * side for on, side, way in parts)), axis=2)
     middle = np.tile([0.0, 0.0, half[2]], (1, 12, 1))
     return surface(np.concatenate((-middle, points, middle)))
 
@@ -72,26 +72,13 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
     return surface(elliptic(rings, columns))
 
 
-def _mirrored(upper: list[tuple[float, float]]) -> Shape:
-    """Turned part that is alike above and below; the profile goes from its rim to its axis."""
-    return turned([(radius, -height) for radius, height in reversed(upper)] + upper)
-
-
 def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
     """Make a cylinder along z, its edges bevelled by at most a third of radius and length; all in [m]."""
     half = length / 2.0
     bevel = min(bevel, radius / 3.0, length / 3.0)
     third = bevel * (1.0 - math.cos(math.pi / 4.0))
-    edge = [(radius, half - bevel), (radius - third, half - third), (radius - bevel, half)]
-    return _mirrored([*edge, (0.0, half)])
-
-
-def ring_cap(radius: float, length: float) -> Shape:
-    """Make the cover of a motor: a disc along z with a groove in either face; all in [m]."""
-    half, bevel, groove = length / 2.0, 0.14 * radius, length / 2.0 - 0.05 * radius
-    edge = [(radius, half - bevel), (radius - 0.3 * bevel, half - 0.3 * bevel), (radius - bevel, half)]
-    ring = [(0.72 * radius, half), (0.70 * radius, groove), (0.64 * radius, groove), (0.62 * radius, half)]
-    return _mirrored([*edge, *ring, (0.0, half)])
+    upper = [(radius, half - bevel), (radius - third, half - third), (radius - bevel, half), (0.0, half)]
+    return turned([(ring, -height) for ring, height in reversed(upper)] + upper)
 
 
 def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
@@ -102,25 +89,6 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
     around[[0, -1]] = 0.0
     rings = np.column_stack((z * np.sin(latitude), middle, middle, x * around, y * around))
     return surface(elliptic(rings, columns))
-
-
-def capsule(radius: float, length: float) -> Shape:
-    """Make a capsule along z. ``radius`` in [m]; ``length`` of the straight part in [m]."""
-    ball = ellipsoid((radius, radius, radius))
-    shift = np.where(ball.vertices[:, 2:] > 0.0, 0.5 * length, -0.5 * length)
-    return ball._replace(vertices=ball.vertices + shift * [0.0, 0.0, 1.0])
-
-
-def cone(radius: float, length: float, columns: int = 32) -> Shape:
-    """Make a cone along z with its tip up, its middle height at the origin; all in [m]."""
-    return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)], columns)
-
-
-def arrow() -> Shape:
-    """Make an arrow of 1 m from the origin along z, whose head takes a fifth of it."""
-    shaft, neck = 0.012, 0.8
-    head = 2.6 * shaft
-    return turned([(0.0, 0.0), (shaft, 0.0), (shaft, neck), (head, neck), (0.0, 1.0)], columns=24)
 
 
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
@@ -137,13 +105,6 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     return surface(np.concatenate((middle[:1], middle + radius * around, middle[-1:])))
 
 
-def bend(start: np.ndarray, corner: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Parabola that touches the lines to a corner where it starts and ends: points, shape ``(9, 3)``."""
-    share = np.linspace(0.0, 1.0, 9)[:, None]
-    back = 1.0 - share
-    return np.asarray(back**2 * start + 2.0 * share * back * corner + share**2 * end)
-
-
 def _carried_along(ahead: np.ndarray) -> np.ndarray:
     """A direction across each piece of a path that turns no more than the path does."""
     across = np.empty_like(ahead)
@@ -154,46 +115,15 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
     return across
 
 
-def smooth(values: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Catmull-Rom curves through values at 0, 1, 2, …: cubics whose slopes are central differences.
-
-    ``values``: shape ``(n, m)``; ``places`` from 0 to n - 1, shape ``(k,)``. Returns shape ``(k, m)``.
-    """
-    slopes, start = np.gradient(values, axis=0), np.minimum(places.astype(int), len(values) - 2)
-    s = (places - start)[:, None]
-    rise, first, last = values[start + 1] - values[start], slopes[start], slopes[start + 1]
-    bend = (first - rise) * (1.0 - s) - (last - rise) * s
-    return np.asarray(values[start] + s * rise + s * (1.0 - s) * bend)
-
-
-def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20) -> Shape:
-    """Make a limb of elliptic rings along z, with rounded ends.
-
-    ``rings`` from end to end: height, centre x, centre y, half axis x and half axis y, all in [m]; ``rows``:
-    rings in the mesh, beside those of the ends.
-    """
-    table = np.array(sorted(map(tuple, rings)), dtype=float)
-    curve = smooth(table, np.linspace(0.0, len(table) - 1.0, rows))
-    curve = np.concatenate((_end(curve[0], curve[1]), curve[1:-1], _end(curve[-1], curve[-2])[::-1]))
-    return surface(elliptic(curve, columns))
-
-
 def elliptic(rings: np.ndarray, columns: int) -> np.ndarray:
-    """Points of rings as :func:`limb` takes them, shape ``(n, 5)``. Returns shape ``(n, columns, 3)``."""
+    """Points of ellipses, shape ``(n, columns, 3)``.
+
+    ``rings``: height, centre x and y, half axes x and y in [m], shape ``(n, 5)``.
+    """
     angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[None, :]
     height, x, y, half_x, half_y = (column[:, None] for column in rings.T)
     points = (x + half_x * np.cos(angle), y + half_y * np.sin(angle), height)
     return np.stack(np.broadcast_arrays(*points), axis=2)
-
-
-def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
-    """Rings that close an end with a dome, from its tip to the ring."""
-    turn = np.linspace(0.02, math.pi / 2.0, steps)[:, None]
-    outward = math.copysign(1.0, ring[0] - neighbour[0])
-    dome = np.tile(ring, (steps, 1))
-    dome[:, 0:1] += outward * 0.8 * min(ring[3], ring[4]) * np.cos(turn)
-    dome[:, 3:5] *= np.sin(turn)
-    return dome
 
 
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
@@ -273,3 +203,18 @@ def merged(items: Iterable[Shape]) -> Shape:
         np.concatenate([item.normals for item in items]),
         np.concatenate([item.faces + start for item, start in zip(items, first, strict=False)]),
     )
+
+
+@cache
+def _packaged(name: str) -> Shape:
+    path = shipped_file(f"meshes/{name}.obj")
+    assert path is not None  # it is part of the package
+    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
+    vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
+    faces = [[int(corner.split("/")[0]) - 1 for corner in row[1:]] for row in rows if row[0] == "f"]
+    return creased(vertices, np.array(faces))
+
+
+def packaged(name: str, placement: np.ndarray) -> Shape:
+    """A mesh that ``urdf/make_meshes.py`` has made. ``placement``: by what it is moved, shape ``(4, 4)``."""
+    return moved(_packaged(name), placement)

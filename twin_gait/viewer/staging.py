@@ -16,7 +16,7 @@ from twin_gait.viewer.body import DrawnCrutches, DrawnRopes, draw_harness, draw_
 from twin_gait.viewer.commands import Window, set_transform
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
-from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
+from twin_gait.viewer.visuals import FIXED_JOINT
 from twin_gait.vocabulary import JointName, Side, Surroundings
 
 _BAR_ABOVE_HEAD = 0.08  # [m]
@@ -55,20 +55,19 @@ def build_scene(
 
     Raises ModelError if the URDF, ViewerError if a mesh of it cannot be read.
     """
-    surroundings.set_studio(window)
-    visuals = load_visuals(model.model, model.urdf_path)
-    scene = _start(window, model.model, visuals, model.up_axis)
+    scene = Scene(window, model.model, model.urdf_path, model.up_axis)
     for side, leg in model.legs.items():
-        scene.draw_drives(side, leg, drives, visuals)
-    trunk, patient = model.trunk_joint or FIXED_JOINT, setting.get("patient")
+        scene.draw_drives(side, leg, drives)
+    patient, around = setting.get("patient"), setting.get("around", Surroundings.TREADMILL)
+    trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
-        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
+        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
     top, bottom = _extent(scene.figure, model.legs)
-    height, around = top - bottom, setting.get("around", Surroundings.TREADMILL)
+    height = top - bottom
     if around is Surroundings.STAND:
         _surround_bench_leg(window, scene, model.legs, top, bottom)
         return scene
-    if around not in (Surroundings.TREADMILL, Surroundings.WALKWAY):
+    if around is Surroundings.FLOOR:
         surroundings.draw_floor(window, bottom - 0.02)
         scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
         return scene
@@ -76,17 +75,16 @@ def build_scene(
         assert model.forward_index is not None  # it walks
         scene.elements.append(surroundings.DrawnWalkway(window, model.forward_index))
     else:
-        slope = setting.get("slope", 0.0)
-        pose = surroundings.tilted(slope)
+        pose = surroundings.tilted(setting.get("slope", 0.0))
         window.send(set_transform(FORCE_ROOT, pose))
         scene.ground = pose[:3, :3]
-        surroundings.draw_treadmill(window, slope)
+        surroundings.draw_treadmill(window, setting.get("slope", 0.0))
     for side, leg in model.legs.items():
         if leg.contact_frames:
             scene.arrows[side] = draw_arrow(window, str(side))
     scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
-    if patient is not None and len(model.legs) > 1:
-        _equip_walker(window, scene, patient, trunk, setting | {"around": around})
+    if patient is not None and walks:
+        _equip_walker(window, scene, patient, trunk, setting)
     return scene
 
 
@@ -96,24 +94,14 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the URDF cannot
     be read. Raises ViewerError if a mesh of the URDF cannot be read.
     """
-    surroundings.set_studio(window)
-    visuals = load_visuals(model, urdf)
-    scene = _start(window, model, visuals, up_axis)
-    points = _all_points(model, visuals) @ scene.figure.base[:3, :3].T
+    scene = Scene(window, model, urdf, up_axis)
+    points = scene.figure.points()
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float(np.linalg.norm(high - low)), 0.1)
-    x, y, z = (float(value) for value in 0.5 * (low + high))
+    x, y, z = (0.5 * (low + high)).tolist()
     surroundings.draw_floor(window, float(low[2]) - 0.01 * size, radius=max(1.0, 1.6 * size))
     scene.view = View((x, y, z), width=1.1 * size, height=1.1 * size, direction=_FROM_THE_FRONT)
     return scene
-
-
-def _start(window: Window, model: pin.Model, visuals: Visuals, up_axis: str) -> Scene:
-    figure = Figure(window, model, up_axis=up_axis)
-    figure.draw_visuals(visuals)
-    if not visuals.parts:
-        figure.draw_skeleton()
-    return Scene(window, figure, visuals)
 
 
 def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, setting: Setting) -> None:
@@ -161,16 +149,3 @@ def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, floa
         tops.append(float(figure.world_point(neutral, leg.hip)[2]))
         bottoms.append(float(figure.world_point(neutral, last, figure.segment(last))[2]))
     return max(tops), min(bottoms)
-
-
-def _all_points(model: pin.Model, visuals: Visuals) -> np.ndarray:
-    """Vertices of all visuals, or all frames, and origins of all joints at zero, shape ``(n, 3)``."""
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
-    placements = [*data.oMi, *(() if visuals.parts else data.oMf)]
-    points = [np.asarray(placement.translation)[None, :] for placement in placements]
-    for part in visuals.parts:
-        placement = data.oMi[0 if part.joint == FIXED_JOINT else model.getJointId(part.joint)]
-        turn, shift = np.asarray(placement.rotation), np.asarray(placement.translation)
-        points.append(part.shape.vertices @ turn.T + shift)
-    return np.concatenate(points)
