@@ -26,14 +26,14 @@ import pandas as pd
 import pyarrow as pa
 from pydantic import ConfigDict, TypeAdapter
 
-from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
+from twin_gait.live.protocol import one_line
+from twin_gait.live.session_records import KILLED, close_killed, list_sessions
 from twin_gait.runs.folders import journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
 from twin_gait.simulation.engine import EngineResult, log_layout
@@ -43,7 +43,6 @@ from twin_gait.simulation.simulator import run_of
 from twin_gait.worlds.faults import parse_fault
 
 CHANGES_FILE = "live_changes.csv"
-TABLE_FILE = "live_table.yaml"
 CHANGE_COLUMNS = ("tick", "time_s", "user", "subject", "before", "value", "text")
 # Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
 LONGEST_PICTURES = 120.0  # [s]
@@ -66,8 +65,6 @@ class Piece:
     rows: np.ndarray  # of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
     switches: tuple[PhaseSwitch, ...] = ()  # of the phases
     changes: tuple[AppliedChange, ...] = ()  # that were applied
-    # mapping of the gait table as it is now, or None if it has never been changed
-    table: Mapping[str, Any] | None = None
     status: RunStatus = RunStatus.COMPLETED  # how the walk stands
     reason: str = ""  # why it has ended; empty before that
     trip: Trip | None = None  # what the safety monitor tripped on, or None
@@ -144,13 +141,13 @@ class Journals:
         """Make the file of the first walk, and its folder if there is none.
 
         ``setup``: what the run folder needs beside the log, as JSON takes it; ``tell``: takes a mapping for
-        each walk that is begun (``kind`` ``journal`` with ``folder``), and once for each that can no longer
-        be written (``unkept`` with ``text``). Raises RunDirectoryError if the file cannot be made.
+        each walk that is begun (``kind`` ``journal`` with ``folder``), and once if nothing can be written any
+        more (``unkept`` with ``text``). Raises RunDirectoryError if the file cannot be made.
         """
         self.paths: list[Path] = []
         self._columns, self._setup, self._tell = columns, setup, tell
         self._held, self._lost = contextlib.ExitStack(), False
-        self._stream: Any = None
+        self._stream: Any = None  # of the present walk
         self._begin(Path(setup["folder"]))
         self._thread = ThreadPoolExecutor(1, "journal")
 
@@ -175,48 +172,42 @@ class Journals:
         self._tell({"kind": "journal", "folder": str(folder)})
 
     def _write(self, piece: Piece) -> None:
-        """Write a piece to the file of its walk, which its first piece begins; a walk goes on without it."""
+        """Write a piece to the file of its walk, which its first piece begins.
+
+        What cannot be written any more is told once; the session goes on without it.
+        """
+        if self._lost:
+            return
         try:
-            if self._stream is None and not self._lost:
+            if self._stream is None:
                 self._begin(next_free(Path(self._setup["folder"]), len(self.paths) + 1))
-            if self._stream is not None:
-                columns = [pa.array(column) for column in np.ascontiguousarray(piece.rows.T)]
-                batch = pa.RecordBatch.from_arrays(columns, names=list(self._columns))
-                news = _PIECE.dump_json(piece, exclude={"rows"})
-                self._stream.write_batch(batch, custom_metadata={_NEWS: news})
-                if piece.over:
-                    self._held.close()
+            columns = [pa.array(column) for column in np.ascontiguousarray(piece.rows.T)]
+            batch = pa.RecordBatch.from_arrays(columns, names=list(self._columns))
+            news = _PIECE.dump_json(piece, exclude={"rows"})
+            self._stream.write_batch(batch, custom_metadata={_NEWS: news})
+            if piece.over:
+                self._stream = None
+                self._held.close()
         except (OSError, pa.ArrowException, RunDirectoryError) as error:
-            text = f"{self.paths[-1]}: cannot be written any more ({' '.join(str(error).split())})"
+            text = f"{self.paths[-1]}: cannot be written any more ({one_line(error)})"
             self._tell({"kind": "unkept", "text": text})
-            self._lost, self._stream = True, None
+            self._lost = True
             with contextlib.suppress(OSError, pa.ArrowException):
                 self._held.close()
-        if piece.over:
-            self._lost, self._stream = False, None
 
 
-class Content(NamedTuple):
-    """What a journal holds."""
-
-    setup: dict[str, Any]  # from Journal
-    columns: tuple[str, ...]  # of the log
-    pieces: Iterator[Piece]  # one after the other, those up to the last complete one
-
-
-def read_journal(path: Path) -> Content:
+def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[Piece]]:
     """Read a journal, whatever has become of its writer.
 
-    Raises RunDirectoryError if not even its beginning can be read.
+    Returns the set-up, the columns of the log, and the pieces up to the last complete one. Raises
+    RunDirectoryError if not even its beginning can be read.
     """
     try:
         stream = pa.ipc.open_stream(pa.OSFile(str(path), "rb"))
         setup = json.loads(stream.schema.metadata[_SETUP])
     except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
-        raise RunDirectoryError(
-            f"{path}: is no journal of a walk ({' '.join(str(error).split())})"
-        ) from error
-    return Content(setup, tuple(stream.schema.names), _pieces(stream))
+        raise RunDirectoryError(f"{path}: is no journal of a walk ({one_line(error)})") from error
+    return setup, tuple(stream.schema.names), _pieces(stream)
 
 
 def _pieces(stream: Any) -> Iterator[Piece]:
@@ -235,42 +226,36 @@ def complete(
     """Make the run folder of a walk out of its journal, which then goes.
 
     ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
-    and animation, where the set-up wants them and the walk is short; ``on_step``: called with the name of
-    each file before it is written. Returns the folder, or None if not one tick had been walked. Raises
-    RunDirectoryError if the journal cannot be read or is still being written, or the folder cannot be made.
+    and animation of a walk that is short; ``on_step``: called with the name of each file before it is
+    written. Returns the folder, or None if not one tick had been walked. Raises RunDirectoryError if the
+    journal cannot be read or is still being written, or the folder cannot be made.
     """
     with locked(journal):
-        content = read_journal(journal)
-        problem = build_problem(experiment_from_mapping(content.setup["document"], "experiment", Path()))
-        if content.columns != log_layout(problem).names:
+        setup, columns, pieces = read_journal(journal)
+        problem = build_problem(experiment_from_mapping(setup["document"], "experiment", Path()))
+        if columns != log_layout(problem).names:
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version writes; use the version that made it"
             )
-        walk = walk_of(content.pieces, len(content.columns), problem.experiment.n_ticks)
-        done = None if len(walk.rows) == 0 else _write(content, walk, problem, pictures, on_step)
+        walk = walk_of(pieces, len(columns), problem.experiment.n_ticks)
+        folder = Path(setup["folder"])
+        if folder.exists() and not setup["force"]:  # somebody else's; what was walked is not lost for it
+            folder = next_free(folder, 2)
+        if len(walk.rows):
+            run = walked_run(walk, problem)
+            drawn = pictures and run.duration <= LONGEST_PICTURES
+            with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
+                write_atomically(staging / CHANGES_FILE, _changes_table(walk.changes))
+                document = {**setup["document"], "duration_s": run.duration}
+                write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
         journal.unlink()
-    return done
+    return folder if len(walk.rows) else None
 
 
-def _write(
-    content: Content, walk: Piece, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
-) -> Path:
-    setup, run = content.setup, walked_run(walk, problem)
-    folder, force = Path(setup["folder"]), bool(setup["force"])
-    if folder.exists() and not force:  # somebody else's; what was walked is not lost for it
-        folder = next_free(folder, 2)
-    drawn = pictures and bool(setup["pictures"]) and run.duration <= LONGEST_PICTURES
-    with staged_directory(folder, RUN_DIRECTORY, force=force) as staging:
-        rows = [
-            {**item.note, "tick": item.tick, "time_s": f"{item.tick * TICK:.3f}"} for item in walk.changes
-        ]
-        changes = pd.DataFrame(rows, columns=CHANGE_COLUMNS, dtype=object)
-        write_atomically(staging / CHANGES_FILE, changes.to_csv(index=False, lineterminator="\n"))
-        if walk.table is not None:
-            write_atomically(staging / TABLE_FILE, dump_yaml(dict(walk.table)))
-        document = {**setup["document"], "duration_s": run.duration}
-        write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
-    return folder
+def _changes_table(changes: Iterable[AppliedChange]) -> str:
+    rows = [{**item.note, "tick": item.tick, "time_s": f"{item.tick * TICK:.3f}"} for item in changes]
+    table = pd.DataFrame(rows, columns=CHANGE_COLUMNS, dtype=object)
+    return str(table.to_csv(index=False, lineterminator="\n"))
 
 
 def walked_run(walk: Piece, problem: Problem) -> Run:
@@ -290,31 +275,6 @@ def walked_run(walk: Piece, problem: Problem) -> Run:
     return run_of(walked, result, walk.wall_s)
 
 
-def complete_all(
-    journals: Iterable[Path], tell: Callable[[Mapping[str, Any]], None], *, pictures: bool
-) -> None:
-    """Complete the walks of a session; only the last one is drawn, as nobody waits for twenty.
-
-    ``journals`` in the order of the walks; those that somebody has completed already are passed over;
-    ``tell``: takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
-    (``folder`` with ``folder``, ``summary`` and ``failed``).
-    """
-    there = [path for path in journals if path.exists()]
-    for number, journal in enumerate(there, start=1):
-        which = f"walk {number} of {len(there)}: " if len(there) > 1 else ""
-
-        def step(name: str, which: str = which) -> None:
-            tell({"kind": "writing", "step": f"{which}{name}"})
-
-        try:
-            done = complete(journal, pictures=pictures and journal == there[-1], on_step=step)
-            if done is not None:
-                tell({"kind": "folder", "folder": str(done), "summary": summary_of(done), "failed": ""})
-        except RunDirectoryError as error:
-            failed = " ".join(str(error).split())
-            tell({"kind": "folder", "folder": str(journal), "summary": {}, "failed": failed})
-
-
 def summary_of(folder: Path) -> dict[str, Any]:
     """Summary of a run folder."""
     return dict(json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8")))
@@ -327,22 +287,22 @@ def recover(records: Path) -> Iterator[str]:
     cannot be used.
     """
     for entry in list_sessions(records):
-        if entry.status == KILLED and entry.ended is None:
+        if entry["status"] == KILLED and entry["ended"] is None:
             try:
-                yield f"session {entry.id}: {_recover(records, entry)}"
+                yield f"session {entry['id']}: {_recover(records, entry)}"
             except RunDirectoryError as error:  # it may be going on after all: its journal is held
-                yield f"session {entry.id} cannot be completed: {error}"
+                yield f"session {entry['id']} cannot be completed: {error}"
 
 
-def _recover(records: Path, entry: SessionEntry) -> str:
+def _recover(records: Path, entry: Mapping[str, Any]) -> str:
     folders = []
-    for folder in map(Path, entry.folders):
+    for folder in map(Path, entry["folders"]):
         done = complete(journal_of(folder)) if journal_of(folder).exists() else None
         folders.append(done or folder)
-    there = [str(folder) for folder in folders if (folder / SUMMARY_FILE).is_file()]
-    summary = summary_of(Path(there[-1])) if there else {}
-    tick = round(summary.get("duration_s", entry.tick * TICK) / TICK)
+    there = [folder for folder in folders if (folder / SUMMARY_FILE).is_file()]
+    summary = summary_of(there[-1]) if there else {}
+    tick = round(summary.get("duration_s", entry["tick"] * TICK) / TICK)
     kept = f"the walk is kept up to {tick * TICK:.3f} s, in {there[-1]}" if there else "no run is left of it"
     text = f"its processes were killed; {kept}"
-    close_killed(records, entry.id, tick=tick, text=text, summary=summary, folders=there)
+    close_killed(records, entry["id"], tick=tick, text=text, summary=summary, folders=there)
     return text

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -24,7 +24,7 @@ from twin_gait.configuration.validation import Strict, short, validate
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 from twin_gait.files import plain
 
-LARGEST_MESSAGE = 4096  # [bytes]; the longest sensible message has some 300
+LARGEST_MESSAGE = 4096  # characters; the longest sensible message has some 300
 LONGEST_NAME = 64  # characters of an id, a user, a control
 LONGEST_TEXT = 200  # characters of any other text
 MOST_VALUES = 8  # values of an action
@@ -32,6 +32,11 @@ MOST_VALUES = 8  # values of an action
 
 class MessageRefused(TwinGaitError, ValueError):
     """A message of a page cannot be understood, or asks for something that is not allowed."""
+
+
+def one_line(error: Exception) -> str:
+    """What an error says, on one line."""
+    return " ".join(str(error).split())
 
 
 class Action(StrEnum):
@@ -113,9 +118,8 @@ def read_message(text: str | bytes) -> Message:
     ``text``: JSON of :class:`SetControl` or :class:`DoAction`. Raises MessageRefused if it is anything else;
     the text says why.
     """
-    size = len(text.encode("utf-8", "replace")) if isinstance(text, str) else len(text)
-    if size > LARGEST_MESSAGE:
-        raise MessageRefused(f"message: {size} bytes, at most {LARGEST_MESSAGE} are read")
+    if len(text) > LARGEST_MESSAGE:
+        raise MessageRefused(f"message: {len(text)} characters, at most {LARGEST_MESSAGE} are read")
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
@@ -138,9 +142,6 @@ def id_of(text: str | bytes) -> str:
         return _text(json.loads(text)["id"]) if len(text) <= LARGEST_MESSAGE else ""
     except (ValueError, TypeError, LookupError, RecursionError):
         return ""
-
-
-PROTOCOL_VERSION = 1
 
 
 class ControlKind(StrEnum):
@@ -169,8 +170,8 @@ class Control:
     label: str  # what a page writes beside it
     group: str  # tab of the panel: ``walk``, ``table``, ``monitor``, or the action that it belongs to
     kind: ControlKind  # how it is drawn
-    value: Value  # present value; for a field of an action the one that it begins with
-    default: Value  # value of the preset
+    value: Value = 0.0  # present value; for a field of an action the one that it begins with
+    default: Value = 0.0  # value of the preset
     unit: str = ""  # of the value; empty for a pure number or a word
     least: float | None = None  # least number allowed
     largest: float | None = None  # largest number allowed
@@ -180,11 +181,7 @@ class Control:
     joint: str | None = None  # joint of a control that has one
     side: str | None = None  # leg of a control that has one
     help: str = ""  # one sentence
-    changed: bool = field(init=False)  # whether the value differs from the preset's
-
-    def __post_init__(self) -> None:
-        """Compare the two."""
-        object.__setattr__(self, "changed", self.value != self.default)
+    changed: bool = False  # whether it has been set
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +211,6 @@ class DeadlineStatistics:
     blocks: int  # that were due
     late: int  # of them, finished more than 10 ms after their time, or never
     mean_ms: float  # mean lateness in [ms]; a block finished in time counts as 0
-    p99_ms: float  # lateness that 99 % of the blocks stay below, in [ms]
     worst_ms: float  # largest lateness in [ms]
     lost_s: float  # time in [s] that the simulation has given up after stalls
 
@@ -228,7 +224,6 @@ class Frame(ToPage):
     # ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or a trip), ``fell``,
     # ``diverged``, ``ended`` or ``died`` (the process, not the wearer)
     status: str
-    q: tuple[float, ...]  # coordinates of the rigid-body model in [rad] and [m], Pinocchio's order
     log: Mapping[str, float | str]  # the row of the log, by column; phases are names
     deadlines: DeadlineStatistics  # how well the blocks kept to the clock
     # what befell the walk: kind, time in [s] and words each, see event_entries
@@ -248,9 +243,6 @@ class Event(ToPage):
     subject: str = ""  # control or action that it is about, or empty
     value: Value | None = None  # that was asked for
     before: Value | None = None  # value that the control had
-    warnings: tuple[str, ...] = ()  # findings of the check that a change which was applied brings along
-    # what the log has from now on, by column; a table's control shows while its phase lasts
-    effect: Mapping[str, float] = field(default_factory=dict)
     forecast: Mapping[str, Any] | None = None  # of a change that waits, see Forecast; else None
 
 
@@ -258,15 +250,12 @@ class Event(ToPage):
 class State(ToPage):
     """The panel."""
 
-    serial: int  # of the last event that it counts in; grows with every change
     experiment: str  # name of the preset or file
     phases: tuple[str, ...]  # of the gait table, in order
     joints: tuple[str, ...]  # of a leg, in order
     sides: tuple[str, ...]  # legs
     controls: tuple[Control, ...]  # all controls
     actions: tuple[ActionSpec, ...]  # all actions
-    saved: tuple[str, ...] = ()  # tables saved so far: files, newest last
-    version: int = PROTOCOL_VERSION  # of the protocol
 
 
 def checked(control: Control, value: Value) -> Value:

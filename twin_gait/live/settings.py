@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
-from typing import Any, TypedDict
-
-import numpy as np
+from typing import Any
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
-from twin_gait.simulation.log import JOINT
+from twin_gait.live.protocol import Value
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
@@ -29,7 +27,7 @@ class Mode(StrEnum):
     IMPEDANCE = "impedance_control"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class MonitorJoint:
     """What the monitor sets on one joint."""
 
@@ -37,7 +35,7 @@ class MonitorJoint:
     damping: float  # b in [N m s] / [rad]
     equilibrium_angle: float  # θ0 in [rad]
     friction_compensation_gain: float  # g
-    target_torque: float = 0.0  # in [N m]
+    target_torque: float = field(default=0.0, kw_only=True)  # in [N m]
 
     def impedance(self, mode: Mode) -> JointImpedance:
         """The impedance that a mode asks for; friction and torque control have no spring and no damper."""
@@ -51,6 +49,7 @@ class MonitorJoint:
 
 
 MonitoredJoints = Mapping[tuple[Side, JointName], MonitorJoint]
+LoopNumbers = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +60,8 @@ class Settings:
     monitor: MonitoredJoints  # what the monitor sets, for every actuated joint
     mode: Mode = Mode.WALK  # what drives the joints
     manual: bool = False  # whether every step waits for a hand
+    # values of the controls that have been set, by name, in their units; what none has set is the preset's
+    changes: Mapping[str, Value] = field(default_factory=dict)
 
     @property
     def table(self) -> GaitTable:
@@ -106,67 +107,30 @@ def first_settings(experiment: Experiment) -> Settings:
     monitor = {}
     for number, joint in enumerate(problem.joints):
         leg, place = divmod(number, problem.joints_per_leg)
-        row = problem.phase_rows[leg, 0, COLUMNS_PER_JOINT * place :].tolist()
-        fields = ("stiffness", "damping", "equilibrium_angle", "friction_compensation_gain")
+        first = COLUMNS_PER_JOINT * place
+        row = problem.phase_rows[leg, 0, first : first + COLUMNS_PER_JOINT].tolist()
         target = experiment.control.target_torque.get(joint.joint, 0.0)
-        first = dict(zip(fields, row, strict=False))
-        monitor[joint.side, joint.joint] = MonitorJoint(**first, target_torque=target)
+        monitor[joint.side, joint.joint] = MonitorJoint(*row, target_torque=target)
     return Settings(experiment=experiment, monitor=monitor)
 
 
-class LoopNumbers(TypedDict):
-    """Settings as the loop takes them: nothing but numbers."""
-
-    phase_rows: list[Any]  # k, b, θ0, G per joint and gravity share, by leg and phase
-    comparisons: list[dict[str, Any]]  # of the guards, with their thresholds
-    target_torque: list[float]  # in [N m], by joint
-    # in [m] / [s], or None without ground; the belt stands while the monitor drives the joints
-    belt_speed: float | None
-    support_force: float | None  # in [N], or None on the bench
-    held_phase: int | None  # phase that waits for a hand, or None
-    watching: bool  # whether the monitor watches how long a leg stays in a phase
-
-
 def loop_numbers(settings: Settings) -> LoopNumbers:
-    """Lay settings out as numbers. Returns the numbers, table scaled and damping ratios resolved."""
+    """Lay settings out as the loop takes them: numbers, table scaled and damping ratios resolved."""
     walk, walking = build_problem(settings.experiment), settings.mode is Mode.WALK
     driven = walk if walking else build_problem(settings.driving)
     world, pelvis = walk.world, walk.world.model.pelvis_index
-    belt_speed = world.belt.cruise if walking else 0.0  # without a gait it would carry the feet away
-    return LoopNumbers(
-        phase_rows=driven.phase_rows.tolist(),
-        comparisons=[asdict(comparison) for comparison in walk.program.comparisons],
-        target_torque=[settings.target_torque(item.side, item.joint) for item in walk.joints],
-        belt_speed=None if world.contact is None else belt_speed,
-        support_force=None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
-        held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
-        watching=walking,
-    )
-
-
-# What a row of phase parameters is called in the log, by its place among the columns of a joint.
-ROW_COLUMNS = tuple(JOINT.columns)[-COLUMNS_PER_JOINT:]
-
-
-def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict[str, float]:
-    """What a change does to the log.
-
-    Returns new values by column; those of a phase behind its name, such as
-    ``late_stance: left_hip_stiffness_Nm_per_rad``.
-    """
-    found: dict[str, float] = {}
-    old, new = np.array(before["phase_rows"]), np.array(after["phase_rows"])
-    for leg, phase, column in np.argwhere(old != new).tolist():
-        place, quantity = divmod(column, COLUMNS_PER_JOINT)
-        if place < problem.joints_per_leg:
-            joint = problem.joints[leg * problem.joints_per_leg + place]
-            name = f"{joint.side}_{joint.joint}_{ROW_COLUMNS[quantity]}"
-            found[f"{problem.table.phase_names[phase]}: {name}"] = float(new[leg, phase, column])
-    targets = zip(problem.joints, before["target_torque"], after["target_torque"], strict=True)
-    for joint, was, now in targets:
-        if was != now:
-            found[f"{joint.side}_{joint.joint}_target_torque_Nm"] = now
-    return found
+    return {
+        # k, b, θ0, G per joint and gravity share, by leg and phase
+        "phase_rows": driven.phase_rows.tolist(),
+        "comparisons": [asdict(comparison) for comparison in walk.program.comparisons],
+        "target_torque": [settings.target_torque(item.side, item.joint) for item in walk.joints],  # [N m]
+        # [m] / [s]; without a gait the belt would carry the feet away
+        "belt_speed": world.belt.cruise if walking else 0.0,
+        # [N]; None where no pelvis hangs
+        "support_force": None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
+        "held_phase": walk.table.phase_index(HELD_PHASE) if settings.manual else None,  # waits for a hand
+        "watching": walking,  # whether the monitor watches how long a leg stays in a phase
+    }
 
 
 def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> float:
@@ -193,15 +157,21 @@ class Place:
     def _phases(self, table: GaitTable) -> Mapping[str, PhaseParameters]:
         return table.phases if self.side is None else table.side_phases[self.side]
 
-    def read(self, settings: Settings) -> Any:
+    def record(self, settings: Settings) -> Any:
         """The impedance there, or what the monitor has."""
         if not self.phase:
             return settings.monitor[self.side, self.joint]  # type: ignore[index]
         return self._phases(settings.table)[self.phase].joints[self.joint]
 
-    def write(self, settings: Settings, fields: Mapping[str, Any]) -> Settings:
-        """Settings with other fields of it."""
-        joint: Any = replace(self.read(settings), **fields)
+    def read(self, name: str, settings: Settings) -> Any:
+        """A field of it."""
+        return getattr(self.record(settings), name)
+
+    def write(self, name: str, settings: Settings, value: float) -> Settings:
+        """Settings with another value of a field of it."""
+        record, ratio = self.record(settings), f"{name}_ratio"
+        fields = {name: value} | ({ratio: None} if hasattr(record, ratio) else {})
+        joint: Any = replace(record, **fields)
         table: GaitTable = settings.table
         if not self.phase:
             monitor: dict[Any, MonitorJoint] = {**settings.monitor, (self.side, self.joint): joint}

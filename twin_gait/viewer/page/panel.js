@@ -416,7 +416,7 @@
     }
 
     mark() {
-      const changed = this.setter && this.held !== this.control.default;
+      const changed = this.setter && this.control.changed;
       this.node.classList.toggle("changed", Boolean(changed));
       if (!this.revert) return;
       this.revert.disabled = !changed;
@@ -480,7 +480,6 @@
       if (!same) this.build();
       for (const control of state.controls) this.rows.get(control.name)?.take(control);
       this.compare();
-      this.saved();
     },
 
     build() {
@@ -529,7 +528,6 @@
       }));
       this.sheets = new Map(this.state.phases.map((name) => [name, this.sheet(name)]));
       this.differences = make("div", { id: "panel-differences" });
-      this.files = make("p", { id: "panel-saved" });
       tabs.body("table").append(
         make("div", { className: "chips", role: "group", aria: { label: "Phase of gait" } }, ...this.chips.values()),
         ...this.sheets.values(), this.differences);
@@ -630,18 +628,11 @@
       return make("div", {}, button, answer);
     },
 
-    saved() {
-      if (!this.files) return;
-      const deed = this.deeds.get("save");
-      if (deed && !deed.node.contains(this.files)) deed.node.append(this.files);
-      this.files.textContent = this.state.saved.length ? `Saved: ${this.state.saved.map((path) => path.split("/").pop()).join(", ")}` : "";
-    },
-
     deadlines(counted) {
       if (!this.statistics) return;
       const entries = [
         ["Blocks of 10 ms", String(counted.blocks)], ["Late by more than 10 ms", String(counted.late)],
-        ["Mean lateness", `${counted.mean_ms.toFixed(2)} ms`], ["99 % below", `${counted.p99_ms.toFixed(1)} ms`],
+        ["Mean lateness", `${counted.mean_ms.toFixed(2)} ms`],
         ["Worst", `${counted.worst_ms.toFixed(1)} ms`], ["Time given up", `${counted.lost_s.toFixed(2)} s`],
       ];
       if (this.statistics.childElementCount !== entries.length) {
@@ -711,7 +702,6 @@
         make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
         make("span", { className: "what" }, event.text),
         make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.response) ? event.response : ""].filter(Boolean).join(" · ")));
-      for (const warning of event.warnings ?? []) line.append(make("small", { className: "warning" }, warning));
       const list = body.querySelector("ol");
       list.prepend(line);
       while (list.childElementCount > LOG_LINES) list.lastElementChild.remove();
