@@ -8,7 +8,7 @@ import pytest
 from twin_gait import load_experiment
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.live.controls import Actions, Panel
-from twin_gait.live.protocol import Action, DoAction
+from twin_gait.live.protocol import DoAction
 from twin_gait.live.settings import loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.live.tuning import errors_of
@@ -59,7 +59,7 @@ def test_a_push_on_the_ankle_moves_it(panel: Panel) -> None:
     actions = Actions(panel.problem)
     assert actions.joint_names[2] == "left_ankle"
     values = actions.values_of(
-        DoAction(action=Action.PUSH, values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
+        DoAction(action="push", values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
     )
     number = actions.joint_names.index(str(values["joint"]))
     pushed, free = SteppedRun(panel.problem), SteppedRun(panel.problem)

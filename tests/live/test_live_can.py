@@ -24,7 +24,7 @@ from twin_gait.live import can_link
 from twin_gait.live.can_link import CanLink, commands_of, leaves_machine, open_bus
 from twin_gait.live.controls import Panel
 from twin_gait.live.news import EventBook
-from twin_gait.live.protocol import MessageRefused, Response
+from twin_gait.live.protocol import MessageRefused
 from twin_gait.live.realtime import PERIOD
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
@@ -178,7 +178,7 @@ class Rig:
 
     def answer(self):
         for message in self.asked:
-            self.book.emit(Response.APPLIED, "", id=message.id)
+            self.book.emit("applied", "", id=message.id)
         self.asked.clear()
 
 
@@ -235,7 +235,7 @@ def test_bad_frames_are_told_once_and_do_nothing(rig):
         rig.bus.send(can.Message(is_error_frame=True))
     rig.settle()
     told = [event.text for event in rig.book.after(0)]
-    assert {event.response for event in rig.book.after(0)} == {Response.NOTE}
+    assert {event.response for event in rig.book.after(0)} == {"note"}
     assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 4") == 1
     assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 0") == 1
     assert len(told) == 2 and rig.asked == []
@@ -347,11 +347,11 @@ def walked(tmp_path_factory):
 
         said = {}
         bus.send(frame_of(control="impedance_control", torque=0.0))
-        said["mode"] = until("mode", Response.APPLIED)
+        said["mode"] = until("mode", "applied")
         bus.send(frame_of(control="impedance_control", torque=90.0))
-        said["range"] = until("monitor.right.knee.torque", Response.REFUSED)
+        said["range"] = until("monitor.right.knee.torque", "refused")
         bus.send(frame_of(control="impedance_control", torque=0.0, gain=0.95))
-        said["unsafe"] = until("monitor.right.knee.gain", Response.REFUSED)
+        said["unsafe"] = until("monitor.right.knee.gain", "refused")
         time.sleep(1.5)
         state = {item.name: item.value for item in session.state().controls}
     done.set()

@@ -18,13 +18,12 @@ from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.live import journal as finishing
 from twin_gait.live.journal import (
-    AppliedChange,
-    Journals,
+    Journal,
     Piece,
     complete,
     locked,
     read_journal,
-    walk_of,
+    walks_in,
 )
 from twin_gait.live.loop import PIECE_TICKS
 from twin_gait.live.session import LiveSession
@@ -56,11 +55,11 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
     """A journal of a walk with a fault and a change, in pieces."""
     run, told = SteppedRun(problem), []
     setup = {"document": loaded.document, "folder": str(folder), "force": False}
-    journals = Journals(run.layout.names, setup, told.append)
+    journals = Journal(run.layout.names, setup, told.append)
     run.inject(parse_fault("encoder_jump:right_knee@0s"))
     switches = 0
     while run.tick < ticks:
-        new = AppliedChange(run.tick, {"user": "Ann", "text": f"at {run.tick}"})
+        new = {"tick": run.tick, "user": "Ann", "text": f"at {run.tick}"}
         rows = run.advance(min(200, ticks - run.tick))
         journals.keep(
             Piece(
@@ -72,7 +71,7 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
     if not over:  # as a kill would leave it
         return run, journals
     journals.close()
-    assert told == [{"kind": "journal", "folder": str(folder)}]
+    assert told == []
     return run, journals
 
 
@@ -82,32 +81,32 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
 @pytest.mark.slow
 def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     run, journals = written(loaded, problem, tmp_path / "run")
-    _, columns, pieces = read_journal(journals.paths[0])
-    take = walk_of(pieces, len(columns), 60_000)
+    _, columns, pieces = read_journal(journals.path)
+    (take,) = walks_in(pieces, 60_000)
     np.testing.assert_array_equal(take.rows, run.rows())
     assert columns == run.layout.names and run.trip is not None
     assert (take.switches, take.trip) == (run.switches(), run.trip)
-    assert [item.tick for item in take.changes] == list(range(0, 1400, 200))
-    assert journals.paths[0].stat().st_mode & 0o077 == 0
+    assert [item["tick"] for item in take.changes] == list(range(0, 1400, 200))
+    assert journals.path.stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.slow
 def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, problem, tmp_path):
     run, journals = written(loaded, problem, tmp_path / "run")
-    whole, cut = journals.paths[0].read_bytes(), tmp_path / "cut"
+    whole, cut = journals.path.read_bytes(), tmp_path / "cut"
     lengths = set()
     for size in np.random.default_rng(3).integers(0, len(whole), 200).tolist():
         cut.write_bytes(whole[:size])
         try:
-            _, columns, pieces = read_journal(cut)
+            _, _, pieces = read_journal(cut)
         except RunDirectoryError as error:
             assert "no journal of a walk" in str(error) and "\n" not in str(error)
             assert size < len(whole) / 5
             continue
-        rows = walk_of(pieces, len(columns), 60_000).rows
-        np.testing.assert_array_equal(rows, run.rows()[: len(rows)])
-        assert len(rows) % 200 == 0
-        lengths.add(len(rows))
+        for walk in walks_in(pieces, 60_000):
+            np.testing.assert_array_equal(walk.rows, run.rows()[: len(walk.rows)])
+            assert len(walk.rows) % 200 == 0
+            lengths.add(len(walk.rows))
     assert lengths >= set(range(200, 1400, 200))
 
 
@@ -115,23 +114,23 @@ def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem
     folder = tmp_path / "run"
     run, journals = written(loaded, problem, folder, over=False)
     with pytest.raises(RunDirectoryError, match="still going on"):
-        complete(journals.paths[0])
+        complete(journals.path)
     with pytest.raises(RunDirectoryError, match="twin-gait sessions complete"):
         load_run(folder)
     journals.keep(Piece(rows=run.rows()[:0], over=True))
     journals.close()
-    done = complete(journals.paths[0])
-    assert done == folder and not journals.paths[0].exists()
+    done = complete(journals.path)
+    assert done == [folder] and not journals.path.exists()
     assert load_run(folder).summary["duration_s"] == pytest.approx(1.4)
     with pytest.raises(RunDirectoryError, match="cannot be used"):
-        complete(journals.paths[0])
+        complete(journals.path)
 
 
 def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_path):
     _, journals = written(loaded, problem, tmp_path / "run")
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine.txt").write_text("mine")
-    assert complete(journals.paths[0]) == tmp_path / "run-2"
+    assert complete(journals.path) == [tmp_path / "run-2"]
     assert [item.name for item in (tmp_path / "run").iterdir()] == ["mine.txt"]
 
 
@@ -139,14 +138,36 @@ def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_pa
 def test_a_disk_that_is_full_is_told_and_the_walk_goes_on(problem, tmp_path, monkeypatch):
     told, columns = [], log_layout(problem).names
     monkeypatch.setattr(pa, "OSFile", lambda path, mode, open=pa.OSFile: open("/dev/full", mode))
-    journals = Journals(columns, {"folder": str(tmp_path / "x")}, told.append)
+    journals = Journal(columns, {"folder": str(tmp_path / "x")}, told.append)
     for over in (False, False, True):
         journals.keep(Piece(rows=np.zeros((10, len(columns))), over=over))
     journals.close()
-    assert [item["kind"] for item in told] == ["journal", "unkept"]
-    assert "cannot be written any more" in told[1]["text"]
-    with locked(journals.paths[0]):  # it has been let go
+    assert len(told) == 1 and "cannot be written any more" in told[0]
+    with locked(journals.path):  # it has been let go
         pass
+
+
+def test_every_walk_of_a_journal_has_a_folder_and_only_the_last_is_drawn(
+    problem, loaded, tmp_path, monkeypatch
+):
+    drawn, write = [], finishing.write_run
+
+    def noted(run, directory, *, pictures, **rest):
+        drawn.append(pictures)
+        return write(run, directory, pictures=False, **rest)
+
+    monkeypatch.setattr(finishing, "write_run", noted)
+    _, journals = written(loaded, problem, tmp_path / "run", ticks=200)
+    monkeypatch.setattr(finishing, "read_journal", lambda path: again(read_journal(path)))
+    folders = [tmp_path / "run", tmp_path / "run-2", tmp_path / "run-3"]
+    assert complete(journals.path, pictures=True) == folders
+    assert drawn == [False, False, True]
+
+
+def again(read):
+    """What was read, three times."""
+    setup, columns, pieces = read
+    return setup, columns, iter(3 * list(pieces))
 
 
 # ---------------------------------------------------------------------- memory
@@ -288,7 +309,7 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
 def test_a_walk_out_of_the_record_is_completed_by_name(loaded, problem, tmp_path, capsys):
     _, journals = written(loaded, problem, tmp_path / "run")
     assert main(["sessions", "complete", str(tmp_path / "run")]) == 0
-    assert capsys.readouterr().out.strip() == str(tmp_path / "run") and not journals.paths[0].exists()
+    assert capsys.readouterr().out.strip() == str(tmp_path / "run") and not journals.path.exists()
 
 
 def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded, problem, tmp_path):

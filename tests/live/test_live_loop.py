@@ -22,19 +22,15 @@ from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
 from twin_gait.live.controls import Actions, Panel
-from twin_gait.live.journal import complete, walk_of, walked_run
+from twin_gait.live.journal import complete, walked_run, walks_in
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
-    Action,
-    ControlKind,
     DeadlineStatistics,
     DoAction,
     Frame,
     MessageRefused,
-    Response,
     SetControl,
-    id_of,
     read_message,
 )
 from twin_gait.live.realtime import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
@@ -68,7 +64,7 @@ def test_messages_are_read_as_they_were_meant():
     text = '{"kind": "set", "id": "1", "user": "Ann", "control": "belt_speed", "value": 2}'
     assert read_message(text) == SetControl(id="1", user="Ann", control="belt_speed", value=2.0)
     text = b'{"kind": "do", "id": "2", "action": "push", "values": {"torque": 5}}'
-    assert read_message(text) == DoAction(id="2", user="", action=Action.PUSH, values={"torque": 5.0})
+    assert read_message(text) == DoAction(id="2", user="", action="push", values={"torque": 5.0})
 
 
 @pytest.mark.parametrize(
@@ -113,18 +109,8 @@ def test_what_is_no_message_is_refused_with_the_reason(text, reason):
         read_message(text)
 
 
-def test_a_refused_message_keeps_its_id_where_it_has_one():
-    assert id_of('{"kind": "nonsense", "id": "17"}') == "17"
-    assert [id_of(text) for text in ("", "[1]", '{"id": 3}', '{"id": "' + "x" * 65 + '"}')] == [
-        "",
-        "",
-        "",
-        "",
-    ]
-
-
 def test_frames_become_json_with_null_for_what_is_no_number():
-    statistics = DeadlineStatistics(blocks=3, late=1, mean_ms=0.5, worst_ms=2.5, lost_s=0.0)
+    statistics = DeadlineStatistics(blocks=3, late=1, worst_ms=2.5, lost_s=0.0)
     frame = Frame(
         tick=7, time_s=0.007, status="walking",
         log={"left_phase": "late_stance", "a_Nm": math.inf, "b_Nm": 1.5}, deadlines=statistics,
@@ -144,8 +130,8 @@ def test_every_control_has_all_that_a_page_needs_and_begins_as_the_preset(name, 
     controls = panel.controls(panel.preset)
     assert len({item.name for item in controls}) == len(controls)
     for item in controls:
-        assert not item.changed and item.label and item.help and item.group in ("walk", "table", "monitor")
-        if item.kind is ControlKind.NUMBER:
+        assert not item.changed and item.label and item.group in ("walk", "table", "monitor")
+        if item.kind == "number":
             assert item.least <= item.value <= item.largest and item.step > 0.0
     table = [item for item in controls if item.group == "table"]
     assert len(table) == 5 * 2 * 4  # phases, joints, quantities
@@ -182,9 +168,9 @@ def same(one, other):
 
 def another(control):
     """Some other value of a control."""
-    if control.kind is ControlKind.SWITCH:
+    if control.kind == "switch":
         return not control.value
-    if control.kind is ControlKind.CHOICE:
+    if control.kind == "choice":
         return next(item for item in control.choices if item != control.value)
     return control.least + 0.37 * (control.largest - control.least)
 
@@ -258,14 +244,14 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
     def ask(action, **values):
         return actions.values_of(DoAction(id="1", user="", action=action, values=values))
 
-    assert ask(Action.PUSH) == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
+    assert ask("push") == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
     with pytest.raises(MessageRefused, match="torque: expected -60 to 60 Nm"):
-        ask(Action.PUSH, torque=61.0)
+        ask("push", torque=61.0)
     with pytest.raises(MessageRefused, match="push: no value 'force'; it has joint, torque, duration"):
-        ask(Action.PUSH, force=1.0)
+        ask("push", force=1.0)
     with pytest.raises(MessageRefused, match="stop: no value 'x'; it has no values"):
-        ask(Action.STOP, x=1.0)
-    fault = actions.fault_of(ask(Action.FAULT, kind="encoder_drift", place="left_hip", size=" 9 deg/s"))
+        ask("stop", x=1.0)
+    fault = actions.fault_of(ask("fault", kind="encoder_drift", place="left_hip", size=" 9 deg/s"))
     assert str(fault).startswith("encoder_drift:left_hip@")
     for wrong in (
         {"kind": "supply_dip", "place": "left_hip"},
@@ -273,7 +259,7 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
         {"size": "1; rm -rf /"},
     ):
         with pytest.raises(ParameterError):
-            actions.fault_of(ask(Action.FAULT, **wrong))
+            actions.fault_of(ask("fault", **wrong))
 
 
 # ---------------------------------------------------------------------- rules
@@ -316,7 +302,7 @@ def test_blocks_in_time_are_not_late_and_wait_for_their_turn():
         now += 0.004
         clock.finished(now)
     assert now == pytest.approx(100.0 + 49 * PERIOD + 0.004)
-    statistics = clock.statistics()
+    statistics = clock.statistics
     assert (statistics.blocks, statistics.late, statistics.worst_ms, statistics.lost_s) == (50, 0, 0.0, 0.0)
 
 
@@ -328,10 +314,9 @@ def test_late_blocks_are_counted_and_caught_up():
         now += 0.035 if number == 10 else 0.001
         clock.finished(now)
         lateness.append(max(0.0, now - (number + 1) * PERIOD))
-    statistics = clock.statistics()
+    statistics = clock.statistics
     assert now == pytest.approx(99 * PERIOD + 0.001)  # nothing is lost of a short stall
     assert statistics.late == sum(item > PERIOD for item in lateness) == 2
-    assert statistics.mean_ms == pytest.approx(1e3 * np.mean(lateness))
     assert statistics.worst_ms == pytest.approx(25.0) and statistics.lost_s == 0.0
 
 
@@ -342,7 +327,7 @@ def test_a_long_stall_is_given_up_not_raced_after_and_all_of_it_counts():
         starts.append(now)
         now += 1.0 if number == 20 else 0.001
         clock.finished(now)
-    statistics = clock.statistics()
+    statistics = clock.statistics
     within = [sum(begun - PERIOD < item <= begun for item in starts) for begun in starts]
     assert max(within) <= 1 + CATCH_UP / PERIOD  # blocks that begin in the time of one
     assert statistics.lost_s == pytest.approx(1.0 - PERIOD, abs=1e-6)
@@ -357,7 +342,7 @@ def test_a_pause_is_nobodys_loss():
     clock.pause()
     assert clock.wait(60.0) == 0.0
     clock.finished(60.001)
-    assert (clock.statistics().late, clock.statistics().lost_s) == (0, 0.0)
+    assert (clock.statistics.late, clock.statistics.lost_s) == (0, 0.0)
 
 
 # ---------------------------------------------------------------------- the loop
@@ -398,7 +383,7 @@ class Rig:
     @property
     def takes(self):
         """The walks that are over."""
-        return [walk_of(pieces, len(self.run.layout.names), self.longest) for pieces in self.pieces[:-1]]
+        return [walk for pieces in self.pieces[:-1] for walk in walks_in(pieces, self.longest)]
 
     def sleep(self, duration):
         assert duration > 0.0
@@ -499,7 +484,7 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
         "serial": 1,
         "command": "fault",
         "fault": "encoder_freeze:right_knee@0s",
-        "note": {"user": "Ann", "fault": "encoder_freeze:right_knee@0s"},
+        "note": {"user": "Ann"},
     }
     rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
     rig.loop.walk()
@@ -531,7 +516,7 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
     state = stopped.rows[:, rig.run.layout.positions["safety_state"]]
     assert np.flatnonzero(state)[0] == rig.answers()[2]["tick"] == 210
     assert len(state) == pytest.approx(210 + 500, abs=2 * BLOCK_TICKS)  # the hold goes on in the pause
-    assert [item.tick for item in stopped.changes] == [210]
+    assert [item["tick"] for item in stopped.changes] == [210]
     refused = {serial: bool(item["refused"]) for serial, item in rig.answers().items()}
     assert refused == {1: False, 2: False, 3: True, 4: True, 5: True, 6: False, 7: False}
     assert len(again.rows) == pytest.approx(300, abs=2 * BLOCK_TICKS)
@@ -546,7 +531,7 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
     rig = Rig(bench_problem, script, longest=4000)
     rig.loop.walk()
     (take,) = rig.takes
-    assert [(item.tick, item.note["user"]) for item in take.changes] == [(100, "Ann")]
+    assert [(item["tick"], item["user"]) for item in take.changes] == [(100, "Ann")]
     positions = rig.run.layout.positions
     codes = take.rows[:, positions["right_phase"]].astype(int)
     held = take.rows[:, positions["right_knee_stiffness_Nm_per_rad"]]
@@ -685,9 +670,7 @@ def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):
     _, said, folder = finished
-    assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == [
-        Response.APPLIED
-    ] * 5
+    assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == ["applied"] * 5
     log = load_run(folder / "run").run.log
     pushed = np.flatnonzero(log["right_knee_patient_torque_Nm"] == -6.0)
     assert pushed[0] == said["push"].tick and len(pushed) == 200
@@ -699,7 +682,7 @@ def test_changes_are_applied_with_their_tick_and_logged(finished):
 
 def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished):
     _, said, folder = finished
-    assert said["unsafe"].response is said["range"].response is Response.REFUSED
+    assert said["unsafe"].response is said["range"].response == "refused"
     assert "unstable (middle_stance)" in said["unsafe"].text
     assert "expected 0 to 1, got 7" in said["range"].text
     assert load_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
@@ -746,7 +729,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
     (entry,) = list_sessions(folder / "sessions")
     found = read_session(folder / "sessions", entry["id"])
     kept = [entry[name] for name in ("user", "experiment", "status", "versions")]
-    assert kept == ["Ann", "bench_leg", "ended", 3]
+    assert kept == ["Ann", "bench_leg", "ended", 2]
     assert entry["folders"] == list(map(str, session.folders)) and found["summary"] == session.summary
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
@@ -756,7 +739,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
             said[name].tick,
             said[name].text,
         )
-    assert [item["tick"] for item in found["tables"]] == [0, said["k"].tick, said["zero"].tick]
+    assert [item["tick"] for item in found["tables"]] == [said["k"].tick, said["zero"].tick]
 
 
 def test_frames_of_the_process_are_those_of_its_log(finished):
@@ -813,7 +796,7 @@ def test_nobody_reading_does_not_slow_the_loop_and_the_newest_frame_wins(tmp_pat
         asleep, abs=0.3
     )  # time did not stand still for the reader
     assert [item["serial"] for item in messages if item["kind"] == "answer"] == [1, 2]
-    assert complete(journal_of(tmp_path / "run")) == tmp_path / "run"
+    assert complete(journal_of(tmp_path / "run")) == [tmp_path / "run"]
 
 
 def test_an_end_of_input_ends_the_process_with_a_complete_journal(tmp_path):

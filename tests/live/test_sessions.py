@@ -49,13 +49,15 @@ def change(serial, *, response="applied", user="Ann", value=1.3):
 def record(tmp_path):
     """A record with one session that ended and one that is going on."""
     path = tmp_path / "deep" / "sessions"
-    first = SessionRecorder(path, user="Ann", experiment="treadmill", document={"duration_s": 600})
+    first = SessionRecorder(
+        path, user="Ann", experiment="treadmill", document={"duration_s": 600}, folder=Path("run")
+    )
     first.table({"name": "treadmill", "k": 1}, 0)
     first.event(change(1))
     first.table({"name": "treadmill", "k": 2}, 10)
     first.event(change(2, response="refused", value="a lot"))
     first.close("ended", 1234, {"fell": False}, ["/runs/one"])
-    second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={})
+    second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={}, folder=Path("run"))
     yield path
     second.close("ended", 0, {}, [])
 
@@ -111,7 +113,7 @@ def test_a_session_is_deleted_with_all_that_belongs_to_it_but_not_while_it_is_go
 
 def test_recording_never_waits_for_a_disk_that_hangs(tmp_path, monkeypatch):
     path, released, sync = tmp_path / "sessions", threading.Event(), os.fsync
-    recorder = SessionRecorder(path, user="", experiment="treadmill", document={})
+    recorder = SessionRecorder(path, user="", experiment="treadmill", document={}, folder=Path("run"))
     monkeypatch.setattr(os, "fsync", lambda descriptor: (released.wait(), sync(descriptor)))
     recorder.event(change(1))
     time.sleep(0.5)  # its thread waits for the disk now
@@ -129,7 +131,7 @@ def test_two_sessions_at_once_keep_apart(tmp_path):
     path = tmp_path / "sessions"
 
     def one(user):
-        recorder = SessionRecorder(path, user=user, experiment="treadmill", document={})
+        recorder = SessionRecorder(path, user=user, experiment="treadmill", document={}, folder=Path("run"))
         for serial in range(1, 51):
             recorder.event(change(serial, user=user))
             time.sleep(0.002)
@@ -204,12 +206,16 @@ def test_a_record_that_is_none_is_refused_in_one_line(tmp_path):
         assert isinstance(caught.value, TwinGaitError) and "\n" not in str(caught.value)
         assert str(tmp_path / name) in str(caught.value)
     with pytest.raises(SessionError, match="cannot be used"):
-        SessionRecorder(tmp_path / "text.sqlite" / "below", user="", experiment="", document={})
+        SessionRecorder(
+            tmp_path / "text.sqlite" / "below", user="", experiment="", document={}, folder=Path("run")
+        )
     assert not (tmp_path / "missing").exists()
 
 
 def test_the_record_is_for_its_user_alone(tmp_path):
-    recorder = SessionRecorder(tmp_path / "sessions", user="Ann", experiment="treadmill", document={})
+    recorder = SessionRecorder(
+        tmp_path / "sessions", user="Ann", experiment="treadmill", document={}, folder=Path("run")
+    )
     recorder.event(change(1))
     recorder.close("ended", 0, {}, [])
     modes = [

@@ -99,7 +99,7 @@ def _delete(arguments: argparse.Namespace, records: Path) -> None:
 
 def _complete(arguments: argparse.Namespace, records: Path) -> None:
     done = live.journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
-    print("nothing had been simulated" if done is None else done)
+    print("\n".join(map(str, done)) or "nothing had been simulated")
 
 
 def _clean(arguments: argparse.Namespace, records: Path) -> int:

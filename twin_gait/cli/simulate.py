@@ -220,7 +220,7 @@ async def _serve(
 
     for number in _ENDINGS:
         loop.add_signal_handler(number, end)
-    page = live.page.LivePage(session, experiment, port=arguments.port, user=arguments.user)
+    page = live.page.LivePage(session, experiment, port=arguments.port)
     try:
         await asyncio.to_thread(session.start)
         view.announce(page.url, browser=not arguments.no_browser)

@@ -22,7 +22,7 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import BusFrame, bus_frames, messages_of
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.news import EventBook
-from twin_gait.live.protocol import Message, MessageRefused, Response, SetControl, Value, one_line
+from twin_gait.live.protocol import Message, MessageRefused, SetControl, Value, one_line
 from twin_gait.live.realtime import PERIOD
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
@@ -177,7 +177,7 @@ class CanLink:
         """Tell once what may happen with every frame."""
         if text not in self._notes:
             self._notes.add(text)
-            self._book.emit(Response.NOTE, text, user=USER)
+            self._book.emit("note", text, user=USER)
 
     # ------------------------------------------------------------------ sending
 

@@ -11,16 +11,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import (
-    Action,
     ActionSpec,
     Control,
-    ControlKind,
     DoAction,
     MessageRefused,
     Value,
@@ -39,9 +35,9 @@ from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
 
-LONGEST_PUSH = 2.0  # [s]
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
+LEAST_DAMPING = 20.0  # [N m s] / [rad] that the range of a damping has at least
 TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
 
 
@@ -64,7 +60,7 @@ class Actions:
 
         Raises MessageRefused if a value is unknown or out of its range.
         """
-        spec = next((item for item in self.specs if item.action is message.action), None)
+        spec = next((item for item in self.specs if item.action == message.action), None)
         if spec is None:
             raise MessageRefused(f"{message.action}: there is nothing like it in this experiment")
         known = {item.name: item for item in spec.fields}
@@ -89,57 +85,34 @@ class Actions:
 
 def _specs(problem: Problem, joints: tuple[str, ...]) -> Iterator[ActionSpec]:
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
-    feet = tuple(f"{side}_{FOOT}" for side in problem.sides if problem.experiment.scenario.grounded)
-    control = _text("control", EVERYTHING, "control", "One control, or all.")
-    push = (
-        _choice("joint", joints),
-        _number("torque", 10.0, "Nm", -limit, limit, 1.0),
-        _number("duration", 0.2, "s", 0.01, LONGEST_PUSH, 0.01),
-    )
-    fault = (
-        _choice("kind", tuple(map(str, FaultKind))),
-        _choice("place", ("", *joints, *feet)),
-        _text("size", "", "size with unit", "Such as 20deg/s; empty for the usual one."),
-    )
-    pull = "Push a joint from outside, as a hand does; positive towards flexion."
-    yield _spec(Action.WALK, "walk" if modes is None else "go on", "walk", "Let the time go on.")
-    yield _spec(Action.PAUSE, "pause", "walk", "Let the time stand still.")
+    yield ActionSpec("walk", "walk", "walk" if modes is None else "go on", "Let the time go on.")
+    yield ActionSpec("pause", "walk", "pause", "Let the time stand still.")
     if modes is None:  # else steps are theirs
-        yield _spec(Action.STEP, "step", "walk", "In manual mode: let the leg at the end of stance swing.")
+        yield ActionSpec("step", "walk", "step", "In manual mode: let the leg at the end of stance swing.")
     elif modes.requests:
         text = "Ask the device for another mode, as the therapist does; it answers in the next tick."
-        yield _spec(Action.REQUEST, "ask", "walk", text, _choice("request", modes.requests))
-    yield _spec(Action.RESTART, "start again", "walk", "Begin a new walk with the present settings.")
-    yield _spec(
-        Action.SAVE, "save the table", "walk", "Write the table as YAML that twin-gait simulate runs."
+        request = Control(name="request", kind="choice", value=modes.requests[0], choices=modes.requests)
+        yield ActionSpec("request", "walk", "ask", text, (request,))
+    yield ActionSpec("restart", "walk", "start again", "Begin a new walk with the present settings.")
+    yield ActionSpec("save", "walk", "save the table", "Write the table as YAML that simulate runs.")
+    yield ActionSpec("stop", "walk", "stop", "Hold the legs with damping and lower them until a restart.")
+    control = Control(name="control", kind="text", value=EVERYTHING)
+    yield ActionSpec("revert", "table", "as it began", "Set controls back to the preset.", (control,))
+    push = (
+        Control(name="joint", kind="choice", value=joints[0], choices=joints),
+        Control(name="torque", kind="number", value=10.0, unit="Nm", least=-limit, largest=limit, step=1.0),
+        Control(name="duration", kind="number", value=0.2, unit="s", least=0.01, largest=2.0, step=0.01),
     )
-    yield _spec(Action.STOP, "stop", "walk", "Hold the legs with damping and lower them; a restart ends it.")
-    yield _spec(Action.REVERT, "as it began", "table", "Set controls back to the preset.", control)
-    yield _spec(Action.PUSH, "push", "push", pull, *push)
-    yield _spec(
-        Action.FAULT, "break it", "push", "Something breaks and stays broken until a restart.", *fault
+    text = "Push a joint from outside, as a hand does; positive towards flexion."
+    yield ActionSpec("push", "push", "push", text, push)
+    kinds = tuple(map(str, FaultKind))
+    feet = tuple(f"{side}_{FOOT}" for side in problem.sides if problem.experiment.scenario.grounded)
+    fault = (
+        Control(name="kind", kind="choice", value=kinds[0], choices=kinds),
+        Control(name="place", kind="choice", value="", choices=("", *joints, *feet)),
+        Control(name="size", kind="text", value="", label="size with unit, such as 20deg/s"),
     )
-
-
-def _spec(action: Action, label: str, group: str, text: str, *fields: Control) -> ActionSpec:
-    return ActionSpec(action=action, label=label, group=group, fields=fields, help=text)
-
-
-def _choice(name: str, choices: tuple[str, ...]) -> Control:
-    return Control(
-        name=name, label=name, group="", kind=ControlKind.CHOICE, value=choices[0], choices=choices
-    )
-
-
-def _number(name: str, value: float, unit: str, least: float, largest: float, step: float) -> Control:
-    return Control(
-        name=name, label=name, group="", kind=ControlKind.NUMBER, value=value, default=value, unit=unit,
-        least=least, largest=largest, step=step,
-    )  # fmt: skip
-
-
-def _text(name: str, value: str, label: str, text: str) -> Control:
-    return Control(name=name, label=label, group="", kind=ControlKind.TEXT, value=value, help=text)
+    yield ActionSpec("fault", "push", "break it", "Something breaks and stays broken until a restart.", fault)
 
 
 class Quantity(NamedTuple):
@@ -150,21 +123,15 @@ class Quantity(NamedTuple):
     scale: float  # SI value of one unit
     step: float  # of the control, in its unit
     field: str  # of an impedance and of a joint of the monitor
-    help: str  # one sentence
 
 
 QUANTITIES = {
-    "stiffness": Quantity("stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness",
-                          "How hard the spring pulls to θ0."),
-    "damping": Quantity("damping b", "Nms/rad", 1.0, 0.5, "damping",
-                        "How much the spring's motion is braked."),
-    "equilibrium": Quantity("equilibrium θ0", "deg", _DEGREE, 0.5, "equilibrium_angle",
-                            "Angle that the spring pulls to."),
-    "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain",
-                     "Share of the modelled friction that is compensated."),
-    "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "target_torque",
-                       "Added to the command in torque control."),
-}  # fmt: skip
+    "stiffness": Quantity("stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness"),
+    "damping": Quantity("damping b", "Nms/rad", 1.0, 0.5, "damping"),
+    "equilibrium": Quantity("equilibrium θ0", "deg", _DEGREE, 0.5, "equilibrium_angle"),
+    "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
+    "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "target_torque"),
+}
 _DRIVES = "The gait table, or one of the monitor's three controls, for which the belt stands still."
 _WAITS = "A leg at the end of stance waits for the step button, and the belt waits with it."
 
@@ -180,11 +147,11 @@ class Binding(NamedTuple):
     def shown(self, settings: Settings) -> Value:
         """Value of the control."""
         value: Value = self.read(settings)
-        return float(value or 0.0) / self.scale if self.control.kind is ControlKind.NUMBER else value
+        return float(value or 0.0) / self.scale if self.control.kind == "number" else value
 
     def turned(self, settings: Settings, value: Value) -> Settings:
         """Settings with another value of the control."""
-        number = self.control.kind is ControlKind.NUMBER
+        number = self.control.kind == "number"
         return self.write(settings, float(value) * self.scale if number else value)
 
 
@@ -228,7 +195,7 @@ class Panel:
         experiment = self.preset.experiment
         yield Binding(
             Control(
-                name="mode", label="what drives the joints", group="monitor", kind=ControlKind.CHOICE,
+                name="mode", label="what drives the joints", group="monitor", kind="choice",
                 choices=tuple(map(str, Mode)), help=_DRIVES,
             ),
             lambda settings: str(settings.mode),
@@ -236,15 +203,13 @@ class Panel:
         )  # fmt: skip
         if HELD_PHASE in experiment.table.phases and experiment.modes is None:
             yield Binding(
-                Control(
-                    name="manual", label="steps by hand", group="walk", kind=ControlKind.SWITCH, help=_WAITS
-                ),
+                Control(name="manual", label="steps by hand", group="walk", kind="switch", help=_WAITS),
                 lambda settings: settings.manual,
                 lambda settings, value: replace(settings, manual=value),
             )
         for item in experiment.scenario.adjustments:
             control = Control(
-                name=item.name, label=item.label, group="walk", kind=ControlKind.NUMBER, unit=item.unit,
+                name=item.name, label=item.label, group="walk", kind="number", unit=item.unit,
                 least=item.least, largest=item.largest, step=item.step, help=item.help,
             )  # fmt: skip
             yield Binding(control, partial(_adjustment, item.name), partial(_adjusted, item.name), item.scale)
@@ -257,9 +222,9 @@ class Panel:
                 continue
             least, largest = self.range_of(name, JointName(place.joint))
             control = Control(
-                name=f"{place.prefix}.{name}", label=quantity.label, group=group, kind=ControlKind.NUMBER,
+                name=f"{place.prefix}.{name}", label=quantity.label, group=group, kind="number",
                 unit=quantity.unit, least=least, largest=largest, step=quantity.step,
-                phase=place.phase or None, joint=place.joint, side=place.side, help=quantity.help,
+                phase=place.phase or None, joint=place.joint, side=place.side,
             )  # fmt: skip
             read, write = partial(place.read, quantity.field), partial(place.write, quantity.field)
             yield Binding(control, read, write, quantity.scale)
@@ -277,8 +242,8 @@ class Panel:
         """Least and largest value of a quantity of a joint, in the unit of the control.
 
         ``quantity``: a key of ``QUANTITIES``. Angles: the stops, or what the table has if that is beyond.
-        Stiffness: the published range, or what the table has if that is more. Damping: critical at that
-        stiffness with the leg's inertia, or twice what the table has if that is more.
+        Stiffness: the published range, or what the table has if that is more. Damping: twice what the table
+        has.
         """
         own = [place.record(self.preset) for place in self._places if place.joint == joint]
         if quantity == "equilibrium":
@@ -293,13 +258,9 @@ class Panel:
         stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
         if quantity == "stiffness":
             return 0.0, stiffness
-        model = self.problem.control_model
-        coordinate = next(item.control_coordinate for item in self.problem.joints if item.joint == joint)
-        inertia = model.effective_inertia(np.zeros(model.nv), coordinate)
-        critical = 2.0 * math.sqrt(stiffness * unit * inertia)
         dampings = self._dampings(self.problem)
         has = [dampings[f"{place.prefix}.damping"] for place in self._places if place.joint == joint]
-        return 0.0, math.ceil(max(critical, 2.0 * max(has)))
+        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * max(has)))
 
     # ------------------------------------------------------------------ setting
 

@@ -14,7 +14,7 @@ import numpy as np
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.live.journal import AppliedChange, Piece
+from twin_gait.live.journal import Piece
 from twin_gait.live.protocol import Frame, one_line
 from twin_gait.live.realtime import BLOCK_TICKS, PERIOD, BlockClock
 from twin_gait.live.stepping import Asking, SteppedRun
@@ -49,7 +49,7 @@ class LiveLoop:
         """Begin with nothing handed over."""
         self._ended, self._last_frame = False, -np.inf
         self._asked: list[tuple[Asking, Command]] = []  # that the supervisor has yet to answer
-        self._changes: list[AppliedChange] = []  # that have not been handed over
+        self._changes: list[Mapping[str, Any]] = []  # that have not been handed over
         layout = self.run.layout
         self._columns = {
             name: layout.positions[name]
@@ -128,7 +128,8 @@ class LiveLoop:
         run = self.run
         piece = Piece(
             rows=run.rows(self._kept), switches=run.switches(self._switches), changes=tuple(self._changes),
-            status=run.status, reason=run.reason, trip=run.trip, wall_s=self.now() - self._began, over=over,
+            faults=run.injected, status=run.status, reason=run.reason, trip=run.trip,
+            wall_s=self.now() - self._began, over=over,
         )  # fmt: skip
         self._kept, self._changes = run.tick, []
         self._switches += len(piece.switches)
@@ -143,7 +144,7 @@ class LiveLoop:
         frame = Frame(
             tick=tick, time_s=tick * TICK, status=self.status,
             log=self._named(rows[-1].tolist()) if len(rows) else {}, events=tuple(event_entries(run.events)),
-            deadlines=self.clock.statistics(),
+            deadlines=self.clock.statistics,
         )  # fmt: skip
         if self._traced < run.tick:
             self._send_trace()
@@ -189,7 +190,7 @@ class LiveLoop:
         """Answer a command and, if it was obeyed, note it among the changes of the walk."""
         if not answer.get("refused") and "note" in command:
             text = answer.get("text", command["note"].get("text", ""))
-            self._changes.append(AppliedChange(tick, {**command["note"], "text": text}))
+            self._changes.append({**command["note"], "text": text, "tick": tick})
         serial = command.get("serial", 0)
         self.send({"kind": "answer", "serial": serial, "refused": "", **answer, "tick": tick})
 

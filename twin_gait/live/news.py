@@ -8,14 +8,13 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from pathlib import Path
 from typing import Any
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.live.process import MOST_TRACES
-from twin_gait.live.protocol import Event, Message, MessageRefused, Response
+from twin_gait.live.protocol import Event, Message, MessageRefused, Response, SetControl
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.viewer.live_figure import Trace
 
@@ -53,11 +52,12 @@ class EventBook:
             self.recorder.event(event)
             if failure := self.recorder.failure:
                 self.recorder = None
-                self.emit(Response.NOTE, f"the session is no longer recorded: {failure}")
+                self.emit("note", f"the session is no longer recorded: {failure}")
 
     def answer(self, message: Message, response: Response, text: str, **rest: Any) -> None:
         """Add an event that tells what became of a message."""
-        about = {"id": message.id, "user": message.user, "subject": message.subject}
+        subject = message.control if isinstance(message, SetControl) else message.action
+        about = {"id": message.id, "user": message.user, "subject": subject}
         self.emit(response, text, **(about | rest))
 
     def after(self, serial: int) -> list[Event]:
@@ -81,7 +81,6 @@ class WalkNews:
         self.ready = threading.Event()  # set when the process walks, or has said why it cannot
         self.frame: Mapping[str, Any] = {}  # the newest one; empty before the first
         self.status = "starting"  # what the walk does
-        self.walks: list[Path] = []  # run folders to come
         self.failure = self.death = ""  # why the process could not walk; how it died
         # Takes the rows of the log for a bus, block by block.
         self.on_rows: Callable[[Mapping[str, Any]], None] = lambda block: None
@@ -197,11 +196,8 @@ class WalkNews:
             case "failed":
                 self.failure = message["text"]
                 self.ready.set()
-            case "journal":
-                self.walks.append(Path(message["folder"]))
-                self.record_walks()
             case "unkept":
-                self._book.emit(Response.NOTE, f"the walk is no longer kept: {message['text']}")
+                self._book.emit("note", f"the walk is no longer kept: {message['text']}")
 
     def _note_frame(self, frame: Mapping[str, Any]) -> None:
         """Tell what the walk does by itself; the rest is for the pages."""
@@ -209,7 +205,7 @@ class WalkNews:
         self._book.tick, self.status = frame["tick"], frame["status"]
         if self.status != before and self.status in _ENDINGS and before not in ("starting", "ended"):
             told = [*(event["text"] for event in frame["events"]), _ENDINGS[self.status]]
-            self._book.emit(Response.NOTE, "; ".join(told))
+            self._book.emit("note", "; ".join(told))
 
     def _note_end(self, status: int) -> None:
         """Take the exit status of the process, which is gone; negative: killed by that signal."""
@@ -220,14 +216,9 @@ class WalkNews:
             how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
             self.death = f"the process of the walk died at {self._book.tick * TICK:.1f} s ({how})"
             self.status = "died"
-            self._book.emit(Response.NOTE, f"{self.death}; the walk is kept up to its last second")
+            self._book.emit("note", f"{self.death}; the walk is kept up to its last second")
             if self.frame:  # the last frame tells the pages too
                 self.frame = {**self.frame, "status": self.status}
-
-    def record_walks(self) -> None:
-        """Record where the runs are to come: somebody may have to complete them."""
-        if self._book.recorder is not None:
-            self._book.recorder.folders(self.walks)
 
     def traces(self) -> list[Trace]:
         """What the curves did since the last call, in order; of a long time the last eight seconds."""

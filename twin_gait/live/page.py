@@ -23,7 +23,6 @@ from twin_gait.viewer.page import About, live_page
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
-READ_OUT = 100  # ticks between two read-outs of a panel
 EVENTS_SHOWN = 400  # to a page that comes late
 Message = Mapping[str, Any]
 # What a panel reads out of a frame; the scene has the rest.
@@ -68,19 +67,19 @@ class Panel(GuardedSocket):
 class LivePage(SceneServer):
     """The pages of one live session; belongs to one event loop."""
 
-    def __init__(self, session: LiveSession, experiment: Experiment, *, port: int, user: str = "") -> None:
+    def __init__(self, session: LiveSession, experiment: Experiment, *, port: int) -> None:
         """Draw the scene and listen.
 
         Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read or no port
         is free.
         """
-        self._session, self._user = session, user
+        self._session = session
         self._modes = modes_of(experiment)
         self._sides = tuple(map(str, experiment.leg.legs))
         self._controls: tuple[protocol.Control, ...] = ()  # that the panels have been told of
         self._short: dict[str, Any] = {}
-        self._frame: Message = {}  # the last one
-        self._serial = self._told_at = 0
+        self._frame = session.news.frame  # the last one
+        self._serial = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         model = experiment.build_world().model
         self._coordinates = state_columns(model)[0]
@@ -99,37 +98,26 @@ class LivePage(SceneServer):
         for event in self._session.book.after(self._serial):
             self._serial = event.serial
             self.tell(event.to_dict())
-        self._tell_state()
+        state = self._session.state()
+        if state.controls is not self._controls:
+            self._controls = state.controls
+            self.tell(state.to_dict(), key="state")
         before, self._frame = self._frame, self._session.news.frame
         if self._frame is not before:
             self._show(self._frame)
 
     def _show(self, frame: Message) -> None:
         """Show a moment on all pages."""
-        if frame["log"]:  # empty before the first tick
+        log = frame["log"]
+        if log:  # empty before the first tick
             traces = self._session.news.traces()
-            log = frame["log"]
             q = [log[name] for name in self._coordinates]
             self.figure.show(frame["time_s"], q, log, traces=traces, events=frame["events"])
             self.show(self.figure.window.changes())
-        status = self._short.get("status")
-        self._short = self._shortened(frame)
-        if status != frame["status"] or abs(frame["tick"] - self._told_at) >= READ_OUT:
-            self._told_at = frame["tick"]
-            self.tell(self._short, key="frame")
-
-    def _shortened(self, frame: Message) -> dict[str, Any]:
-        """What a panel reads out of a frame."""
-        log = frame["log"]
         phases = {side: None if log.get("safety_state") else log.get(f"{side}_phase") for side in self._sides}
         mode = self._modes[int(log["mode"])] if self._modes and "mode" in log else None
-        return {**{key: frame[key] for key in _READ_OUT}, "phases": phases, "mode": mode}
-
-    def _tell_state(self) -> None:
-        state = self._session.state()
-        if state.controls is not self._controls:
-            self._controls = state.controls
-            self.tell(state.to_dict(), key="state")
+        self._short = {**{key: frame[key] for key in _READ_OUT}, "phases": phases, "mode": mode}
+        self.tell(self._short, key="frame")
 
     # ------------------------------------------------------------------ what the server asks
 
@@ -169,12 +157,10 @@ class LivePage(SceneServer):
         try:
             message = protocol.read_message(text)
         except protocol.MessageRefused as error:
-            self._session.book.emit(
-                protocol.Response.REFUSED, str(error), id=protocol.id_of(text), user=self._user
-            )
+            self._session.book.emit("refused", str(error), user=self._session.user)
             return
-        self._session.submit(message.model_copy(update={"user": message.user or self._user}))
+        self._session.submit(message.model_copy(update={"user": message.user or self._session.user}))
 
     def stop(self) -> None:
         """Stop the walk."""
-        self._session.submit(protocol.DoAction(id="stop", user=self._user, action=protocol.Action.STOP))
+        self._session.submit(protocol.DoAction(id="stop", user=self._session.user, action="stop"))

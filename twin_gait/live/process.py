@@ -2,7 +2,7 @@
 
 It reads one JSON object per line from its standard input, first the set-up, then commands, and writes frames
 and answers likewise. The end of the input is the end of the process: however the parent dies, the loop stops,
-closes the journal of its walk and is gone. Nothing that it is sent is ever executed or unpickled.
+closes its journal and is gone. Nothing that it is sent is ever executed or unpickled.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ from typing import IO, Any
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.files import dump
-from twin_gait.live.journal import Journals
+from twin_gait.live.journal import Journal
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import one_line
 from twin_gait.live.realtime import go_before_others
@@ -104,14 +104,14 @@ def main() -> int:
 def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
     experiment = experiment_from_mapping(setup["document"], "experiment", Path())
     run = SteppedRun(build_problem(experiment), on_compile=lambda: sender.send({"kind": "compiling"}))
-    journals = Journals(run.layout.names, setup, sender.send)
+    journal = Journal(run.layout.names, setup, lambda text: sender.send({"kind": "unkept", "text": text}))
     loop = LiveLoop(
         run=run,
         now=time.monotonic,
         sleep=time.sleep,
         commands=commands_from(sys.stdin),
         send=sender.send,
-        keep=journals.keep,
+        keep=journal.keep,
         longest=experiment.n_ticks,
         paused=True,  # until the session is ready for it
         tells_rows=setup["can"] is not None,
@@ -119,7 +119,7 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
     sender.send({"kind": "ready"})
     go_before_others()
     loop.walk()
-    journals.close()
+    journal.close()
 
 
 if __name__ == "__main__":

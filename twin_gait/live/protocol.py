@@ -14,7 +14,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from enum import StrEnum
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -39,21 +38,12 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-class Action(StrEnum):
-    """What a page can have done, beside setting a control."""
-
-    WALK = "walk"
-    PAUSE = "pause"
-    STEP = "step"
-    REQUEST = "request"
-    PUSH = "push"
-    FAULT = "fault"
-    REVERT = "revert"
-    RESTART = "restart"
-    SAVE = "save"
-    STOP = "stop"
-
-
+# What a page can have done, beside setting a control.
+Action = Literal[
+    "walk", "pause", "step", "request", "push", "fault", "revert", "restart", "save", "stop"
+]  # fmt: skip
+ControlKind = Literal["number", "choice", "switch", "text"]  # how a control is drawn
+Response = Literal["applied", "refused", "note", "forecast"]  # what an event tells
 Value = float | str | bool
 
 
@@ -87,11 +77,6 @@ class SetControl(Strict):
     control: Name  # name of the control
     value: Said  # in the unit of the control
 
-    @property
-    def subject(self) -> str:
-        """What it is about."""
-        return self.control
-
 
 class DoAction(Strict):
     """A page asks for an action."""
@@ -102,11 +87,6 @@ class DoAction(Strict):
     action: Action  # what to do
     # of the fields of the action; those left out take their defaults
     values: Mapping[str, Said] = Field(default={}, max_length=MOST_VALUES)
-
-    @property
-    def subject(self) -> str:
-        """What it is about."""
-        return str(self.action)
 
 
 Message = SetControl | DoAction
@@ -136,40 +116,14 @@ def read_message(text: str | bytes) -> Message:
         raise MessageRefused(str(error)) from None
 
 
-def id_of(text: str | bytes) -> str:
-    """Id of a message that was refused, so that the page can tell which; empty if it has none."""
-    try:
-        return _text(json.loads(text)["id"]) if len(text) <= LARGEST_MESSAGE else ""
-    except (ValueError, TypeError, LookupError, RecursionError):
-        return ""
-
-
-class ControlKind(StrEnum):
-    """How a control is drawn."""
-
-    NUMBER = "number"
-    CHOICE = "choice"
-    SWITCH = "switch"
-    TEXT = "text"
-
-
-class Response(StrEnum):
-    """What an event tells."""
-
-    APPLIED = "applied"
-    REFUSED = "refused"
-    NOTE = "note"
-    FORECAST = "forecast"
-
-
 @dataclass(frozen=True, kw_only=True)
 class Control:
     """A control, or a field of an action, with all that is needed to draw it."""
 
     name: str  # by which it is set, such as ``late_stance.hip.stiffness``
-    label: str  # what a page writes beside it
-    group: str  # tab of the panel: ``walk``, ``table``, ``monitor``, or the action that it belongs to
     kind: ControlKind  # how it is drawn
+    label: str = ""  # what a page writes beside it, if not the name
+    group: str = ""  # tab of the panel: ``walk``, ``table``, ``monitor``; of no field of an action
     value: Value = 0.0  # present value; for a field of an action the one that it begins with
     default: Value = 0.0  # value of the preset
     unit: str = ""  # of the value; empty for a pure number or a word
@@ -184,15 +138,15 @@ class Control:
     changed: bool = False  # whether it has been set
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ActionSpec:
     """An action with its fields."""
 
     action: Action  # its name
-    label: str  # what the button says
     group: str  # tab of the panel
+    label: str  # what the button says
+    help: str  # one sentence
     fields: tuple[Control, ...] = ()  # what goes with it
-    help: str = ""  # one sentence
 
 
 class ToPage:
@@ -204,15 +158,14 @@ class ToPage:
         return dict(plain({"kind": type(self).__name__.lower(), **asdict(fields)}))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass
 class DeadlineStatistics:
     """How well the blocks kept to the clock."""
 
-    blocks: int  # that were due
-    late: int  # of them, finished more than 10 ms after their time, or never
-    mean_ms: float  # mean lateness in [ms]; a block finished in time counts as 0
-    worst_ms: float  # largest lateness in [ms]
-    lost_s: float  # time in [s] that the simulation has given up after stalls
+    blocks: int = 0  # that were due
+    late: int = 0  # of them, finished more than 10 ms after their time, or never
+    worst_ms: float = 0.0  # largest lateness in [ms]
+    lost_s: float = 0.0  # time in [s] that the simulation has given up after stalls
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,13 +217,13 @@ def checked(control: Control, value: Value) -> Value:
     Raises MessageRefused if it is of the wrong kind or out of range.
     """
     match control.kind:
-        case ControlKind.SWITCH:
+        case "switch":
             fits, wanted = isinstance(value, bool), "true or false"
-        case ControlKind.CHOICE:
+        case "choice":
             fits, wanted = value in control.choices, " or ".join(map(repr, control.choices))
-        case ControlKind.TEXT:
+        case "text":
             fits, wanted = isinstance(value, str), "a text"
-        case ControlKind.NUMBER:
+        case "number":
             assert control.least is not None and control.largest is not None  # numbers have ranges
             slack = 1e-9 * (control.largest - control.least)
             fits = isinstance(value, int | float) and not isinstance(value, bool)

@@ -26,10 +26,9 @@ class BlockClock:
 
     def __init__(self) -> None:
         """Begin without any block."""
+        self.statistics = DeadlineStatistics()  # of all blocks so far
         self._start: float | None = None
         self._number = 0
-        self._blocks = self._late = 0
-        self._sum = self._worst = self._lost = 0.0
 
     def wait(self, now: float) -> float:
         """Time until the next block may begin.
@@ -42,7 +41,7 @@ class BlockClock:
             self._start, self._number = now, 0
         behind = now - (self._start + self._number * PERIOD)
         if behind > CATCH_UP:
-            self._lost += behind
+            self.statistics.lost_s += behind
             self._start, self._number = now, 0
             self._count(behind, round(behind / PERIOD))
             return 0.0
@@ -55,24 +54,14 @@ class BlockClock:
         self._count(max(0.0, now - (self._start + self._number * PERIOD)), 1)
 
     def _count(self, lateness: float, blocks: int) -> None:
-        self._blocks += blocks
-        self._late += blocks * (lateness > LATE)
-        self._sum += blocks * lateness
-        self._worst = max(self._worst, lateness)
+        counted = self.statistics
+        counted.blocks += blocks
+        counted.late += blocks * (lateness > LATE)
+        counted.worst_ms = max(counted.worst_ms, 1e3 * lateness)
 
     def pause(self) -> None:
         """Let the next block begin a new stretch: time until then is nobody's loss."""
         self._start = None
-
-    def statistics(self) -> DeadlineStatistics:
-        """Lateness of all blocks so far."""
-        return DeadlineStatistics(
-            blocks=self._blocks,
-            late=self._late,
-            mean_ms=1e3 * self._sum / max(self._blocks, 1),
-            worst_ms=1e3 * self._worst,
-            lost_s=self._lost,
-        )
 
 
 def go_before_others() -> None:

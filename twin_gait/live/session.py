@@ -23,15 +23,15 @@ from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import Actions
 from twin_gait.live.journal import complete, summary_of
 from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import Action, DoAction, Message, Response, SetControl, State, one_line
+from twin_gait.live.protocol import DoAction, Message, SetControl, State, one_line
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.simulation.problem import ticks
 
-# Actions that go straight to the walk, whatever is being checked meanwhile.
-DIRECT = frozenset(Action) - {Action.REVERT, Action.SAVE}
+# Actions that wait for changes that are being checked; others go straight to the walk.
+CHECKED = ("revert", "save")
 
 
 class LiveSession:
@@ -41,6 +41,7 @@ class LiveSession:
 
     Attributes:
         folder: Run folder of the first walk.
+        user: Whose session it is.
         book: Events of the session.
         news: The process of the walk, and what is known of its walks.
         folders: Run folders that have been written, at the end.
@@ -72,7 +73,7 @@ class LiveSession:
         """
         self.folder = Path(folder).expanduser().absolute()
         self.folders, self.summary, self.failure = list[Path](), dict[str, Any](), ""
-        self._loaded, self._user, self._records = loaded, user, records
+        self._loaded, self.user, self._records = loaded, user, records
         self._force, self._pictures, self._can, self._on_step = force, pictures, can, on_step
         self._link: CanLink | None = None
         self.book = EventBook()
@@ -127,10 +128,8 @@ class LiveSession:
         if self._records is not None:
             name = self._loaded.experiment.name
             self.book.recorder = SessionRecorder(
-                self._records, user=self._user, experiment=name, document=document
+                self._records, user=self.user, experiment=name, document=document, folder=self.folder
             )
-            self._tuning.record_table(0)
-            self.news.record_walks()
 
     def _close_processes(self) -> None:
         if self._link is not None:
@@ -139,37 +138,29 @@ class LiveSession:
         self._worker.shutdown(cancel_futures=True)
 
     def close(self) -> None:
-        """End the walk, write its run folder and those of the walks before it, and close the record."""
+        """End the walk, write the run folders, and close the record."""
         if self._closed:
             return
         self._closed = True
         self._close_processes()
-        for folder in self.news.walks:
-            try:
-                self._complete(folder)
-            except RunDirectoryError as error:
-                self.failure = one_line(error)
-                self.book.emit(Response.NOTE, f"the run folder could not be written: {self.failure}")
+        try:
+            if journal_of(self.folder).exists():
+                journal = journal_of(self.folder)
+                self.folders = complete(journal, pictures=self._pictures, on_step=self._on_step)
+        except RunDirectoryError as error:
+            self.failure = one_line(error)
+            self.book.emit("note", f"the run folder could not be written: {self.failure}")
+        for folder in self.folders:
+            self.summary = summary_of(folder)
+            self.book.emit("note", f"the run is in {folder}")
         if self.book.recorder is not None:
             self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.folders)
-
-    def _complete(self, folder: Path) -> None:
-        """Write a run folder; only that of the last walk is drawn, as nobody waits for twenty."""
-        done = complete(
-            journal_of(folder),
-            pictures=self._pictures and folder == self.news.walks[-1],
-            on_step=lambda name: self._on_step(f"{folder.name}: {name}"),
-        )
-        if done is not None:
-            self.folders.append(done)
-            self.summary = summary_of(done)
-            self.book.emit(Response.NOTE, f"the run is in {done}")
 
     # ------------------------------------------------------------------ what pages ask for
 
     def submit(self, message: Message) -> None:
         """Take a message of a page; an event tells what became of it."""
-        if isinstance(message, DoAction) and message.action in DIRECT:
+        if isinstance(message, DoAction) and message.action not in CHECKED:
             self._guarded(message, self._do_directly)
             return
         with contextlib.suppress(RuntimeError):  # it has been closed
@@ -197,12 +188,12 @@ class LiveSession:
             handle(message)
         except TwinGaitError as error:
             value = getattr(message, "value", None)
-            self.book.answer(message, Response.REFUSED, one_line(error), value=value)
+            self.book.answer(message, "refused", one_line(error), value=value)
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, SetControl):
             self._tuning.set(message)
-        elif message.action is Action.REVERT:
+        elif message.action == "revert":
             self._tuning.revert(message, str(self._actions.values_of(message)["control"]))
         else:
             self._save(message)
@@ -211,20 +202,20 @@ class LiveSession:
         values, name = self._actions.values_of(message), str(message.action)
         note = {"user": message.user, "subject": name, "text": name}
         command: dict[str, Any] = {"command": name, "note": note}
-        if message.action is Action.PUSH:
+        if message.action == "push":
             joint, torque, duration = str(values["joint"]), float(values["torque"]), float(values["duration"])
             number = self._actions.joint_names.index(joint)
             command |= {"joint": number, "torque": torque, "ticks": ticks(duration)}
             note["text"] = f"push {joint}: {torque:g} Nm for {duration:g} s"
-        elif message.action is Action.REQUEST:
+        elif message.action == "request":
             command["request"] = str(values["request"])
-        elif message.action is Action.FAULT:
-            command["fault"] = note["fault"] = str(self._actions.fault_of(values))
-            note["text"] = f"fault {note['fault'].partition('@')[0]}"
+        elif message.action == "fault":
+            command["fault"] = str(self._actions.fault_of(values))
+            note["text"] = f"fault {command['fault'].partition('@')[0]}"
 
         def tell(answer: Mapping[str, Any]) -> None:
             text = answer.get("text", note["text"])
-            self.book.answer(message, Response.APPLIED, text, tick=answer["tick"])
+            self.book.answer(message, "applied", text, tick=answer["tick"])
 
         coming = self.news.command(command)
         coming.add_done_callback(
@@ -239,4 +230,4 @@ class LiveSession:
         names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
         path = write_new(names, dump_yaml({**document, "name": f"{self.table.name}_live"}))
         text = f"saved {path}; run it with: twin-gait simulate EXPERIMENT --set table={path}"
-        self.book.answer(message, Response.APPLIED, text, value=str(path))
+        self.book.answer(message, "applied", text, value=str(path))

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.live.protocol import Event, Response
+from twin_gait.live.protocol import Event
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
@@ -50,21 +50,23 @@ def _unusable(path: Path, error: OSError) -> SessionError:
 class SessionRecorder:
     """Records one session, number ``session``; every method but :meth:`close` returns at once."""
 
-    def __init__(self, folder: Path, *, user: str, experiment: str, document: Mapping[str, Any]) -> None:
+    def __init__(
+        self, records: Path, *, user: str, experiment: str, document: Mapping[str, Any], folder: Path
+    ) -> None:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
-        Raises SessionError if the record cannot be written.
+        ``folder``: run folder to come. Raises SessionError if the record cannot be written.
         """
         self.failure = ""  # why nothing is recorded any more
         self._waiting: deque[str] = deque()
         self._thread = ThreadPoolExecutor(1, "session recorder")
         try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            self.session, self._descriptor = _make(folder)
+            records.mkdir(parents=True, exist_ok=True, mode=0o700)
+            self.session, self._descriptor = _make(records)
         except OSError as error:
-            raise _unusable(folder, error) from error
+            raise _unusable(records, error) from error
         began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
-        self._put(began).result()  # before anybody lists the session
+        self._put({**began, "folders": [str(folder)]}).result()  # before anybody lists the session
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
@@ -73,10 +75,6 @@ class SessionRecorder:
     def table(self, document: Mapping[str, Any], tick: int) -> None:
         """Record a version of the gait table and its first tick."""
         self._put({"table": {"tick": tick, "document": dict(document)}})
-
-    def folders(self, folders: Iterable[Path]) -> None:
-        """Record the run folders, all so far."""
-        self._put({"folders": list(map(str, folders))})
 
     def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> None:
         """Record how and in which tick the last walk ended, with its summary; wait until it is written."""
@@ -117,7 +115,7 @@ def _logged(event: Event) -> dict[str, Any]:
 
 def _end(status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> dict[str, Any]:
     end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
-    return {"end": end, "folders": list(map(str, folders))}
+    return {"end": {**end, "folders": list(map(str, folders))}}
 
 
 def _file(folder: Path, session: int) -> Path:
@@ -167,7 +165,7 @@ def close_killed(
     entry of the session's log. Raises SessionError if the record cannot be written.
     """
     serial = len(_read(folder, session)["log"]) + 1
-    note = Event(serial=serial, response=Response.NOTE, text=text, tick=tick)
+    note = Event(serial=serial, response="note", text=text, tick=tick)
     path = _file(folder, session)
     try:
         with path.open("r+b") as file:
@@ -219,7 +217,7 @@ def _read(folder: Path, session: int) -> dict[str, Any]:
         raise _unusable(path, error) from error
     try:
         entries = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
-        empty = {"user": "", "experiment": "", "document": {}, "began": _now()}
+        empty = {"user": "", "experiment": "", "document": {}, "began": _now(), "folders": []}
         first: dict[str, Any] = entries[0] if entries else empty
         of = {kind: [item[kind] for item in entries if kind in item] for kind in ("event", "table", "end")}
         log, tables, end = of["event"], of["table"], (of["end"] or [{}])[0]
@@ -230,7 +228,7 @@ def _read(folder: Path, session: int) -> dict[str, Any]:
             "ended": end.get("ended"),
             "status": end.get("status") or (GOING_ON if held else KILLED),
             "tick": end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),
-            "folders": next((item["folders"] for item in reversed(entries) if "folders" in item), []),
+            "folders": end.get("folders", first["folders"]),
             "changes": responses.count("applied"),
             "refusals": responses.count("refused"),
             "versions": len(tables),

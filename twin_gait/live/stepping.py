@@ -54,6 +54,7 @@ class SteppedRun:
         layout: Names and positions of the log's columns.
         tick: Ticks that have been run.
         held_phase: The phase that no leg leaves by itself, or None.
+        injected: Faults that have been injected, with their times.
     """
 
     def __init__(self, problem: Problem, *, on_compile: Callable[[], None] | None = None) -> None:
@@ -77,7 +78,7 @@ class SteppedRun:
         self._values = self._changeable()
         self._fades: dict[str, Fade] = {}
         self._push_ends = np.full(len(problem.joints), NEVER)
-        self._injected: list[Fault] = []
+        self.injected: tuple[Fault, ...] = ()
         self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
         self.held_phase: int | None = None
         self._released_at: int | None = None
@@ -118,7 +119,7 @@ class SteppedRun:
     @property
     def events(self) -> tuple[RunEvent, ...]:
         """Injected faults, trip, fall and divergence so far, in the order of time."""
-        faults = (*self.problem.experiment.faults, *self._injected)
+        faults = (*self.problem.experiment.faults, *self.injected)
         return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
 
     def advance(self, ticks: int) -> np.ndarray:
@@ -252,7 +253,7 @@ class SteppedRun:
         experiment = replace(self.problem.experiment, faults=(replace(fault, time=0.0),))
         (injected,) = fault_records(replace(self.problem, experiment=experiment))
         faults[spare[0]] = entries(replace(injected, start_tick=self.tick))
-        self._injected.append(replace(fault, time=self.tick * TICK))
+        self.injected += (replace(fault, time=self.tick * TICK),)
         self._episode["first_fault"] = faults["start_tick"].min()
 
     def request(self, name: str) -> Asking:
@@ -355,6 +356,6 @@ class SteppedRun:
             self._values["belt_speed"][...], self._belt_waits = self._belt_speed, False
         arrive(self._episode, np.ones(len(self.problem.sides)))
         fade_anew(self._episode)
-        self.tick, self._log, self._injected, self._fades = 0, [], [], {}
+        self.tick, self._log, self.injected, self._fades = 0, [], (), {}
         self._push_ends[:] = NEVER
         self.hold_phase(self.held_phase)

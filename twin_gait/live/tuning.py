@@ -13,7 +13,7 @@ from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.live.controls import EVERYTHING, Panel
 from twin_gait.live.forecast import foresee
 from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import Control, DoAction, Message, MessageRefused, Response, SetControl, Value
+from twin_gait.live.protocol import Control, DoAction, Message, MessageRefused, SetControl, Value
 from twin_gait.live.settings import Mode, Settings, loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import Problem
@@ -21,7 +21,6 @@ from twin_gait.simulation.problem import Problem
 # Rules that k, b, θ0 and G can break; an error of one of them refuses a change. The phases of the monitor's
 # controls are all alike: there is nothing to leave, and no switch to jump at.
 GATE: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
-GATE_OF_MONITOR: tuple[Rule, ...] = (stability.unstable,)
 
 Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
 
@@ -29,7 +28,7 @@ Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transitio
 def errors_of(settings: Settings) -> dict[Place, str]:
     """Errors of the check that make settings unsafe: what tells each from others, and a sentence."""
     case = build_case(settings.driving.table, settings.driving)
-    rules = GATE if settings.mode is Mode.WALK else GATE_OF_MONITOR
+    rules = GATE if settings.mode is Mode.WALK else GATE[:1]
     found = [item for rule in rules for item in rule(case) if item.severity is Severity.ERROR]
     return {(item.rule, item.phase, item.transition, item.side): _described(item) for item in found}
 
@@ -64,12 +63,7 @@ class Tuning:
         """Check what the session begins with."""
         self._known = errors_of(self.settings)
         for text in self._known.values():
-            self._book.emit(Response.NOTE, f"an error in what the session begins with: {text}")
-
-    def record_table(self, tick: int) -> None:
-        """Record the gait table as it is from a tick on."""
-        if self._book.recorder is not None:
-            self._book.recorder.table(table_document(self.settings.table), tick)
+            self._book.emit("note", f"an error in what the session begins with: {text}")
 
     # ------------------------------------------------------------------ changing
 
@@ -101,9 +95,9 @@ class Tuning:
         new_table = settings.table != self.settings.table
         self.settings, self._known = settings, known
         self.controls = self._panel.controls(settings)
-        self._book.answer(message, Response.APPLIED, text, tick=answer["tick"], **change)
-        if new_table:
-            self.record_table(answer["tick"])
+        self._book.answer(message, "applied", text, tick=answer["tick"], **change)
+        if new_table and self._book.recorder is not None:
+            self._book.recorder.table(table_document(settings.table), answer["tick"])
 
     def _check(self, settings: Settings) -> Mapping[Place, str]:
         """Hold settings to the rules; gives the errors that are there, and were before."""
@@ -128,7 +122,7 @@ class Tuning:
         now = self._loop.ask({"command": "moment"})
         found = foresee(self.ahead, now["moment"], loop_numbers(settings))
         text, forecast = f"forecast of {_told(**change)}: {found.text}", asdict(found)
-        self._book.answer(message, Response.FORECAST, text, tick=now["tick"], **change, forecast=forecast)
+        self._book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
 
 
 def _value_in(controls: tuple[Control, ...], name: str) -> Value | None:

@@ -282,7 +282,7 @@
       this.refusal = make("p", { className: "refusal", id: `${this.id}-refusal`, hidden: true, role: "alert" });
       this.input = this.entry();
       const side = control.side && control.group === "table" ? `${title(control.side)} ` : "";
-      const label = make("label", { htmlFor: this.id, title: control.help }, side, title(control.label));
+      const label = make("label", { htmlFor: this.id, title: control.help }, side, title(control.label || control.name));
       if (control.unit) label.append(" ", make("span", { className: "unit" }, unit(control.unit)));
       this.node = make("div", { className: `control ${control.kind}`, dataset: { control: control.name } }, label, this.input);
       if (setter) this.node.append(this.revert = this.back());
@@ -317,7 +317,7 @@
       else parts.push(this.box);
       if (least !== null && largest !== null) {
         this.slider = make("input", { type: "range", min: least, max: largest, step: step ?? "any", tabIndex: 0 });
-        this.slider.setAttribute("aria-label", `${this.control.label}, slider`);
+        this.slider.setAttribute("aria-label", `${this.control.label || this.control.name}, slider`);
         // A mark at the preset.
         const mark = make("datalist", { id: `${this.id}-preset` }, make("option", { value: this.control.default }));
         this.slider.setAttribute("list", mark.id);
@@ -346,7 +346,7 @@
       const button = make("button", { type: "button", className: "back" }, "↺");
       button.onclick = () => this.change(this.control.default, (answer) => link.send(
         { kind: "do", action: "revert", values: { control: this.control.name } }, answer));
-      button.setAttribute("aria-label", `${this.control.label}: back to the preset`);
+      button.setAttribute("aria-label", `${this.control.label || this.control.name}: back to the preset`);
       return button;
     }
 
@@ -632,7 +632,6 @@
       if (!this.statistics) return;
       const entries = [
         ["Blocks of 10 ms", String(counted.blocks)], ["Late by more than 10 ms", String(counted.late)],
-        ["Mean lateness", `${counted.mean_ms.toFixed(2)} ms`],
         ["Worst", `${counted.worst_ms.toFixed(1)} ms`], ["Time given up", `${counted.lost_s.toFixed(2)} s`],
       ];
       if (this.statistics.childElementCount !== entries.length) {
