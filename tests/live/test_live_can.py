@@ -159,7 +159,6 @@ class Rig:
         )
 
     def __enter__(self):
-        self.link.start()
         return self
 
     def __exit__(self, *exception):

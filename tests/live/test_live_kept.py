@@ -202,7 +202,7 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     with session:
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         wait_for(lambda: session.news.frame["tick"] > changed.tick + MOST_LOST)
-        os.kill(session.news.pid, signal.SIGKILL)
+        os.kill(session.news.process.pid, signal.SIGKILL)
         wait_for(lambda: not session.news.alive)
         last = session.news.frame
         assert last["status"] == session.news.status == "died"
@@ -254,7 +254,7 @@ PARENT = """
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
     session.start()
-    print(session.news.pid, flush=True)
+    print(session.news.process.pid, flush=True)
     serial = 0
     while True:
         serial += 1

@@ -75,7 +75,7 @@ def test_messages_are_read_as_they_were_meant():
         (b"\x81\xa4kind", "expected JSON"),
         ("[]", "expected an object"),
         ('"set"', "expected an object"),
-        ('{"kind": "get", "id": "1"}', "kind: expected set, try or do, got 'get'"),
+        ('{"kind": "get", "id": "1"}', "message: expected an object of kind set, try or do, got"),
         ('{"kind": "set", "id": "", "control": "a", "value": 1}', "id: expected a text of 1 to 64"),
         ('{"kind": "set", "id": 1, "control": "a", "value": 1}', "id: expected a text"),
         ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', "control: expected a text"),
@@ -653,7 +653,7 @@ def finished(tmp_path_factory):
         said["save"] = say(session, kind="do", action="save")
         time.sleep(0.5)
         said["state"] = session.state()
-        said["table"] = session.table
+        said["table"] = session.tuning.settings.table
         said["frame"] = wait_for(lambda: session.news.frame)
         said["stop"] = say(session, kind="do", action="stop")
         wait_for(lambda: session.news.status == "held")
@@ -821,7 +821,7 @@ PARENT = """
 
     session = LiveSession(load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1]), pictures=False)
     session.start()
-    print(session.news.pid, flush=True)
+    print(session.news.process.pid, flush=True)
     time.sleep(60)
 """
 

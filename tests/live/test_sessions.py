@@ -107,7 +107,7 @@ def test_a_session_is_deleted_with_all_that_belongs_to_it_but_not_while_it_is_go
     delete_session(record, 1)
     assert [item["id"] for item in list_sessions(record)] == [2]
     assert [path.name for path in record.iterdir()] == ["2.jsonl"]
-    with pytest.raises(SessionError, match=r"no session 1; the newest are 2"):
+    with pytest.raises(SessionError, match="no session 1; twin-gait sessions list"):
         delete_session(record, 1)
 
 

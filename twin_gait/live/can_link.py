@@ -29,6 +29,7 @@ from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.run import log_table
 
 if TYPE_CHECKING:
     import can
@@ -111,7 +112,7 @@ class CanLink:
         book: EventBook,
         submit: Callable[[Message], None],
     ) -> None:
-        """Open the bus; :meth:`start` begins.
+        """Open the bus, and begin to send and to listen.
 
         ``name``: as in :func:`open_bus`; ``book``: hears what is wrong, and has the answers to what was
         submitted; ``submit``: takes a message as from a page.
@@ -119,7 +120,7 @@ class CanLink:
         self._messages = messages_of(problem.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in asked}  # what a monitor sends
-        self._columns, self._problem = log_layout(problem).names, problem
+        self._layout, self._problem = log_layout(problem), problem
         self._book, self._submit = book, submit
         self._blocks: deque[Mapping[str, Any]] = deque()
         self._due: deque[tuple[float, BusFrame]] = deque()
@@ -132,16 +133,12 @@ class CanLink:
         self._closed = threading.Event()
         self._bus = open_bus(name)
         self._thread = threading.Thread(target=self._run, name="CAN", daemon=True)
-
-    def start(self) -> None:
-        """Begin to send and to listen."""
         self._thread.start()
 
     def close(self) -> None:
         """Stop, and let the bus go."""
         self._closed.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._thread.join()
         self._bus.shutdown()
 
     def take(self, block: Mapping[str, Any]) -> None:
@@ -183,14 +180,11 @@ class CanLink:
 
     def _lay_out(self, block: Mapping[str, Any]) -> None:
         """Give every frame of a block its time."""
-        table = np.frombuffer(base64.b64decode(block["rows"])).reshape(-1, len(self._columns))
-        rows = dict(zip(self._columns, table.T, strict=True))
-        names = np.array(self._problem.table.phase_names)
-        for side in self._problem.sides:
-            rows[f"{side}_phase"] = names[rows[f"{side}_phase"].astype(int)]
+        rows = np.frombuffer(base64.b64decode(block["rows"])).reshape(-1, len(self._layout.names))
+        log = log_table(rows, self._layout, self._problem.table)
         frames = bus_frames(
-            rows, self._messages, first=block["first"], body_weight=self._problem.world.body_weight,
-            tripped=block["tripped"],
+            {name: log[name].to_numpy() for name in log.columns}, self._messages, first=block["first"],
+            body_weight=self._problem.world.body_weight, tripped=block["tripped"],
         )  # fmt: skip
         now = time.monotonic()
         # A block is ready when its time begins, now and then a little later: it goes out one block after it.

@@ -14,23 +14,8 @@ from typing import Any, NamedTuple
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
-from twin_gait.live.protocol import (
-    ActionSpec,
-    Control,
-    DoAction,
-    MessageRefused,
-    Value,
-    checked,
-)
-from twin_gait.live.settings import (
-    HELD_PHASE,
-    Mode,
-    Place,
-    Settings,
-    first_settings,
-    places,
-    resolved_damping,
-)
+from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
+from twin_gait.live.settings import HELD_PHASE, Mode, Place, Settings, first_settings, places
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
@@ -169,7 +154,7 @@ class Panel:
         self.problem: Problem = build_problem(experiment)
         self._stops = build_case(experiment.table, experiment).limits
         self._places = tuple(places(experiment.table, self.problem.sides))
-        monitored = [Place("", joint, side) for side, joint in self.preset.monitor]
+        monitored = [Place("", joint, side, side) for side, joint in self.preset.monitor]
         bindings = list(self._own_bindings())
         for group, there in (("table", self._places), ("monitor", monitored)):
             bindings += [binding for place in there for binding in self._joint_bindings(place, group)]
@@ -188,7 +173,8 @@ class Panel:
 
     def _values(self, settings: Settings) -> dict[str, Value]:
         shown = {name: binding.shown(settings) for name, binding in self._bindings.items()}
-        return shown | self._dampings(build_problem(settings.experiment))
+        problem = build_problem(settings.experiment)
+        return shown | {f"{place.prefix}.damping": place.damping(problem) for place in self._places}
 
     def _own_bindings(self) -> Iterator[Binding]:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
@@ -229,15 +215,6 @@ class Panel:
             read, write = partial(place.read, quantity.field), partial(place.write, quantity.field)
             yield Binding(control, read, write, quantity.scale)
 
-    def _dampings(self, problem: Problem) -> dict[str, float]:
-        """Values of the table's controls of damping, of a leg that each reaches, ratios resolved."""
-        found, differing = {}, self.preset.table.side_phases
-        for place in self._places:
-            common = (side for side in self.problem.sides if place.phase not in differing.get(side, {}))
-            side = place.side or next(common, self.problem.sides[0])
-            found[f"{place.prefix}.damping"] = resolved_damping(problem, side, str(place.phase), place.joint)
-        return found
-
     def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
         """Least and largest value of a quantity of a joint, in the unit of the control.
 
@@ -258,9 +235,8 @@ class Panel:
         stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
         if quantity == "stiffness":
             return 0.0, stiffness
-        dampings = self._dampings(self.problem)
-        has = [dampings[f"{place.prefix}.damping"] for place in self._places if place.joint == joint]
-        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * max(has)))
+        dampings = [place.damping(self.problem) for place in self._places if place.joint == joint]
+        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * max(dampings)))
 
     # ------------------------------------------------------------------ setting
 

@@ -18,7 +18,7 @@ from twin_gait.live.protocol import Event, Message, MessageRefused, Response, Se
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.viewer.live_figure import Trace
 
-MOST_EVENTS = 10_000  # that are kept for pages that come late
+MOST_EVENTS = 1_000  # that are kept for pages that come late
 ANSWER_TIME = 60.0  # [s]; answers come within a block, unless the machine has stopped working
 END_TIME = 30.0  # [s] in which the process closes its journal
 
@@ -66,11 +66,7 @@ class EventBook:
             return [item for item in self._events if item.serial > serial]
 
 
-_ENDINGS = {
-    "held": "the legs are held; start again to walk",
-    "fell": "the wearer fell; start again to walk",
-    "diverged": "the simulation diverged; start again to walk",
-}
+_ENDINGS = ("held", "fell", "diverged")
 
 
 class WalkNews:
@@ -86,7 +82,7 @@ class WalkNews:
         self.on_rows: Callable[[Mapping[str, Any]], None] = lambda block: None
         self._book, self._on_compile = book, on_compile
         self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
-        self._process: subprocess.Popen[str] | None = None
+        self.process: subprocess.Popen[str] | None = None  # None before the start
         self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
         self._pending: dict[int, Future[Answer]] = {}
         self._serial = 0
@@ -96,16 +92,11 @@ class WalkNews:
         """Start the process."""
         # -P: what lies in the present folder is not ours to import.
         command = [sys.executable, "-P", "-m", "twin_gait.live.process"]
-        self._process = subprocess.Popen(
+        self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
         self._send(setup)
         self._thread.start()
-
-    @property
-    def pid(self) -> int | None:
-        """Number of the process, or None before the start."""
-        return None if self._process is None else self._process.pid
 
     @property
     def alive(self) -> bool:
@@ -114,17 +105,17 @@ class WalkNews:
 
     def close(self) -> None:
         """End the process and wait until it is gone."""
-        if self._process is None:
+        if self.process is None:
             return
-        assert self._process.stdin is not None and self._process.stdout is not None  # start() opened them
+        assert self.process.stdin is not None and self.process.stdout is not None  # start() opened them
         with self._lock, contextlib.suppress(OSError):
-            self._process.stdin.close()
+            self.process.stdin.close()
         try:
-            self._process.wait(END_TIME)
+            self.process.wait(END_TIME)
         except subprocess.TimeoutExpired:
-            self._process.kill()
+            self.process.kill()
         self._thread.join()
-        self._process.stdout.close()
+        self.process.stdout.close()
 
     # ------------------------------------------------------------------ commands
 
@@ -133,7 +124,7 @@ class WalkNews:
 
         Raises ParameterError if the process is gone, or has not been started.
         """
-        if self._process is None:
+        if self.process is None:
             raise ParameterError("the walk has not begun yet")
         with self._lock:
             self._serial += 1
@@ -163,17 +154,17 @@ class WalkNews:
         return answer
 
     def _send(self, data: Mapping[str, Any]) -> None:
-        assert self._process is not None and self._process.stdin is not None  # start() opened them
-        self._process.stdin.write(dump(data) + "\n")
-        self._process.stdin.flush()
+        assert self.process is not None and self.process.stdin is not None  # start() opened them
+        self.process.stdin.write(dump(data) + "\n")
+        self.process.stdin.flush()
 
     # ------------------------------------------------------------------ what it says
 
     def _read(self) -> None:
-        assert self._process is not None and self._process.stdout is not None  # start() opened them
-        for line in self._process.stdout:
+        assert self.process is not None and self.process.stdout is not None  # start() opened them
+        for line in self.process.stdout:
             self._hear(json.loads(line))
-        self._note_end(self._process.wait())
+        self._note_end(self.process.wait())
         for coming in list(self._pending.values()):
             coming.set_exception(ParameterError("the walk has ended"))
         self._pending.clear()
@@ -204,8 +195,8 @@ class WalkNews:
         before, self.frame = self.status, frame
         self._book.tick, self.status = frame["tick"], frame["status"]
         if self.status != before and self.status in _ENDINGS and before not in ("starting", "ended"):
-            told = [*(event["text"] for event in frame["events"]), _ENDINGS[self.status]]
-            self._book.emit("note", "; ".join(told))
+            told = [event["text"] for event in frame["events"]]
+            self._book.emit("note", "; ".join([*told, f"{self.status}: start again to walk"]))
 
     def _note_end(self, status: int) -> None:
         """Take the exit status of the process, which is gone; negative: killed by that signal."""

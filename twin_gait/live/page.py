@@ -23,7 +23,6 @@ from twin_gait.viewer.page import About, live_page
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
-EVENTS_SHOWN = 400  # to a page that comes late
 Message = Mapping[str, Any]
 # What a panel reads out of a frame; the scene has the rest.
 _READ_OUT = ("kind", "tick", "time_s", "status", "events", "deadlines")
@@ -146,9 +145,8 @@ class LivePage(SceneServer):
         """Session, state, events and numbers for a panel that has just been opened."""
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         yield self._session.state().to_dict()
-        for event in self._session.book.after(0)[-EVENTS_SHOWN:]:
-            if event.serial <= self._serial:
-                yield event.to_dict()
+        for event in self._session.book.after(0):
+            yield event.to_dict()
         if self._short:
             yield self._short
 

@@ -18,7 +18,6 @@ from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
-from twin_gait.gait.table import GaitTable
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import Actions
 from twin_gait.live.journal import complete, summary_of
@@ -44,6 +43,7 @@ class LiveSession:
         user: Whose session it is.
         book: Events of the session.
         news: The process of the walk, and what is known of its walks.
+        tuning: The settings.
         folders: Run folders that have been written, at the end.
         summary: Of the last walk, at the end; empty if it could not be written.
         failure: Why a run folder could not be written; empty if it could.
@@ -78,8 +78,8 @@ class LiveSession:
         self._link: CanLink | None = None
         self.book = EventBook()
         self.news = WalkNews(self.book, on_compile=on_compile)
-        self._tuning = Tuning(loaded, self.news, self.book)
-        self._actions = Actions(self._tuning.problem)
+        self.tuning = Tuning(loaded, self.news, self.book)
+        self._actions = Actions(self.tuning.problem)
         self._worker, self._closed = ThreadPoolExecutor(1, "live worker"), False
 
     # ------------------------------------------------------------------ beginning and end
@@ -103,32 +103,29 @@ class LiveSession:
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self._force)
-        if self._can is not None:
-            self._link = CanLink(self._can, self._tuning.problem, book=self.book, submit=self.submit)
-            self.news.on_rows = self._link.take
-        try:
-            self._begin()
-        except BaseException:
-            self._close_processes()
-            raise
-        if self._link is not None:
-            self._link.start()
-        self.news.ask({"command": "walk"})
-
-    def _begin(self) -> None:
-        """Start the process; while it gets ready, check what the session begins with."""
         document = self._loaded.document
         setup = {"document": document, "folder": str(self.folder), "force": self._force, "can": self._can}
+        with contextlib.ExitStack() as undo:
+            undo.callback(self._close_processes)
+            self._begin(setup)
+            undo.pop_all()
+        self.news.ask({"command": "walk"})
+
+    def _begin(self, setup: Mapping[str, Any]) -> None:
+        """Start the process; while it gets ready, check what the session begins with."""
+        if self._can is not None:
+            self._link = CanLink(self._can, self.tuning.problem, book=self.book, submit=self.submit)
+            self.news.on_rows = self._link.take
         self.news.start(setup)
-        self._tuning.check_first()
+        self.tuning.check_first()
         self.news.ready.wait()
         if self.news.failure:
             raise ParameterError(self.news.failure)
-        self._worker.submit(lambda: self._tuning.ahead)  # before the first forecast is asked for
+        self._worker.submit(lambda: self.tuning.ahead)  # before the first forecast is asked for
         if self._records is not None:
             name = self._loaded.experiment.name
             self.book.recorder = SessionRecorder(
-                self._records, user=self.user, experiment=name, document=document, folder=self.folder
+                self._records, user=self.user, experiment=name, document=setup["document"], folder=self.folder
             )
 
     def _close_processes(self) -> None:
@@ -169,17 +166,12 @@ class LiveSession:
 
     def state(self) -> State:
         """The panel with its present values."""
-        problem = self._tuning.problem
+        problem = self.tuning.problem
         return State(
             experiment=self._loaded.experiment.name, phases=problem.table.phase_names,
-            joints=tuple(problem.table.joints), sides=tuple(str(side) for side in problem.sides),
-            controls=self._tuning.controls, actions=self._actions.specs,
+            joints=tuple(problem.table.joints),
+            controls=self.tuning.controls, actions=self._actions.specs,
         )  # fmt: skip
-
-    @property
-    def table(self) -> GaitTable:
-        """The gait table as it is now, before scaling."""
-        return self._tuning.settings.table
 
     # ------------------------------------------------------------------ working them off
 
@@ -192,9 +184,9 @@ class LiveSession:
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, SetControl):
-            self._tuning.set(message)
+            self.tuning.set(message)
         elif message.action == "revert":
-            self._tuning.revert(message, str(self._actions.values_of(message)["control"]))
+            self.tuning.revert(message, str(self._actions.values_of(message)["control"]))
         else:
             self._save(message)
 
@@ -224,10 +216,10 @@ class LiveSession:
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
-        document = table_document(self.table)
+        table = self.tuning.settings.table
         # Tables of an earlier session with this --out stay.
         name = f"{self.folder.name}-table-"
         names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
-        path = write_new(names, dump_yaml({**document, "name": f"{self.table.name}_live"}))
+        path = write_new(names, dump_yaml({**table_document(table), "name": f"{table.name}_live"}))
         text = f"saved {path}; run it with: twin-gait simulate EXPERIMENT --set table={path}"
         self.book.answer(message, "applied", text, value=str(path))

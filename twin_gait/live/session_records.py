@@ -19,6 +19,7 @@ from typing import Any
 
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.live.protocol import Event
+from twin_gait.runs.folders import hold
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
@@ -148,11 +149,8 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
     ``versions`` of the table there were; ``document`` of the experiment, ``summary``, ``tables`` and ``log``:
     every event in order. Raises SessionError if there is no such session.
     """
-    known = _known(folder)
-    if session not in known:
-        newest = ", ".join(str(number) for number in reversed(known[-10:]))
-        there = f"the newest are {newest}" if known else "it is empty"
-        raise SessionError(f"{folder}: no session {session}; {there}")
+    if session not in _known(folder):
+        raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all")
     return _read(folder, session)
 
 
@@ -198,21 +196,13 @@ def _line(entry: Mapping[str, Any]) -> str:
     return json.dumps(entry, ensure_ascii=False) + "\n"
 
 
-def _is_held(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    return False
-
-
 def _read(folder: Path, session: int) -> dict[str, Any]:
     """All that :func:`read_session` gives."""
     path = _file(folder, session)
     try:
-        with path.open("rb") as file:
-            held = _is_held(file.fileno())
-            text = file.read().decode(errors="replace")
+        if (held := hold(path)) is not None:
+            os.close(held)
+        text = path.read_bytes().decode(errors="replace")
     except OSError as error:
         raise _unusable(path, error) from error
     try:
@@ -226,7 +216,7 @@ def _read(folder: Path, session: int) -> dict[str, Any]:
             "id": session,
             **{key: first[key] for key in empty},
             "ended": end.get("ended"),
-            "status": end.get("status") or (GOING_ON if held else KILLED),
+            "status": end.get("status") or (GOING_ON if held is None else KILLED),
             "tick": end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),
             "folders": end.get("folders", first["folders"]),
             "changes": responses.count("applied"),

@@ -133,13 +133,6 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     }
 
 
-def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> float:
-    """Damping b of a joint in a phase in [N m s] / [rad], its ratio resolved."""
-    column = COLUMNS_PER_JOINT * problem.table.joints.index(joint) + DAMPING
-    row = problem.phase_rows[problem.sides.index(side), problem.table.phase_index(phase)]
-    return float(row[column])
-
-
 @dataclass(frozen=True)
 class Place:
     """Where a control of a joint reaches: into the table, or to what the monitor sets."""
@@ -147,6 +140,7 @@ class Place:
     phase: str  # of gait; empty for the monitor
     joint: str  # of the leg
     side: Side | None  # of the phases that differ on this side; None for those that both sides share
+    leg: Side  # that it reaches
 
     @property
     def prefix(self) -> str:
@@ -162,6 +156,12 @@ class Place:
         if not self.phase:
             return settings.monitor[self.side, self.joint]  # type: ignore[index]
         return self._phases(settings.table)[self.phase].joints[self.joint]
+
+    def damping(self, problem: Problem) -> float:
+        """Damping b in the table in [N m s] / [rad], its ratio resolved."""
+        column = COLUMNS_PER_JOINT * problem.table.joints.index(self.joint) + DAMPING
+        rows = problem.phase_rows[problem.sides.index(self.leg)]
+        return float(rows[problem.table.phase_index(self.phase), column])
 
     def read(self, name: str, settings: Settings) -> Any:
         """A field of it."""
@@ -192,6 +192,7 @@ def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:
     """
     for phase in table.phases:
         own = [side for side in sides if phase in table.side_phases.get(side, {})]
-        for side in (*([None] if len(own) < len(sides) else []), *own):
+        common = [side for side in sides if side not in own]
+        for side, leg in (*((None, leg) for leg in common[:1]), *((side, side) for side in own)):
             for joint in table.joints:
-                yield Place(phase, joint, side)
+                yield Place(phase, joint, side, leg)

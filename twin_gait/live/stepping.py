@@ -312,10 +312,9 @@ class SteppedRun:
 
     def release(self) -> None:
         """Let one leg leave the held phase, now or as soon as an exit opens."""
-        if self.held_phase is not None:
-            minimum = self.problem.program.minimum_ticks[self.held_phase]
-            self._episode["controller"]["program"]["minimum_ticks"][self.held_phase] = minimum
-            self._released_at = int(self._episode["recording"]["n_switches"])
+        minimum = self._episode["controller"]["program"]["minimum_ticks"]
+        minimum[:] = self.problem.program.minimum_ticks
+        self._released_at = int(self._episode["recording"]["n_switches"])
 
     def _hold_again(self) -> None:
         """After the step that was let go the next one waits again."""
