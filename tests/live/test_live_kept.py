@@ -306,6 +306,12 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
     assert list(finishing.recover(database)) == []
 
 
+def test_a_session_that_was_killed_before_its_first_line_is_closed(tmp_path):
+    (tmp_path / "1.jsonl").touch()
+    assert list(finishing.recover(tmp_path)) == ["session 1: its processes were killed; no run is left of it"]
+    assert [item["ended"] is None for item in list_sessions(tmp_path)] == [False]
+
+
 def test_a_walk_out_of_the_record_is_completed_by_name(loaded, problem, tmp_path, capsys):
     _, journals = written(loaded, problem, tmp_path / "run")
     assert main(["sessions", "complete", str(tmp_path / "run")]) == 0

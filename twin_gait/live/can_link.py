@@ -29,7 +29,6 @@ from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.run import log_table
 
 if TYPE_CHECKING:
     import can
@@ -120,7 +119,7 @@ class CanLink:
         self._messages = messages_of(problem.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in asked}  # what a monitor sends
-        self._layout, self._problem = log_layout(problem), problem
+        self._columns, self._problem = log_layout(problem).names, problem
         self._book, self._submit = book, submit
         self._blocks: deque[Mapping[str, Any]] = deque()
         self._due: deque[tuple[float, BusFrame]] = deque()
@@ -167,6 +166,7 @@ class CanLink:
             if message is not None:
                 self._hear(message)
         except (can.CanError, OSError) as error:
+            self._due.clear()  # set points that wait for the bus would come too late
             self._note(f"the CAN bus fails, frames are lost: {one_line(error)}")
             self._closed.wait(PERIOD)
 
@@ -180,12 +180,13 @@ class CanLink:
 
     def _lay_out(self, block: Mapping[str, Any]) -> None:
         """Give every frame of a block its time."""
-        rows = np.frombuffer(base64.b64decode(block["rows"])).reshape(-1, len(self._layout.names))
-        log = log_table(rows, self._layout, self._problem.table)
-        frames = bus_frames(
-            {name: log[name].to_numpy() for name in log.columns}, self._messages, first=block["first"],
-            body_weight=self._problem.world.body_weight, tripped=block["tripped"],
-        )  # fmt: skip
+        table = np.frombuffer(base64.b64decode(block["rows"])).reshape(-1, len(self._columns))
+        rows = dict(zip(self._columns, table.T, strict=True))
+        names = np.array(self._problem.table.phase_names)
+        for side in self._problem.sides:
+            rows[f"{side}_phase"] = names[rows[f"{side}_phase"].astype(int)]
+        weight, tripped = self._problem.world.body_weight, block["tripped"]
+        frames = bus_frames(rows, self._messages, first=block["first"], body_weight=weight, tripped=tripped)
         now = time.monotonic()
         # A block is ready when its time begins, now and then a little later: it goes out one block after it.
         if frames and abs(self._start + frames[0].time - now - PERIOD) > FARTHEST:
@@ -200,11 +201,7 @@ class CanLink:
             message = can.Message(
                 arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, is_rx=False
             )
-            try:
-                self._bus.send(message, SEND_TIME)
-            except (can.CanError, OSError):
-                self._due.clear()  # set points that wait for the bus would come too late
-                raise
+            self._bus.send(message, SEND_TIME)
 
     # ------------------------------------------------------------------ listening
 

@@ -15,7 +15,7 @@ from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
-from twin_gait.live.settings import HELD_PHASE, Mode, Place, Settings, first_settings, places
+from twin_gait.live.settings import HELD_PHASE, MODES, Place, Settings, first_settings, places
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
@@ -182,10 +182,10 @@ class Panel:
         yield Binding(
             Control(
                 name="mode", label="what drives the joints", group="monitor", kind="choice",
-                choices=tuple(map(str, Mode)), help=_DRIVES,
+                choices=MODES, help=_DRIVES,
             ),
-            lambda settings: str(settings.mode),
-            lambda settings, value: replace(settings, mode=Mode(value)),
+            lambda settings: settings.mode,
+            lambda settings, value: replace(settings, mode=value),
         )  # fmt: skip
         if HELD_PHASE in experiment.table.phases and experiment.modes is None:
             yield Binding(

@@ -271,10 +271,10 @@ def recover(records: Path) -> Iterator[str]:
 
 
 def _recover(records: Path, entry: Mapping[str, Any]) -> str:
-    there = [Path(folder) for folder in entry["folders"]]
-    if journal_of(there[0]).exists():
-        there = complete(journal_of(there[0]))
-    there = [folder for folder in there if (folder / SUMMARY_FILE).is_file()]
+    folders = list(map(Path, entry["folders"]))
+    if folders and journal_of(folders[0]).exists():
+        folders = complete(journal_of(folders[0]))
+    there = [folder for folder in folders if (folder / SUMMARY_FILE).is_file()]
     summary = summary_of(there[-1]) if there else {}
     tick = round(summary.get("duration_s", entry["tick"] * TICK) / TICK)
     kept = f"the walk is kept up to {tick * TICK:.3f} s, in {there[-1]}" if there else "no run is left of it"

@@ -24,8 +24,6 @@ from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
 Message = Mapping[str, Any]
-# What a panel reads out of a frame; the scene has the rest.
-_READ_OUT = ("kind", "tick", "time_s", "status", "events", "deadlines")
 
 
 class StopHandler(Guarded):
@@ -44,15 +42,13 @@ class Panel(GuardedSocket):
     def open(self) -> None:
         """Send what the panel has to know."""
         super().open()
-        self._count = 0
         for message in self.server.greeting():
             self.tell(message)
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
         """Tell this panel something as soon as it listens; ``key`` as in :meth:`LivePage.tell`."""
-        self._count += 1
         text = json.dumps(message, allow_nan=False)
-        self.outbox.post([(self._count if key is None else ("last", key), text)])
+        self.outbox.post([(object() if key is None else key, text)])
 
     def on_message(self, message: str | bytes) -> None:
         """Hand on what the page says."""
@@ -115,7 +111,8 @@ class LivePage(SceneServer):
             self.show(self.figure.window.changes())
         phases = {side: None if log.get("safety_state") else log.get(f"{side}_phase") for side in self._sides}
         mode = self._modes[int(log["mode"])] if self._modes and "mode" in log else None
-        self._short = {**{key: frame[key] for key in _READ_OUT}, "phases": phases, "mode": mode}
+        read_out = {key: value for key, value in frame.items() if key != "log"}  # the scene has that
+        self._short = {**read_out, "phases": phases, "mode": mode}
         self.tell(self._short, key="frame")
 
     # ------------------------------------------------------------------ what the server asks
@@ -145,8 +142,7 @@ class LivePage(SceneServer):
         """Session, state, events and numbers for a panel that has just been opened."""
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         yield self._session.state().to_dict()
-        for event in self._session.book.after(0):
-            yield event.to_dict()
+        yield from (event.to_dict() for event in self._session.book.after(0))
         if self._short:
             yield self._short
 

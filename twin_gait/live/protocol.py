@@ -11,13 +11,12 @@ ever read from the network. Everything that goes to a page is a mapping with a `
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from twin_gait.configuration.validation import Strict, short, validate
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
@@ -26,7 +25,6 @@ from twin_gait.files import plain
 LARGEST_MESSAGE = 4096  # characters; the longest sensible message has some 300
 LONGEST_NAME = 64  # characters of an id, a user, a control
 LONGEST_TEXT = 200  # characters of any other text
-MOST_VALUES = 8  # values of an action
 
 
 class MessageRefused(TwinGaitError, ValueError):
@@ -56,10 +54,8 @@ def _text(value: Any, longest: int = LONGEST_NAME, least: int = 0) -> str:
 def _value(value: Any) -> Any:
     if isinstance(value, str):
         return _text(value, LONGEST_TEXT)
-    if isinstance(value, bool):
-        return value
-    if isinstance(value, int | float) and abs(value) < 1e300 and math.isfinite(value):
-        return float(value)
+    if isinstance(value, int | float) and abs(value) < 1e300:
+        return value if isinstance(value, bool) else float(value)
     raise ValueError(f"expected a number, a short text or true or false, got {short(value)}")
 
 
@@ -86,7 +82,7 @@ class DoAction(Strict):
     user: User = ""  # who
     action: Action  # what to do
     # of the fields of the action; those left out take their defaults
-    values: Mapping[str, Said] = Field(default={}, max_length=MOST_VALUES)
+    values: Mapping[str, Said] = {}
 
 
 Message = SetControl | DoAction

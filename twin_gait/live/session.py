@@ -79,8 +79,8 @@ class LiveSession:
         self.book = EventBook()
         self.news = WalkNews(self.book, on_compile=on_compile)
         self.tuning = Tuning(loaded, self.news, self.book)
-        self._actions = Actions(self.tuning.problem)
-        self._worker, self._closed = ThreadPoolExecutor(1, "live worker"), False
+        self._actions = Actions(self.tuning.panel.problem)
+        self._worker = ThreadPoolExecutor(1, "live worker")
 
     # ------------------------------------------------------------------ beginning and end
 
@@ -114,7 +114,7 @@ class LiveSession:
     def _begin(self, setup: Mapping[str, Any]) -> None:
         """Start the process; while it gets ready, check what the session begins with."""
         if self._can is not None:
-            self._link = CanLink(self._can, self.tuning.problem, book=self.book, submit=self.submit)
+            self._link = CanLink(self._can, self.tuning.panel.problem, book=self.book, submit=self.submit)
             self.news.on_rows = self._link.take
         self.news.start(setup)
         self.tuning.check_first()
@@ -136,13 +136,9 @@ class LiveSession:
 
     def close(self) -> None:
         """End the walk, write the run folders, and close the record."""
-        if self._closed:
-            return
-        self._closed = True
         self._close_processes()
         try:
-            if journal_of(self.folder).exists():
-                journal = journal_of(self.folder)
+            if (journal := journal_of(self.folder)).exists():
                 self.folders = complete(journal, pictures=self._pictures, on_step=self._on_step)
         except RunDirectoryError as error:
             self.failure = one_line(error)
@@ -152,6 +148,7 @@ class LiveSession:
             self.book.emit("note", f"the run is in {folder}")
         if self.book.recorder is not None:
             self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.folders)
+            self.book.recorder = None
 
     # ------------------------------------------------------------------ what pages ask for
 
@@ -166,7 +163,7 @@ class LiveSession:
 
     def state(self) -> State:
         """The panel with its present values."""
-        problem = self.tuning.problem
+        problem = self.tuning.panel.problem
         return State(
             experiment=self._loaded.experiment.name, phases=problem.table.phase_names,
             joints=tuple(problem.table.joints),

@@ -208,7 +208,7 @@ def _read(folder: Path, session: int) -> dict[str, Any]:
     try:
         entries = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
         empty = {"user": "", "experiment": "", "document": {}, "began": _now(), "folders": []}
-        first: dict[str, Any] = entries[0] if entries else empty
+        first: dict[str, Any] = empty if not entries or "event" in entries[0] else entries[0]
         of = {kind: [item[kind] for item in entries if kind in item] for kind in ("event", "table", "end")}
         log, tables, end = of["event"], of["table"], (of["end"] or [{}])[0]
         responses = [item["response"] for item in log]

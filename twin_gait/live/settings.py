@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from enum import StrEnum
 from typing import Any
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.live.protocol import Value
+from twin_gait.network.messages import CODES
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
@@ -18,13 +18,8 @@ from twin_gait.vocabulary import GaitPhase, JointName, Side
 HELD_PHASE = GaitPhase.LATE_STANCE
 
 
-class Mode(StrEnum):
-    """What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4)."""
-
-    WALK = "walk"
-    FRICTION = "friction_control"
-    TORQUE = "torque_control"
-    IMPEDANCE = "impedance_control"
+# What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4).
+MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 
 
 @dataclass(frozen=True)
@@ -37,9 +32,9 @@ class MonitorJoint:
     friction_compensation_gain: float  # g
     target_torque: float = field(default=0.0, kw_only=True)  # in [N m]
 
-    def impedance(self, mode: Mode) -> JointImpedance:
+    def impedance(self, mode: str) -> JointImpedance:
         """The impedance that a mode asks for; friction and torque control have no spring and no damper."""
-        springs = mode is Mode.IMPEDANCE
+        springs = mode == IMPEDANCE
         return JointImpedance(
             stiffness=self.stiffness if springs else 0.0,
             damping=self.damping if springs else 0.0,
@@ -58,7 +53,7 @@ class Settings:
 
     experiment: Experiment  # with the gait table, belt speed and support as they are now
     monitor: MonitoredJoints  # what the monitor sets, for every actuated joint
-    mode: Mode = Mode.WALK  # what drives the joints
+    mode: str = WALK  # what drives the joints, of ``MODES``
     manual: bool = False  # whether every step waits for a hand
     # values of the controls that have been set, by name, in their units; what none has set is the preset's
     changes: Mapping[str, Value] = field(default_factory=dict)
@@ -68,25 +63,21 @@ class Settings:
         """The gait table, before scaling."""
         return self.experiment.table
 
-    def with_table(self, table: GaitTable) -> Settings:
-        """The same with another table."""
-        return replace(self, experiment=replace(self.experiment, table=table))
-
     @property
     def driving(self) -> Experiment:
         """The experiment with the impedances that the mode puts in force."""
-        if self.mode is Mode.WALK:
+        if self.mode == WALK:
             return self.experiment
         return replace(self.experiment, table=monitored_table(self.table, self.monitor, self.mode))
 
     def target_torque(self, side: Side, joint: JointName) -> float:
         """Target torque of a joint in [N m]: the experiment's, or in torque control the monitor's."""
-        if self.mode is Mode.TORQUE:
+        if self.mode == TORQUE:
             return self.monitor[side, joint].target_torque
-        return self.experiment.control.target_torque.get(joint, 0.0) if self.mode is Mode.WALK else 0.0
+        return self.experiment.control.target_torque.get(joint, 0.0) if self.mode == WALK else 0.0
 
 
-def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
+def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: str) -> GaitTable:
     """A table whose phases all have what the monitor sets."""
     sides = tuple(dict.fromkeys(side for side, _ in monitor))
     everywhere = {}
@@ -116,7 +107,7 @@ def first_settings(experiment: Experiment) -> Settings:
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
     """Lay settings out as the loop takes them: numbers, table scaled and damping ratios resolved."""
-    walk, walking = build_problem(settings.experiment), settings.mode is Mode.WALK
+    walk, walking = build_problem(settings.experiment), settings.mode == WALK
     driven = walk if walking else build_problem(settings.driving)
     world, pelvis = walk.world, walk.world.model.pelvis_index
     return {
@@ -180,8 +171,10 @@ class Place:
         phase = phases[self.phase]
         changed = {**phases, self.phase: replace(phase, joints={**phase.joints, self.joint: joint})}
         if self.side is None:
-            return settings.with_table(replace(table, phases=changed))
-        return settings.with_table(replace(table, side_phases={**table.side_phases, self.side: changed}))
+            table = replace(table, phases=changed)
+        else:
+            table = replace(table, side_phases={**table.side_phases, self.side: changed})
+        return replace(settings, experiment=replace(settings.experiment, table=table))
 
 
 def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:

@@ -42,7 +42,6 @@ class Asking(NamedTuple):
     """A request that is made of the supervisor."""
 
     tick: int  # in which it is heard
-    request: str  # what is asked for
     entry_tick: int  # of the mode in which the device was when it was made
 
 
@@ -273,7 +272,7 @@ class SteppedRun:
         while tick in asked["tick"]:
             tick += 1
         asked[free[0]] = tick, 1 + modes.requests.index(name)
-        return Asking(tick, name, int(supervisor["entry_tick"]))
+        return Asking(tick, int(supervisor["entry_tick"]))
 
     def answer(self, asking: Asking) -> Answer:
         """What became of a request whose tick has been run, and whose row has not been forgotten."""

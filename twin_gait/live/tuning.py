@@ -14,9 +14,8 @@ from twin_gait.live.controls import EVERYTHING, Panel
 from twin_gait.live.forecast import foresee
 from twin_gait.live.news import EventBook, WalkNews
 from twin_gait.live.protocol import Control, DoAction, Message, MessageRefused, SetControl, Value
-from twin_gait.live.settings import Mode, Settings, loop_numbers
+from twin_gait.live.settings import WALK, Settings, loop_numbers
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.simulation.problem import Problem
 
 # Rules that k, b, θ0 and G can break; an error of one of them refuses a change. The phases of the monitor's
 # controls are all alike: there is nothing to leave, and no switch to jump at.
@@ -28,7 +27,7 @@ Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transitio
 def errors_of(settings: Settings) -> dict[Place, str]:
     """Errors of the check that make settings unsafe: what tells each from others, and a sentence."""
     case = build_case(settings.driving.table, settings.driving)
-    rules = GATE if settings.mode is Mode.WALK else GATE[:1]
+    rules = GATE if settings.mode == WALK else GATE[:1]
     found = [item for rule in rules for item in rule(case) if item.severity is Severity.ERROR]
     return {(item.rule, item.phase, item.transition, item.side): _described(item) for item in found}
 
@@ -42,6 +41,7 @@ class Tuning:
     """The settings of a session; all changes come from one thread.
 
     Attributes:
+        panel: The controls that there are.
         settings: In force.
         controls: Of the panel with the present values.
     """
@@ -49,15 +49,10 @@ class Tuning:
     def __init__(self, loaded: LoadedExperiment, loop: WalkNews, book: EventBook) -> None:
         """Begin with the settings of an experiment."""
         self._loop, self._book = loop, book
-        self._panel = Panel(loaded.experiment)
-        self.settings = self._panel.preset
-        self.controls = self._panel.controls(self.settings)
+        self.panel = Panel(loaded.experiment)
+        self.settings = self.panel.preset
+        self.controls = self.panel.controls(self.settings)
         self._known: Mapping[Place, str] = {}  # errors that are there, and so not the fault of a change
-
-    @property
-    def problem(self) -> Problem:
-        """The experiment as the session began."""
-        return self._panel.problem
 
     def check_first(self) -> None:
         """Check what the session begins with."""
@@ -73,7 +68,7 @@ class Tuning:
         Raises MessageRefused if there is no such control, or the value is out of range or against the rules.
         """
         before = _value_in(self.controls, message.control)
-        settings = self._panel.set(self.settings, message.control, message.value)
+        settings = self.panel.set(self.settings, message.control, message.value)
         done = self._foresee if message.kind == "try" else self._change
         done(settings, message, {"subject": message.control, "before": before, "value": message.value})
 
@@ -82,8 +77,8 @@ class Tuning:
 
         Raises MessageRefused if there is no such control, or the rules forbid it.
         """
-        settings = self._panel.revert(self.settings, name)
-        value = _value_in(self._panel.controls(settings), name)
+        settings = self.panel.revert(self.settings, name)
+        value = _value_in(self.panel.controls(settings), name)
         before = _value_in(self.controls, name)
         self._change(settings, message, {"subject": name, "before": before, "value": value})
 
@@ -94,7 +89,7 @@ class Tuning:
         answer = self._loop.ask({"command": "settings", "numbers": loop_numbers(settings), "note": note})
         new_table = settings.table != self.settings.table
         self.settings, self._known = settings, known
-        self.controls = self._panel.controls(settings)
+        self.controls = self.panel.controls(settings)
         self._book.answer(message, "applied", text, tick=answer["tick"], **change)
         if new_table and self._book.recorder is not None:
             self._book.recorder.table(table_document(settings.table), answer["tick"])
@@ -114,7 +109,7 @@ class Tuning:
     @cached_property
     def ahead(self) -> SteppedRun:
         """The run that looks ahead; the first time takes a second."""
-        return SteppedRun(self.problem)
+        return SteppedRun(self.panel.problem)
 
     def _foresee(self, settings: Settings, message: Message, change: Mapping[str, Any]) -> None:
         """Forecast new settings; the walk goes on as it does."""
