@@ -9,7 +9,9 @@ from twin_gait.live.session_records import SessionRecorder
 
 
 def main() -> None:
-    recorder = SessionRecorder(Path(sys.argv[1]), user="Ann", experiment="fake", document={"duration_s": 1})
+    recorder = SessionRecorder(
+        Path(sys.argv[1]), user="Ann", experiment="fake", document={"duration_s": 1}, folder=Path("run")
+    )
     print("session", recorder.session, flush=True)
     began, serial = time.monotonic(), 0
     while True:

@@ -192,7 +192,9 @@ def test_identify_answers_with_its_document(tmp_path, capsys):
 
 def test_sessions_are_a_list(tmp_path, capsys):
     records = tmp_path / "sessions"
-    recorder = SessionRecorder(records, user="Ann", experiment="treadmill", document={"duration_s": 600})
+    recorder = SessionRecorder(
+        records, user="Ann", experiment="treadmill", document={"duration_s": 600}, folder=Path("run")
+    )
     recorder.close("completed", 600000, {}, [])
     (entry,) = answered(capsys, "sessions", "--records", records, "list")
     assert (entry["user"], entry["experiment"], entry["status"]) == ("Ann", "treadmill", "completed")

@@ -616,7 +616,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.type("swing_extension.knee.equilibrium", page.value("swing_extension.knee.equilibrium") + 0.5)
     page.settle()
     page.page.click("#panel-body [data-action=save]")
-    until(lambda: page.page.locator("#panel-saved").inner_text() != "", "the name of the saved table")
+    until(lambda: page.page.locator(".deed .done").count() > 0, "the name of the saved table")
     until(lambda: page.clock() > changed + MEAN_OVER + 1.0, "some strides after the change", 60.0)
     # The page does nothing for a while, as one that is slow; afterwards it has what it missed.
     page.page.evaluate("() => { const end = performance.now() + 2000; while (performance.now() < end); }")

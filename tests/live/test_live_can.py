@@ -21,10 +21,10 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import run_frames
 from twin_gait.files import shipped_file
 from twin_gait.live import can_link
-from twin_gait.live.can_link import CanLink, change_of, commands_of, leaves_machine, open_bus
+from twin_gait.live.can_link import CanLink, commands_of, leaves_machine, open_bus
 from twin_gait.live.controls import Panel
 from twin_gait.live.news import EventBook
-from twin_gait.live.protocol import MessageRefused, Response
+from twin_gait.live.protocol import MessageRefused
 from twin_gait.live.realtime import PERIOD
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
@@ -59,7 +59,7 @@ def controls_of(panel):
 def test_a_command_sets_the_controls_of_its_joint_in_their_units():
     frame = frame_of(control="torque_control")
     commands = commands_of(MESSAGES["right_knee_command"], bytes(frame.data))
-    values = {name.rpartition(".")[2]: command.value for name, command in commands.items()}
+    values = {name.rpartition(".")[2]: value for name, value in commands.items()}
     assert all(name == "mode" or name.startswith("monitor.right.knee.") for name in commands)
     assert values == pytest.approx(
         {"stiffness": 100.0 * DEGREE, "damping": 12.5, "equilibrium": 0.5 / DEGREE, "gain": 0.3,
@@ -83,24 +83,6 @@ def test_a_signal_without_a_number_asks_for_nothing():
 def test_a_frame_of_another_length_is_refused():
     with pytest.raises(MessageRefused, match="right_knee_command: expected 8 bytes, got 3"):
         commands_of(MESSAGES["right_knee_command"], b"\0\0\0")
-
-
-def test_what_a_control_has_to_half_a_step_is_no_change_and_an_end_of_its_range_can_be_reached(panel):
-    known = controls_of(panel)
-    for name, value in (("equilibrium", known["monitor.right.knee.equilibrium"].largest), ("torque", 60.0)):
-        control = known[f"monitor.right.knee.{name}"]
-        scale = DEGREE if name == "equilibrium" else 1.0
-        command = commands_of(MESSAGES["right_knee_command"], bytes(frame_of(**{name: value * scale}).data))
-        assert change_of(command[control.name], control) == control.largest
-    stiffness = known["monitor.right.knee.stiffness"]
-    here = stiffness.value / DEGREE
-    for offset, changes in ((0.06, False), (-0.06, False), (0.3, True)):
-        data = bytes(frame_of(stiffness=round((here + offset) / 0.125) * 0.125).data)
-        command = commands_of(MESSAGES["right_knee_command"], data)[stiffness.name]
-        assert (change_of(command, stiffness) is not None) == (
-            changes or abs(command.value - stiffness.value) > command.tolerance
-        )
-    assert change_of(commands_of(MESSAGES["right_knee_command"], bytes(8))["mode"], known["mode"]) is None
 
 
 # ------------------------------------------------------------------------------- the bus
@@ -174,11 +156,9 @@ class Rig:
             panel.problem,
             book=self.book,
             submit=self.asked.append,
-            controls=lambda: panel.controls(panel.preset),
         )
 
     def __enter__(self):
-        self.link.start()
         return self
 
     def __exit__(self, *exception):
@@ -197,7 +177,7 @@ class Rig:
 
     def answer(self):
         for message in self.asked:
-            self.book.emit(Response.APPLIED, "", id=message.id)
+            self.book.emit("applied", "", id=message.id)
         self.asked.clear()
 
 
@@ -243,34 +223,21 @@ def test_a_bus_that_gives_own_frames_back_still_hears_commands(panel, request, m
         assert rig.book.serial == 0
 
 
-def test_a_hand_that_sends_the_same_again_later_is_heard(rig, monkeypatch):
-    monkeypatch.setattr(can_link, "REPETITION", 0.2)
-    rig.bus.send(frame_of())
-    rig.wait_for(lambda: rig.asked)
-    rig.answer()
-    time.sleep(0.3)
-    rig.bus.send(frame_of())  # the panel of this rig never changes: it still differs
-    rig.wait_for(lambda: rig.asked)
-
-
 def test_bad_frames_are_told_once_and_do_nothing(rig):
     for _ in range(3):
         short = frame_of()
         short.data, short.dlc = short.data[:4], 4
         rig.bus.send(short)
         rig.bus.send(can.Message(arbitration_id=0x304, is_remote_frame=True, dlc=8, is_extended_id=False))
-        rig.bus.send(frame_of("left_hip"))
         rig.bus.send(can.Message(arbitration_id=0x304, data=bytes(8), is_extended_id=True))
         rig.bus.send(can.Message(arbitration_id=0x123, data=bytes(8), is_extended_id=False))
         rig.bus.send(can.Message(is_error_frame=True))
     rig.settle()
     told = [event.text for event in rig.book.after(0)]
-    assert {event.response for event in rig.book.after(0)} == {Response.NOTE}
+    assert {event.response for event in rig.book.after(0)} == {"note"}
     assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 4") == 1
     assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 0") == 1
-    absent = [text for text in told if "this experiment has no monitor.left.hip." in text]
-    assert len(absent) == len(set(absent)) == 5 and len(told) == 7
-    assert rig.asked == []
+    assert len(told) == 2 and rig.asked == []
 
 
 def test_a_bus_that_fails_is_told_once_and_the_link_goes_on(rig, monkeypatch):
@@ -379,11 +346,11 @@ def walked(tmp_path_factory):
 
         said = {}
         bus.send(frame_of(control="impedance_control", torque=0.0))
-        said["mode"] = until("mode", Response.APPLIED)
+        said["mode"] = until("mode", "applied")
         bus.send(frame_of(control="impedance_control", torque=90.0))
-        said["range"] = until("monitor.right.knee.torque", Response.REFUSED)
+        said["range"] = until("monitor.right.knee.torque", "refused")
         bus.send(frame_of(control="impedance_control", torque=0.0, gain=0.95))
-        said["unsafe"] = until("monitor.right.knee.gain", Response.REFUSED)
+        said["unsafe"] = until("monitor.right.knee.gain", "refused")
         time.sleep(1.5)
         state = {item.name: item.value for item in session.state().controls}
     done.set()
@@ -405,7 +372,8 @@ def test_commands_change_the_walk_as_those_of_a_page(walked):
     assert log["right_knee_equilibrium_rad"].iloc[-1] == pytest.approx(0.5)
     rows = list(csv.DictReader((walked.folder / "live_changes.csv").read_text().splitlines()))
     assert {row["user"] for row in rows} == {"CAN"}
-    assert rows[-1]["subject"] == "mode" and int(rows[-1]["tick"]) == walked.said["mode"].tick
+    (mode,) = [row for row in rows if row["subject"] == "mode"]
+    assert rows.index(mode) == 5 and int(mode["tick"]) == walked.said["mode"].tick
 
 
 def test_what_a_page_may_not_a_monitor_may_not(walked):

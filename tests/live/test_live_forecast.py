@@ -1,7 +1,6 @@
 """What would come of a change, told before it is made; the walk itself does not notice."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -9,12 +8,10 @@ from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration import load_experiment
 from twin_gait.live.controls import Panel
-from twin_gait.live.forecast import APART, HORIZON, LEAST, foresee
-from twin_gait.live.protocol import Response
+from twin_gait.live.forecast import HORIZON, LEAST, foresee
 from twin_gait.live.session import LiveSession
 from twin_gait.live.settings import loop_numbers
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.walk import LiveWalk
 from twin_gait.simulation.run import RunStatus
 
 # Of the default treadmill walk: each ends it within seconds, and the check has nothing against any of them.
@@ -33,7 +30,7 @@ def panel():
 @pytest.fixture(scope="module")
 def walks(panel):
     """A walk after eight seconds, and another one that looks ahead."""
-    walking, ahead = LiveWalk(SteppedRun(panel.problem)), LiveWalk(SteppedRun(panel.problem))
+    walking, ahead = SteppedRun(panel.problem), SteppedRun(panel.problem)
     walking.advance(8000)
     return walking, ahead
 
@@ -56,36 +53,15 @@ def test_a_change_that_ends_the_walk_is_foreseen_to_the_tick(panel, walks, chang
     forecast = foresee(ahead, moment, numbers(panel, change))
     assert forecast.bad and forecast.horizon_s < 20.0
     # What really comes, by a walk that is changed indeed.
-    real = LiveWalk(SteppedRun(panel.problem))
+    real = SteppedRun(panel.problem)
     real.go_on_from(moment)
     real.set(numbers(panel, change))
     real.advance(HORIZON)
-    if real.run.trip is not None:
-        assert f"trips after {(real.run.trip.tick - 8000) * 1e-3:.1f} s" in forecast.text
-    if real.run.status is RunStatus.FELL:
-        assert f"falls after {(real.run.tick - 8000) * 1e-3:.1f} s" in forecast.text
-    assert real.run.trip is not None or real.run.status is RunStatus.FELL
-    assert "without the change" not in forecast.text
-
-
-def test_a_change_is_tried_at_later_moments_of_the_stride_too(panel, walks):
-    _, ahead = walks
-    change, walking = numbers(panel, ("support_share", 0.0)), LiveWalk(SteppedRun(panel.problem))
-    found = None
-    for ticks in (8000, *[225] * 7):
-        walking.advance(ticks)
-        moment = moment_of(walking)
-        forecast = foresee(ahead, moment, change)
-        if found := re.search(r"; made (0\.\d|1\.\d) s later it (does not|trips|falls)", forecast.text):
-            break
-    assert found is not None and forecast.bad
-    real = LiveWalk(SteppedRun(panel.problem))
-    real.go_on_from(moment)
-    real.advance(round(float(found[1]) / (APART * 1e-3)) * APART)
-    real.set(change)
-    real.advance(LEAST)
-    ended = real.run.trip is not None or real.run.status is not RunStatus.COMPLETED
-    assert ended == (found[2] != "does not")
+    if real.trip is not None:
+        assert f"trips after {(real.trip.tick - 8000) * 1e-3:.1f} s" in forecast.text
+    if real.status is RunStatus.FELL:
+        assert f"falls after {(real.tick - 8000) * 1e-3:.1f} s" in forecast.text
+    assert real.trip is not None or real.status is RunStatus.FELL
 
 
 def test_a_harmless_change_walks_on_with_its_deviation_and_saturation(panel, walks):
@@ -107,21 +83,11 @@ def test_the_look_ahead_goes_as_far_as_the_time_allows_but_four_strides_in_any_c
     assert "for the 8 s looked ahead" in slow.text and "for the 20 s looked ahead" in fast.text
 
 
-def test_a_walk_that_ends_in_any_case_is_not_blamed_on_the_change(panel, walks):
-    _, ahead = walks
-    doomed = LiveWalk(SteppedRun(panel.problem))
-    doomed.set(numbers(panel, FALLS[0]))
-    doomed.advance(600)
-    assert doomed.run.trip is None  # it comes at 0.9 s
-    forecast = foresee(ahead, moment_of(doomed), numbers(panel, FALLS[0], ("belt_speed", 1.55)))
-    assert forecast.bad and "as it does without the change" in forecast.text
-
-
 def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(panel, walks):
     walking, ahead = walks
-    over = LiveWalk(SteppedRun(panel.problem))
+    over = SteppedRun(panel.problem)
     over.advance(1000)
-    over.run.stop()
+    over.stop()
     over.advance(500)
     forecast = foresee(ahead, moment_of(over), numbers(panel))
     assert not forecast.bad and forecast.text.startswith("after a new start walks on")
@@ -131,7 +97,7 @@ def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(
 
 def test_who_sits_and_is_not_asked_to_walk_does_not_fall():
     panel = Panel(load_experiment("stand_to_sit").experiment)
-    walking, ahead = LiveWalk(SteppedRun(panel.problem)), LiveWalk(SteppedRun(panel.problem))
+    walking, ahead = SteppedRun(panel.problem), SteppedRun(panel.problem)
     walking.advance(100)
     forecast = foresee(ahead, moment_of(walking), numbers(panel), now=iter(range(1000)).__next__)
     assert not forecast.bad and forecast.text == "does not fall for the 8 s looked ahead"
@@ -144,7 +110,7 @@ def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_f
     asked = Rig(panel.problem, script, longest=4000)
     asked.loop.walk()
     assert all("moment" in asked.answers()[n] for n in range(5))
-    ahead = LiveWalk(SteppedRun(panel.problem))
+    ahead = SteppedRun(panel.problem)
     foresee(ahead, asked.answers()[3]["moment"], numbers(panel, FALLS[0]))
     np.testing.assert_array_equal(asked.takes[0].rows, plain.takes[0].rows)
     assert asked.takes[0].changes == ()
@@ -157,14 +123,10 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
         name, value = FALLS[0]
         wait_for(lambda: session.news.frame)
         told = say(session, kind="try", control=name, value=value)
-        assert told.response is Response.FORECAST and told.forecast["bad"] and told.subject == name
-        assert told.forecast["text"] in told.text and told.effect == {}
+        assert told.response == "forecast" and told.forecast["bad"] and told.subject == name
+        assert told.forecast["text"] in told.text
         assert not any(item.changed for item in session.state().controls)
         unsafe = say(session, kind="try", control="middle_stance.hip.gain", value=0.95)
-        assert unsafe.response is Response.REFUSED and unsafe.text.startswith("unstable")
+        assert unsafe.response == "refused" and unsafe.text.startswith("unstable")
         applied = say(session, kind="set", control=name, value=value)
-        assert applied.response is Response.APPLIED  # it is for the therapist to decide
-        # A forecaster that died is started again.
-        session._tuning._forecaster._process.kill()
-        wait_for(lambda: not session._tuning._forecaster.alive)
-        assert say(session, kind="try", control="belt_speed", value=1.5).response is Response.FORECAST
+        assert applied.response == "applied"  # it is for the therapist to decide

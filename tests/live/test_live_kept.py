@@ -1,6 +1,5 @@
 """What is left of a live walk whose processes die, and how little of it is held in memory."""
 
-import json
 import os
 import signal
 import subprocess
@@ -19,14 +18,12 @@ from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.live import journal as finishing
 from twin_gait.live.journal import (
-    AppliedChange,
-    Journals,
+    Journal,
     Piece,
     complete,
-    complete_all,
     locked,
     read_journal,
-    walk_of,
+    walks_in,
 )
 from twin_gait.live.loop import PIECE_TICKS
 from twin_gait.live.session import LiveSession
@@ -57,12 +54,12 @@ def problem(loaded):
 def written(loaded, problem, folder, *, ticks=1400, over=True):
     """A journal of a walk with a fault and a change, in pieces."""
     run, told = SteppedRun(problem), []
-    setup = {"document": loaded.document, "folder": str(folder), "force": False, "pictures": True}
-    journals = Journals(run.layout.names, setup, told.append)
+    setup = {"document": loaded.document, "folder": str(folder), "force": False}
+    journals = Journal(run.layout.names, setup, told.append)
     run.inject(parse_fault("encoder_jump:right_knee@0s"))
     switches = 0
     while run.tick < ticks:
-        new = AppliedChange(run.tick, {"user": "Ann", "text": f"at {run.tick}"})
+        new = {"tick": run.tick, "user": "Ann", "text": f"at {run.tick}"}
         rows = run.advance(min(200, ticks - run.tick))
         journals.keep(
             Piece(
@@ -74,7 +71,7 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
     if not over:  # as a kill would leave it
         return run, journals
     journals.close()
-    assert told == [{"kind": "journal", "folder": str(folder)}]
+    assert told == []
     return run, journals
 
 
@@ -84,32 +81,32 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
 @pytest.mark.slow
 def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     run, journals = written(loaded, problem, tmp_path / "run")
-    content = read_journal(journals.paths[0])
-    take = walk_of(content.pieces, len(content.columns), 60_000)
+    _, columns, pieces = read_journal(journals.path)
+    (take,) = walks_in(pieces, 60_000)
     np.testing.assert_array_equal(take.rows, run.rows())
-    assert content.columns == run.layout.names and run.trip is not None
+    assert columns == run.layout.names and run.trip is not None
     assert (take.switches, take.trip) == (run.switches(), run.trip)
-    assert [item.tick for item in take.changes] == list(range(0, 1400, 200))
-    assert journals.paths[0].stat().st_mode & 0o077 == 0
+    assert [item["tick"] for item in take.changes] == list(range(0, 1400, 200))
+    assert journals.path.stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.slow
 def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, problem, tmp_path):
     run, journals = written(loaded, problem, tmp_path / "run")
-    whole, cut = journals.paths[0].read_bytes(), tmp_path / "cut"
+    whole, cut = journals.path.read_bytes(), tmp_path / "cut"
     lengths = set()
     for size in np.random.default_rng(3).integers(0, len(whole), 200).tolist():
         cut.write_bytes(whole[:size])
         try:
-            content = read_journal(cut)
+            _, _, pieces = read_journal(cut)
         except RunDirectoryError as error:
             assert "no journal of a walk" in str(error) and "\n" not in str(error)
             assert size < len(whole) / 5
             continue
-        rows = walk_of(content.pieces, len(content.columns), 60_000).rows
-        np.testing.assert_array_equal(rows, run.rows()[: len(rows)])
-        assert len(rows) % 200 == 0
-        lengths.add(len(rows))
+        for walk in walks_in(pieces, 60_000):
+            np.testing.assert_array_equal(walk.rows, run.rows()[: len(walk.rows)])
+            assert len(walk.rows) % 200 == 0
+            lengths.add(len(walk.rows))
     assert lengths >= set(range(200, 1400, 200))
 
 
@@ -117,23 +114,23 @@ def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem
     folder = tmp_path / "run"
     run, journals = written(loaded, problem, folder, over=False)
     with pytest.raises(RunDirectoryError, match="still going on"):
-        complete(journals.paths[0])
+        complete(journals.path)
     with pytest.raises(RunDirectoryError, match="twin-gait sessions complete"):
         load_run(folder)
     journals.keep(Piece(rows=run.rows()[:0], over=True))
     journals.close()
-    done = complete(journals.paths[0])
-    assert done == folder and not journals.paths[0].exists()
+    done = complete(journals.path)
+    assert done == [folder] and not journals.path.exists()
     assert load_run(folder).summary["duration_s"] == pytest.approx(1.4)
     with pytest.raises(RunDirectoryError, match="cannot be used"):
-        complete(journals.paths[0])
+        complete(journals.path)
 
 
 def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_path):
     _, journals = written(loaded, problem, tmp_path / "run")
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine.txt").write_text("mine")
-    assert complete(journals.paths[0]) == tmp_path / "run-2"
+    assert complete(journals.path) == [tmp_path / "run-2"]
     assert [item.name for item in (tmp_path / "run").iterdir()] == ["mine.txt"]
 
 
@@ -141,14 +138,36 @@ def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_pa
 def test_a_disk_that_is_full_is_told_and_the_walk_goes_on(problem, tmp_path, monkeypatch):
     told, columns = [], log_layout(problem).names
     monkeypatch.setattr(pa, "OSFile", lambda path, mode, open=pa.OSFile: open("/dev/full", mode))
-    journals = Journals(columns, {"folder": str(tmp_path / "x")}, told.append)
+    journals = Journal(columns, {"folder": str(tmp_path / "x")}, told.append)
     for over in (False, False, True):
         journals.keep(Piece(rows=np.zeros((10, len(columns))), over=over))
     journals.close()
-    assert [item["kind"] for item in told] == ["journal", "unkept"]
-    assert "cannot be written any more" in told[1]["text"]
-    with locked(journals.paths[0]):  # it has been let go
+    assert len(told) == 1 and "cannot be written any more" in told[0]
+    with locked(journals.path):  # it has been let go
         pass
+
+
+def test_every_walk_of_a_journal_has_a_folder_and_only_the_last_is_drawn(
+    problem, loaded, tmp_path, monkeypatch
+):
+    drawn, write = [], finishing.write_run
+
+    def noted(run, directory, *, pictures, **rest):
+        drawn.append(pictures)
+        return write(run, directory, pictures=False, **rest)
+
+    monkeypatch.setattr(finishing, "write_run", noted)
+    _, journals = written(loaded, problem, tmp_path / "run", ticks=200)
+    monkeypatch.setattr(finishing, "read_journal", lambda path: again(read_journal(path)))
+    folders = [tmp_path / "run", tmp_path / "run-2", tmp_path / "run-3"]
+    assert complete(journals.path, pictures=True) == folders
+    assert drawn == [False, False, True]
+
+
+def again(read):
+    """What was read, three times."""
+    setup, columns, pieces = read
+    return setup, columns, iter(3 * list(pieces))
 
 
 # ---------------------------------------------------------------------- memory
@@ -173,23 +192,6 @@ def test_the_loop_holds_the_last_rows_only_and_of_restarted_walks_nothing(proble
     assert max(len(piece.rows) for pieces in rig.pieces for piece in pieces) <= PIECE_TICKS + 10
 
 
-def test_of_many_walks_only_the_last_is_drawn_and_every_step_is_told(loaded, problem, tmp_path, monkeypatch):
-    drawn, told = [], []
-    write = finishing.write_run
-
-    def noted(run, directory, *, pictures, **rest):
-        drawn.append(pictures)
-        return write(run, directory, pictures=False, **rest)
-
-    monkeypatch.setattr(finishing, "write_run", noted)
-    paths = [written(loaded, problem, tmp_path / f"run-{n}", ticks=200)[1].paths[0] for n in range(3)]
-    complete_all([*paths, tmp_path / "gone"], told.append, pictures=True)
-    assert drawn == [False, False, True]
-    steps = [item["step"] for item in told if item["kind"] == "writing"]
-    assert steps[0].startswith("walk 1 of 3: ") and steps[-1].startswith("walk 3 of 3: ")
-    assert [item["failed"] for item in told if item["kind"] == "folder"] == [""] * 3
-
-
 # ---------------------------------------------------------------------- kills
 
 
@@ -199,10 +201,10 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     session = LiveSession(loaded, tmp_path / "run", user="Ann", records=database, pictures=False)
     with session:
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
-        wait_for(lambda: json.loads(session.news.frame)["tick"] > changed.tick + MOST_LOST)
-        os.kill(session.news.pid, signal.SIGKILL)
+        wait_for(lambda: session.news.frame["tick"] > changed.tick + MOST_LOST)
+        os.kill(session.news.process.pid, signal.SIGKILL)
         wait_for(lambda: not session.news.alive)
-        last = json.loads(session.news.frame)
+        last = session.news.frame
         assert last["status"] == session.news.status == "died"
         assert "died" in session.book.after(0)[-1].text and "signal 9" in session.news.death
     stored = load_run(tmp_path / "run")
@@ -212,8 +214,8 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     )
     assert f"\n{changed.tick}," in (tmp_path / "run" / "live_changes.csv").read_text()
     (entry,) = list_sessions(database)
-    assert (entry.status, entry.folders) == ("died", [str(tmp_path / "run")])
-    assert any("died" in item["text"] for item in read_session(database, entry.id)["log"])
+    assert (entry["status"], entry["folders"]) == ("died", [str(tmp_path / "run")])
+    assert any("died" in item["text"] for item in read_session(database, entry["id"])["log"])
 
 
 def walk_process_of(pid):
@@ -252,13 +254,12 @@ PARENT = """
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
     session.start()
-    print(session.news.pid, flush=True)
+    print(session.news.process.pid, flush=True)
     serial = 0
     while True:
         serial += 1
         session.submit(SetControl(id=str(serial), user="Ann", control="belt", value=1.0))
-        head = session.news.frame.partition(',"time_s"')[0]
-        print(time.monotonic(), len(session.book.after(0)), head, flush=True)
+        print(time.monotonic(), len(session.book.after(0)), session.news.frame.get("tick", ""), flush=True)
         time.sleep(0.02)
 """
 
@@ -281,9 +282,9 @@ def killed_together(folder, database, delay):
         time.sleep(delay)
         os.kill(child, signal.SIGKILL)
         parent.send_signal(signal.SIGKILL)
-        lines = [line.split(maxsplit=2) for line in parent.stdout if line.endswith("\n")]
+        lines = [line.split() for line in parent.stdout if line.endswith("\n")]
     wait_for(lambda: let_go(journal_of(folder)))  # the system takes its time to bury the walk's process
-    return [(float(at), int(events), head) for at, events, head in lines if '"tick":' in head]
+    return [(float(line[0]), int(line[1]), int(line[2])) for line in lines if len(line) == 3]
 
 
 def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path, monkeypatch, capsys):
@@ -291,8 +292,7 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
     for number, delay in enumerate(np.random.default_rng(11).uniform(0.8, 2.5, KILLS)):
         folder = tmp_path / f"run-{number}"
         told = killed_together(folder, database, float(delay))
-        last, _, head = told[-1]
-        tick = int(head.rpartition(":")[2])
+        last, _, tick = told[-1]
         # A process that was slow to begin may have told nothing a second before it was killed.
         events = max((events for at, events, _ in told if last - at > 1.0 or events == 0), default=0)
         assert main(["sessions", "--records", str(database), "list"]) == 0
@@ -306,10 +306,16 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
     assert list(finishing.recover(database)) == []
 
 
+def test_a_session_that_was_killed_before_its_first_line_is_closed(tmp_path):
+    (tmp_path / "1.jsonl").touch()
+    assert list(finishing.recover(tmp_path)) == ["session 1: its processes were killed; no run is left of it"]
+    assert [item["ended"] is None for item in list_sessions(tmp_path)] == [False]
+
+
 def test_a_walk_out_of_the_record_is_completed_by_name(loaded, problem, tmp_path, capsys):
     _, journals = written(loaded, problem, tmp_path / "run")
     assert main(["sessions", "complete", str(tmp_path / "run")]) == 0
-    assert capsys.readouterr().out.strip() == str(tmp_path / "run") and not journals.paths[0].exists()
+    assert capsys.readouterr().out.strip() == str(tmp_path / "run") and not journals.path.exists()
 
 
 def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded, problem, tmp_path):

@@ -22,27 +22,24 @@ from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
 from twin_gait.live.controls import Actions, Panel
-from twin_gait.live.journal import walk_of, walked_run
+from twin_gait.live.journal import complete, walked_run, walks_in
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
-    Action,
-    ControlKind,
     DeadlineStatistics,
     DoAction,
     Frame,
     MessageRefused,
-    Response,
     SetControl,
-    id_of,
     read_message,
 )
 from twin_gait.live.realtime import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
-from twin_gait.live.settings import Mode, effect_of, loop_numbers
+from twin_gait.live.settings import loop_numbers
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.tuning import check_settings, places_of, refusal, warnings
+from twin_gait.live.tuning import errors_of
+from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
 from twin_gait.simulation.problem import build_problem
@@ -67,7 +64,7 @@ def test_messages_are_read_as_they_were_meant():
     text = '{"kind": "set", "id": "1", "user": "Ann", "control": "belt_speed", "value": 2}'
     assert read_message(text) == SetControl(id="1", user="Ann", control="belt_speed", value=2.0)
     text = b'{"kind": "do", "id": "2", "action": "push", "values": {"torque": 5}}'
-    assert read_message(text) == DoAction(id="2", user="", action=Action.PUSH, values={"torque": 5.0})
+    assert read_message(text) == DoAction(id="2", user="", action="push", values={"torque": 5.0})
 
 
 @pytest.mark.parametrize(
@@ -75,9 +72,10 @@ def test_messages_are_read_as_they_were_meant():
     [
         ("", "expected JSON"),
         ("[" * 3000, "expected JSON"),
+        (b"\x81\xa4kind", "expected JSON"),
         ("[]", "expected an object"),
         ('"set"', "expected an object"),
-        ('{"kind": "get", "id": "1"}', "kind: expected set, try or do, got 'get'"),
+        ('{"kind": "get", "id": "1"}', "message: expected an object of kind set, try or do, got"),
         ('{"kind": "set", "id": "", "control": "a", "value": 1}', "id: expected a text of 1 to 64"),
         ('{"kind": "set", "id": 1, "control": "a", "value": 1}', "id: expected a text"),
         ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', "control: expected a text"),
@@ -103,7 +101,7 @@ def test_messages_are_read_as_they_were_meant():
             '{"kind": "do", "id": "1", "action": "push", "values": {"torque": {}}}',
             "torque: expected a number",
         ),
-        ('{"kind": "set", "id": "1", "x": "' + "y" * LARGEST_MESSAGE + '"}', "bytes, at most 4096"),
+        ('{"kind": "set", "id": "1", "x": "' + "y" * LARGEST_MESSAGE + '"}', "characters, at most 4096"),
     ],
 )
 def test_what_is_no_message_is_refused_with_the_reason(text, reason):
@@ -111,25 +109,14 @@ def test_what_is_no_message_is_refused_with_the_reason(text, reason):
         read_message(text)
 
 
-def test_a_refused_message_keeps_its_id_where_it_has_one():
-    assert id_of('{"kind": "nonsense", "id": "17"}') == "17"
-    assert [id_of(text) for text in ("", "[1]", '{"id": 3}', '{"id": "' + "x" * 65 + '"}')] == [
-        "",
-        "",
-        "",
-        "",
-    ]
-
-
 def test_frames_become_json_with_null_for_what_is_no_number():
-    statistics = DeadlineStatistics(blocks=3, late=1, mean_ms=0.5, p99_ms=2.0, worst_ms=2.5, lost_s=0.0)
+    statistics = DeadlineStatistics(blocks=3, late=1, worst_ms=2.5, lost_s=0.0)
     frame = Frame(
-        tick=7, time_s=0.007, status="walking", q=(math.nan, -0.2),
+        tick=7, time_s=0.007, status="walking",
         log={"left_phase": "late_stance", "a_Nm": math.inf, "b_Nm": 1.5}, deadlines=statistics,
     )  # fmt: skip
     read = json.loads(json.dumps(frame.to_dict(), allow_nan=False))
-    assert list(read)[:5] == ["kind", "tick", "time_s", "status", "q"]  # the head is read without the rest
-    assert (read["kind"], read["tick"], read["q"]) == ("frame", 7, [None, -0.2])
+    assert (read["kind"], read["tick"]) == ("frame", 7)
     assert read["log"] == {"left_phase": "late_stance", "a_Nm": None, "b_Nm": 1.5}
     assert read["deadlines"] == asdict(statistics) and read["events"] == []
 
@@ -143,8 +130,8 @@ def test_every_control_has_all_that_a_page_needs_and_begins_as_the_preset(name, 
     controls = panel.controls(panel.preset)
     assert len({item.name for item in controls}) == len(controls)
     for item in controls:
-        assert not item.changed and item.label and item.help and item.group in ("walk", "table", "monitor")
-        if item.kind is ControlKind.NUMBER:
+        assert not item.changed and item.label and item.group in ("walk", "table", "monitor")
+        if item.kind == "number":
             assert item.least <= item.value <= item.largest and item.step > 0.0
     table = [item for item in controls if item.group == "table"]
     assert len(table) == 5 * 2 * 4  # phases, joints, quantities
@@ -153,7 +140,7 @@ def test_every_control_has_all_that_a_page_needs_and_begins_as_the_preset(name, 
 @pytest.mark.parametrize(("name", "many"), [("bench_panel", True), ("treadmill_panel", False)])
 def test_every_control_changes_its_own_numbers_and_comes_back(name, many, request):
     panel = request.getfixturevalue(name)
-    start = replace(panel.preset, mode=Mode.TORQUE)
+    start = panel.set(panel.preset, "mode", "torque_control")
     # The table's controls are those of the bench, times two sides: a phase of them is enough there.
     chosen = [item for item in panel.controls(panel.preset) if many or item.phase in (None, "late_stance")]
     for control in chosen:
@@ -161,7 +148,9 @@ def test_every_control_changes_its_own_numbers_and_comes_back(name, many, reques
         before = panel.preset
         if monitored:
             before = (
-                start if control.name.endswith((".torque", ".gain")) else replace(start, mode=Mode.IMPEDANCE)
+                start
+                if control.name.endswith((".torque", ".gain"))
+                else panel.set(panel.preset, "mode", "impedance_control")
             )
         after = panel.set(before, control.name, another(control))
         assert loop_numbers(after) != loop_numbers(before), control.name
@@ -179,9 +168,9 @@ def same(one, other):
 
 def another(control):
     """Some other value of a control."""
-    if control.kind is ControlKind.SWITCH:
+    if control.kind == "switch":
         return not control.value
-    if control.kind is ControlKind.CHOICE:
+    if control.kind == "choice":
         return next(item for item in control.choices if item != control.value)
     return control.least + 0.37 * (control.largest - control.least)
 
@@ -201,10 +190,6 @@ def test_a_table_control_sets_the_number_of_its_phase_joint_and_quantity_in_si(b
         # b follows k by the damping ratio of the table, and θ0 through the inertia of both joints.
         follows = {"stiffness": [4 + DAMPING], "equilibrium": [DAMPING, 4 + DAMPING]}.get(quantity, [])
         assert {tuple(item) for item in changed} <= {(0, row, c) for c in [4 + column, *follows]}
-        before = loop_numbers(bench_panel.preset)
-        effect = effect_of(before, loop_numbers(settings), bench_panel.problem)
-        assert any(name.startswith("swing_flexion: right_knee_") for name in effect)
-        assert any(item == pytest.approx(si) for item in effect.values())
 
 
 def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_to_the_ratio(bench_panel):
@@ -218,7 +203,7 @@ def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_t
     begun = {item.name: item for item in bench_panel.controls(bench_panel.preset)}[f"{name}.damping"].value
     # b = 2 ζ √(k I): with the same ζ and I it goes with the root of k.
     assert back[f"{name}.damping"].value == pytest.approx(begun * math.sqrt((1.0 / DEGREE) / k), rel=1e-12)
-    assert not back[f"{name}.damping"].changed and back[f"{name}.stiffness"].changed
+    assert back[f"{name}.stiffness"].changed
 
 
 @pytest.mark.parametrize(
@@ -259,14 +244,14 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
     def ask(action, **values):
         return actions.values_of(DoAction(id="1", user="", action=action, values=values))
 
-    assert ask(Action.PUSH) == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
+    assert ask("push") == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
     with pytest.raises(MessageRefused, match="torque: expected -60 to 60 Nm"):
-        ask(Action.PUSH, torque=61.0)
+        ask("push", torque=61.0)
     with pytest.raises(MessageRefused, match="push: no value 'force'; it has joint, torque, duration"):
-        ask(Action.PUSH, force=1.0)
+        ask("push", force=1.0)
     with pytest.raises(MessageRefused, match="stop: no value 'x'; it has no values"):
-        ask(Action.STOP, x=1.0)
-    fault = actions.fault_of(ask(Action.FAULT, kind="encoder_drift", place="left_hip", size=" 9 deg/s"))
+        ask("stop", x=1.0)
+    fault = actions.fault_of(ask("fault", kind="encoder_drift", place="left_hip", size=" 9 deg/s"))
     assert str(fault).startswith("encoder_drift:left_hip@")
     for wrong in (
         {"kind": "supply_dip", "place": "left_hip"},
@@ -274,45 +259,37 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
         {"size": "1; rm -rf /"},
     ):
         with pytest.raises(ParameterError):
-            actions.fault_of(ask(Action.FAULT, **wrong))
+            actions.fault_of(ask("fault", **wrong))
 
 
 # ---------------------------------------------------------------------- rules
 
 
 def test_a_gain_that_lets_the_loop_grow_is_refused_and_one_below_is_not(bench_panel):
-    assert check_settings(bench_panel.preset) == ()
+    assert errors_of(bench_panel.preset) == {}
     # Friction compensation beyond the true friction drives the joint; the check names the border.
     unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
-    reason = refusal(check_settings(unsafe), frozenset())
+    (reason,) = errors_of(unsafe).values()
     assert reason.startswith("unstable (middle_stance): a small motion") and "stay below" in reason
-    assert check_settings(bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.5)) == ()
+    assert errors_of(bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.5)) == {}
 
 
 def test_a_phase_that_could_not_be_left_any_more_is_refused(bench_panel):
     stuck = bench_panel.set(bench_panel.preset, "swing_flexion.hip.equilibrium", 5.0)
-    assert refusal(check_settings(stuck), frozenset()).startswith("cannot_leave (swing_flexion)")
+    assert next(iter(errors_of(stuck).values())).startswith("cannot_leave (swing_flexion)")
 
 
 def test_an_error_that_was_there_before_does_not_refuse_the_way_out(bench_panel):
     unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
-    known = places_of(check_settings(unsafe))
     better = bench_panel.set(unsafe, "middle_stance.hip.gain", 0.9)
-    assert check_settings(better, known) and refusal(check_settings(better, known), known) == ""
+    assert errors_of(better).keys() == errors_of(unsafe).keys()
 
 
 def test_the_monitor_is_held_to_the_same_stability(bench_panel):
     free = bench_panel.set(bench_panel.preset, "mode", "friction_control")
-    assert check_settings(free) == ()
+    assert errors_of(free) == {}
     driven = bench_panel.set(free, "monitor.right.hip.gain", 0.95)
-    assert refusal(check_settings(driven), frozenset()).startswith("unstable")
-
-
-def test_what_the_check_only_warns_of_is_told(bench_panel):
-    undamped = bench_panel.set(bench_panel.preset, "swing_extension.knee.damping", 0.0)
-    assert check_settings(undamped) == ()
-    new = set(warnings(undamped)) - set(warnings(bench_panel.preset))
-    assert {rule for rule, *_ in new} == {"effective_damping", "unusual_damping_ratio"}
+    assert all(text.startswith("unstable") for text in errors_of(driven).values()) and errors_of(driven)
 
 
 # ---------------------------------------------------------------------- the clock
@@ -325,7 +302,7 @@ def test_blocks_in_time_are_not_late_and_wait_for_their_turn():
         now += 0.004
         clock.finished(now)
     assert now == pytest.approx(100.0 + 49 * PERIOD + 0.004)
-    statistics = clock.statistics()
+    statistics = clock.statistics
     assert (statistics.blocks, statistics.late, statistics.worst_ms, statistics.lost_s) == (50, 0, 0.0, 0.0)
 
 
@@ -337,12 +314,10 @@ def test_late_blocks_are_counted_and_caught_up():
         now += 0.035 if number == 10 else 0.001
         clock.finished(now)
         lateness.append(max(0.0, now - (number + 1) * PERIOD))
-    statistics = clock.statistics()
+    statistics = clock.statistics
     assert now == pytest.approx(99 * PERIOD + 0.001)  # nothing is lost of a short stall
     assert statistics.late == sum(item > PERIOD for item in lateness) == 2
-    assert statistics.mean_ms == pytest.approx(1e3 * np.mean(lateness))
     assert statistics.worst_ms == pytest.approx(25.0) and statistics.lost_s == 0.0
-    assert np.sort(lateness)[98] <= 1e-3 * statistics.p99_ms <= statistics.worst_ms * 1e-3
 
 
 def test_a_long_stall_is_given_up_not_raced_after_and_all_of_it_counts():
@@ -352,7 +327,7 @@ def test_a_long_stall_is_given_up_not_raced_after_and_all_of_it_counts():
         starts.append(now)
         now += 1.0 if number == 20 else 0.001
         clock.finished(now)
-    statistics = clock.statistics()
+    statistics = clock.statistics
     within = [sum(begun - PERIOD < item <= begun for item in starts) for begun in starts]
     assert max(within) <= 1 + CATCH_UP / PERIOD  # blocks that begin in the time of one
     assert statistics.lost_s == pytest.approx(1.0 - PERIOD, abs=1e-6)
@@ -367,7 +342,7 @@ def test_a_pause_is_nobodys_loss():
     clock.pause()
     assert clock.wait(60.0) == 0.0
     clock.finished(60.001)
-    assert (clock.statistics().late, clock.statistics().lost_s) == (0, 0.0)
+    assert (clock.statistics.late, clock.statistics.lost_s) == (0, 0.0)
 
 
 # ---------------------------------------------------------------------- the loop
@@ -408,7 +383,7 @@ class Rig:
     @property
     def takes(self):
         """The walks that are over."""
-        return [walk_of(pieces, len(self.run.layout.names), self.longest) for pieces in self.pieces[:-1]]
+        return [walk for pieces in self.pieces[:-1] for walk in walks_in(pieces, self.longest)]
 
     def sleep(self, duration):
         assert duration > 0.0
@@ -442,7 +417,7 @@ def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_pr
     assert str(take.status) == "completed" and rig.frames()[-1]["status"] == "ended"
 
 
-def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_one_tick(bench_problem):
+def test_frames_come_fifty_times_a_second_with_the_row_of_their_tick(bench_problem):
     rig = Rig(bench_problem, [])
     rig.loop.walk()
     frames = [item for item in rig.frames() if item["status"] == "walking"]
@@ -451,7 +426,6 @@ def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_on
     for frame in frames:
         for joint in bench_problem.joints:
             name = f"{joint.side}_{joint.joint}_angle_rad"
-            assert frame["q"][joint.coordinate] == frame["log"][name]
             assert frame["log"][name] == rows[frame["tick"], rig.run.layout.positions[name]]
 
 
@@ -542,7 +516,7 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
     state = stopped.rows[:, rig.run.layout.positions["safety_state"]]
     assert np.flatnonzero(state)[0] == rig.answers()[2]["tick"] == 210
     assert len(state) == pytest.approx(210 + 500, abs=2 * BLOCK_TICKS)  # the hold goes on in the pause
-    assert [item.tick for item in stopped.changes] == [210]
+    assert [item["tick"] for item in stopped.changes] == [210]
     refused = {serial: bool(item["refused"]) for serial, item in rig.answers().items()}
     assert refused == {1: False, 2: False, 3: True, 4: True, 5: True, 6: False, 7: False}
     assert len(again.rows) == pytest.approx(300, abs=2 * BLOCK_TICKS)
@@ -553,14 +527,11 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
     settings = bench_panel.set(bench_panel.preset, "late_stance.knee.stiffness", 2.0)
     numbers = json.loads(json.dumps(loop_numbers(settings)))
     note = {"user": "Ann", "subject": "late_stance.knee.stiffness", "text": "k"}
-    script = [
-        (0.1, {"serial": 1, "command": "settings", "numbers": numbers, "table": {"k": 1}, "note": note})
-    ]
+    script = [(0.1, {"serial": 1, "command": "settings", "numbers": numbers, "note": note})]
     rig = Rig(bench_problem, script, longest=4000)
     rig.loop.walk()
     (take,) = rig.takes
-    assert [(item.tick, item.note["user"]) for item in take.changes] == [(100, "Ann")]
-    assert take.table == {"k": 1}
+    assert [(item["tick"], item["user"]) for item in take.changes] == [(100, "Ann")]
     positions = rig.run.layout.positions
     codes = take.rows[:, positions["right_phase"]].astype(int)
     held = take.rows[:, positions["right_knee_stiffness_Nm_per_rad"]]
@@ -629,7 +600,7 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
 
 
 def test_a_slow_block_shows_in_the_statistics_of_the_next_frame(bench_problem):
-    rig = Rig(bench_problem, [], working=0.008)  # twice per block: 16 ms of work in 10 ms
+    rig = Rig(bench_problem, [], working=0.016)  # ms of work in 10 ms
     rig.loop.walk()
     statistics = rig.frames()[-1]["deadlines"]
     assert statistics["late"] > 50 and statistics["lost_s"] > 0.0
@@ -682,8 +653,8 @@ def finished(tmp_path_factory):
         said["save"] = say(session, kind="do", action="save")
         time.sleep(0.5)
         said["state"] = session.state()
-        said["table"] = session.table
-        said["frame"] = json.loads(wait_for(lambda: session.news.frame))
+        said["table"] = session.tuning.settings.table
+        said["frame"] = wait_for(lambda: session.news.frame)
         said["stop"] = say(session, kind="do", action="stop")
         wait_for(lambda: session.news.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
@@ -699,16 +670,8 @@ def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):
     _, said, folder = finished
-    assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == [
-        Response.APPLIED
-    ] * 5
+    assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == ["applied"] * 5
     log = load_run(folder / "run").run.log
-    for name, column, value in (
-        ("k", "right_hip_stiffness_Nm_per_rad", 2.4 / DEGREE),
-        ("zero", "right_knee_equilibrium_rad", 57.0 * DEGREE),
-    ):
-        phase = said[name].subject.partition(".")[0]
-        assert said[name].effect[f"{phase}: {column}"] == pytest.approx(value)
     pushed = np.flatnonzero(log["right_knee_patient_torque_Nm"] == -6.0)
     assert pushed[0] == said["push"].tick and len(pushed) == 200
     assert np.flatnonzero(log["safety_state"])[0] == said["stop"].tick
@@ -719,7 +682,7 @@ def test_changes_are_applied_with_their_tick_and_logged(finished):
 
 def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished):
     _, said, folder = finished
-    assert said["unsafe"].response is said["range"].response is Response.REFUSED
+    assert said["unsafe"].response is said["range"].response == "refused"
     assert "unstable (middle_stance)" in said["unsafe"].text
     assert "expected 0 to 1, got 7" in said["range"].text
     assert load_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
@@ -733,18 +696,16 @@ def test_the_state_shows_what_differs_from_the_preset(finished):
     assert changed == {"late_stance.hip.stiffness", "swing_flexion.knee.equilibrium"}
     shown = json.loads(json.dumps(said["state"].to_dict()))
     assert {item["name"] for item in shown["controls"] if item["changed"]} == changed
-    assert shown["saved"] == [said["save"].value]
 
 
 def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
     session, _, folder = finished
-    assert session.news.folders == [folder / "run", folder / "run-3"] and session.news.failure == ""
-    for path in session.news.folders:
+    assert session.folders == [folder / "run", folder / "run-3"] and session.failure == ""
+    for path in session.folders:
         stored = load_run(path)
         assert stored.summary["status"] == "interrupted" and len(stored.run.log) > 200
         assert stored.run.experiment.duration == pytest.approx(len(stored.run.log) * 1e-3)
     assert load_run(folder / "run").summary["safety"]["cause"] == "operator"
-    assert (folder / "run-3" / "live_table.yaml").is_file()
     assert not list(folder.glob(".*")) and not list((folder / "run-2").iterdir())
 
 
@@ -754,25 +715,22 @@ def test_the_saved_table_walks_in_simulate_with_the_parameters_of_the_live_episo
     assert experiment.table.phases == said["table"].phases
     run = simulate(experiment)
     rows = build_problem(experiment).phase_rows
-    for phase, column, name in (
-        ("late_stance", STIFFNESS, "right_hip_stiffness_Nm_per_rad"),
-        ("swing_flexion", 4 + EQUILIBRIUM, "right_knee_equilibrium_rad"),
+    for phase, column, name, set_to in (
+        ("late_stance", STIFFNESS, "right_hip_stiffness_Nm_per_rad", 2.4 / DEGREE),
+        ("swing_flexion", 4 + EQUILIBRIUM, "right_knee_equilibrium_rad", 57.0 * DEGREE),
     ):
         last = run.log[run.log["right_phase"] == phase][name].iloc[-1]
-        live = next(
-            value for said_item in ("k", "zero") for key, value in said[said_item].effect.items()
-            if key == f"{phase}: {name}"
-        )  # fmt: skip
-        assert last == live == rows[0, run.table.phase_index(phase), column]
-    assert "--set table=" in said["save"].text and "bench_leg" in said["save"].text
+        assert last == rows[0, run.table.phase_index(phase), column] == pytest.approx(set_to)
+    assert "--set table=" in said["save"].text
 
 
 def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finished):
     session, said, folder = finished
     (entry,) = list_sessions(folder / "sessions")
-    found = read_session(folder / "sessions", entry.id)
-    assert (entry.user, entry.experiment, entry.status, entry.versions) == ("Ann", "bench_leg", "ended", 3)
-    assert entry.folders == list(map(str, session.news.folders)) and found["summary"] == session.news.summary
+    found = read_session(folder / "sessions", entry["id"])
+    kept = [entry[name] for name in ("user", "experiment", "status", "versions")]
+    assert kept == ["Ann", "bench_leg", "ended", 2]
+    assert entry["folders"] == list(map(str, session.folders)) and found["summary"] == session.summary
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
         item = logged[said[name].serial]
@@ -781,7 +739,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
             said[name].tick,
             said[name].text,
         )
-    assert [item["tick"] for item in found["tables"]] == [0, said["k"].tick, said["zero"].tick]
+    assert [item["tick"] for item in found["tables"]] == [said["k"].tick, said["zero"].tick]
 
 
 def test_frames_of_the_process_are_those_of_its_log(finished):
@@ -799,7 +757,7 @@ def test_frames_of_the_process_are_those_of_its_log(finished):
 def begin(folder):
     """The process of the loop with pipes that the test holds."""
     document = load_experiment("bench_leg", ["duration_s=60"]).document
-    setup = {"document": document, "folder": str(folder), "force": False, "pictures": False}
+    setup = {"document": document, "folder": str(folder), "force": False, "can": None}
     process = subprocess.Popen(
         [sys.executable, "-m", "twin_gait.live.process"],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1,
@@ -838,10 +796,10 @@ def test_nobody_reading_does_not_slow_the_loop_and_the_newest_frame_wins(tmp_pat
         asleep, abs=0.3
     )  # time did not stand still for the reader
     assert [item["serial"] for item in messages if item["kind"] == "answer"] == [1, 2]
-    assert (tmp_path / "run" / "summary.json").is_file()
+    assert complete(journal_of(tmp_path / "run")) == [tmp_path / "run"]
 
 
-def test_an_end_of_input_ends_the_process_with_a_complete_folder(tmp_path):
+def test_an_end_of_input_ends_the_process_with_a_complete_journal(tmp_path):
     with begin(tmp_path / "run") as process:
         time.sleep(0.4)
         if sys.platform == "linux":  # the loop goes before others, if this user may have that
@@ -850,7 +808,9 @@ def test_an_end_of_input_ends_the_process_with_a_complete_folder(tmp_path):
         process.stdin.close()
         messages = [json.loads(line) for line in process.stdout]
     assert process.returncode == 0
-    assert messages[-1]["kind"] == "folder" and load_run(tmp_path / "run").summary["status"] == "interrupted"
+    assert messages[-1]["status"] == "ended"
+    complete(journal_of(tmp_path / "run"))
+    assert load_run(tmp_path / "run").summary["reason"].startswith("stopped at")
 
 
 PARENT = """
@@ -861,7 +821,7 @@ PARENT = """
 
     session = LiveSession(load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1]), pictures=False)
     session.start()
-    print(session.news.pid, flush=True)
+    print(session.news.process.pid, flush=True)
     time.sleep(60)
 """
 
@@ -876,6 +836,7 @@ def test_a_parent_that_is_killed_takes_the_loop_with_it_and_leaves_the_run(tmp_p
         time.sleep(0.3)
         parent.send_signal(signal.SIGKILL)
     wait_for(lambda: not Path(f"/proc/{child}").exists() if os.path.isdir("/proc") else gone(child))
+    complete(journal_of(tmp_path / "run"))
     assert load_run(tmp_path / "run").summary["status"] == "interrupted"
 
 

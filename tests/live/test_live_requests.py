@@ -12,7 +12,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError
 from twin_gait.live.controls import Actions, Panel
 from twin_gait.live.loop import LiveLoop
-from twin_gait.live.protocol import Action, DoAction, MessageRefused, read_message
+from twin_gait.live.protocol import DoAction, MessageRefused, read_message
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import log_table
@@ -43,13 +43,13 @@ def test_the_panel_offers_what_the_modes_declare_and_leaves_steps_by_hand_to_the
     for preset, settings in (("overground", ["modes=walking"]), ("treadmill_start_stop", twin)):
         experiment = load_experiment(preset, settings).experiment
         panel = Panel(experiment)
-        specs = {item.action: item for item in Actions(panel.problem).specs()}
-        (field,) = specs[Action.REQUEST].fields
+        specs = {item.action: item for item in Actions(panel.problem).specs}
+        (field,) = specs["request"].fields
         assert field.choices == experiment.modes.requests
-        assert Action.STEP not in specs
+        assert "step" not in specs
         assert "manual" not in [item.name for item in panel.controls(panel.preset)]
     bare = Actions(build_problem(load_experiment("treadmill").experiment))
-    assert Action.REQUEST not in {item.action for item in bare.specs()}
+    assert "request" not in {item.action for item in bare.specs}
     with pytest.raises(MessageRefused, match="request: there is nothing like it"):
         bare.values_of(ask("walk"))
 

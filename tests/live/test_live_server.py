@@ -23,21 +23,28 @@ from tornado.websocket import websocket_connect
 from twin_gait.cli import main
 from twin_gait.exceptions import ViewerError
 from twin_gait.files import write_atomically
-from twin_gait.live.page import LiveServer, RateLimit
+from twin_gait.live.page import LivePage
 from twin_gait.viewer import server as scene_server
 from twin_gait.viewer.commands import Window, set_object, set_property
-from twin_gait.viewer.server import LONGEST_MESSAGE, MOST_WAITING, Outbox, is_loopback, is_own_page
+from twin_gait.viewer.server import (
+    LONGEST_MESSAGE,
+    MOST_WAITING,
+    Outbox,
+    SceneServer,
+    is_loopback,
+    is_own_page,
+)
 
 PAGE = "<!DOCTYPE html><title>page</title>"
 
 
-class Told(LiveServer):
+class Told(LivePage):
     """A server with nothing behind it, which remembers what it heard."""
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Window, port: int = 0) -> None:
         self.heard: list[str] = []
         self.stops, self.window = 0, window
-        super().__init__(PAGE, first_port=0)
+        SceneServer.__init__(self, PAGE, first_port=port)
 
     def greeting(self) -> list[dict[str, Any]]:
         return [{"kind": "state", "number": 1}]
@@ -279,7 +286,7 @@ def test_nothing_listens_on_another_address() -> None:
 def test_taken_port_gives_way_to_the_next() -> None:
     async def scene(listener: Listener) -> None:
         taken = listener.server.port
-        second = LiveServer(PAGE, first_port=taken)
+        second = Told(Window(), taken)
         try:
             assert taken < second.port < taken + 100
             assert second.url.startswith(f"http://127.0.0.1:{second.port}/?token=")
@@ -293,7 +300,7 @@ def test_taken_port_gives_way_to_the_next() -> None:
 def test_no_free_port_is_one_line_with_the_way_out() -> None:
     async def run() -> None:
         with pytest.raises(ViewerError, match=r"cannot be served: .*; give another --port") as caught:
-            LiveServer(PAGE, first_port=65535)
+            Told(Window(), 65535)
         assert "\n" not in str(caught.value)
 
     with socket.socket() as blocker:
@@ -346,10 +353,10 @@ def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.Mo
 FEW_FILES = """
 import asyncio, resource, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))
-from twin_gait.live.page import LiveServer
+from twin_gait.viewer.server import SceneServer
 
 async def run():
-    print(LiveServer("page", first_port=0).url, flush=True)
+    print(SceneServer("page", first_port=0).url, flush=True)
     await asyncio.get_running_loop().run_in_executor(None, sys.stdin.read)
 
 asyncio.run(run())
@@ -391,17 +398,6 @@ def test_message_is_handed_on_as_it_came() -> None:
     with_listener(scene)
 
 
-def test_bytes_are_refused_and_the_socket_stays() -> None:
-    async def scene(listener: Listener) -> None:
-        panel = await listener.connect("/panel")
-        await panel.write_message(b"\x81\xa4kind", binary=True)
-        assert (await told(panel, "event"))["text"] == "message: expected text, got bytes"
-        await panel.write_message("after")
-        assert (await told(panel, "heard"))["text"] == "after"
-
-    with_listener(scene)
-
-
 def test_oversized_message_ends_its_socket_and_no_other() -> None:
     async def scene(listener: Listener) -> None:
         guilty, other = await listener.connect("/panel"), await listener.connect("/panel")
@@ -416,32 +412,6 @@ def test_oversized_message_ends_its_socket_and_no_other() -> None:
         assert listener.heard == ["still here"]
 
     with_listener(scene)
-
-
-def test_flood_is_refused_and_others_are_heard() -> None:
-    async def scene(listener: Listener) -> None:
-        other = await listener.connect("/panel")
-        flood = frozen_page(listener, "/panel")
-        await until(lambda: len(listener.server.pages) == 2)
-        # Text frames with a mask of zeros, as many as a second of nothing else could bring.
-        flood.sendall(3000 * (b"\x81\x85\0\0\0\0" + b"flood"))
-        await until(lambda: listener.server.refused + len(listener.heard) == 3000)
-        assert 400 <= len(listener.heard) < 3000
-        await other.write_message("hello")
-        assert (await told(other, "heard"))["text"] == "hello"
-        flood.close()
-
-    with_listener(scene)
-
-
-def test_limit_is_a_rate_with_a_reserve() -> None:
-    now = [0.0]
-    limit = RateLimit(clock=lambda: now[0])
-    assert sum(limit.take() for _ in range(1000)) == 400
-    now[0] = 1.0
-    assert sum(limit.take() for _ in range(1000)) == 200
-    now[0] = 1000.0
-    assert sum(limit.take() for _ in range(1000)) == 400
 
 
 def test_socket_of_the_scene_does_not_listen() -> None:

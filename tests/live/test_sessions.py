@@ -49,14 +49,15 @@ def change(serial, *, response="applied", user="Ann", value=1.3):
 def record(tmp_path):
     """A record with one session that ended and one that is going on."""
     path = tmp_path / "deep" / "sessions"
-    first = SessionRecorder(path, user="Ann", experiment="treadmill", document={"duration_s": 600})
+    first = SessionRecorder(
+        path, user="Ann", experiment="treadmill", document={"duration_s": 600}, folder=Path("run")
+    )
     first.table({"name": "treadmill", "k": 1}, 0)
     first.event(change(1))
     first.table({"name": "treadmill", "k": 2}, 10)
-    first.table({"name": "treadmill", "k": 2}, 20)
     first.event(change(2, response="refused", value="a lot"))
     first.close("ended", 1234, {"fell": False}, ["/runs/one"])
-    second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={})
+    second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={}, folder=Path("run"))
     yield path
     second.close("ended", 0, {}, [])
 
@@ -77,10 +78,7 @@ def test_a_session_is_read_back_as_it_was_recorded(record):
         {"fell": False},
         ["/runs/one"],
     )
-    assert [(item["version"], item["tick"], item["document"]["k"]) for item in found["tables"]] == [
-        (1, 0, 1),
-        (2, 10, 2),
-    ]
+    assert [(item["tick"], item["document"]["k"]) for item in found["tables"]] == [(0, 1), (10, 2)]
     assert [(item["serial"], item["tick"], item["response"]) for item in found["log"]] == [
         (1, 10, "applied"),
         (2, 20, "refused"),
@@ -90,32 +88,32 @@ def test_a_session_is_read_back_as_it_was_recorded(record):
 
 
 def test_sessions_are_listed_newest_first_and_per_user(record):
-    assert [(item.id, item.user) for item in list_sessions(record)] == [(2, "Ben"), (1, "Ann")]
+    assert [(item["id"], item["user"]) for item in list_sessions(record)] == [(2, "Ben"), (1, "Ann")]
     (ann,) = list_sessions(record, "Ann")
-    assert (ann.changes, ann.refusals, ann.versions, ann.ended is None) == (1, 1, 2, False)
+    assert [ann[name] for name in ("changes", "refusals", "versions")] == [1, 1, 2] and ann["ended"]
 
 
 def test_a_session_without_an_end_goes_on_while_its_process_lives_and_was_killed_afterwards(tmp_path):
     with subprocess.Popen([sys.executable, str(FAKE), str(tmp_path)], stdout=subprocess.PIPE) as process:
         process.stdout.readline()
-        assert [item.status for item in list_sessions(tmp_path)] == [GOING_ON]
+        assert [item["status"] for item in list_sessions(tmp_path)] == [GOING_ON]
         process.kill()
-    assert [item.status for item in list_sessions(tmp_path)] == [KILLED]
+    assert [item["status"] for item in list_sessions(tmp_path)] == [KILLED]
 
 
 def test_a_session_is_deleted_with_all_that_belongs_to_it_but_not_while_it_is_going_on(record):
     with pytest.raises(SessionError, match="session 2 is going on"):
         delete_session(record, 2)
     delete_session(record, 1)
-    assert [item.id for item in list_sessions(record)] == [2]
+    assert [item["id"] for item in list_sessions(record)] == [2]
     assert [path.name for path in record.iterdir()] == ["2.jsonl"]
-    with pytest.raises(SessionError, match=r"no session 1; the newest are 2"):
+    with pytest.raises(SessionError, match="no session 1; twin-gait sessions list"):
         delete_session(record, 1)
 
 
 def test_recording_never_waits_for_a_disk_that_hangs(tmp_path, monkeypatch):
     path, released, sync = tmp_path / "sessions", threading.Event(), os.fsync
-    recorder = SessionRecorder(path, user="", experiment="treadmill", document={})
+    recorder = SessionRecorder(path, user="", experiment="treadmill", document={}, folder=Path("run"))
     monkeypatch.setattr(os, "fsync", lambda descriptor: (released.wait(), sync(descriptor)))
     recorder.event(change(1))
     time.sleep(0.5)  # its thread waits for the disk now
@@ -133,7 +131,7 @@ def test_two_sessions_at_once_keep_apart(tmp_path):
     path = tmp_path / "sessions"
 
     def one(user):
-        recorder = SessionRecorder(path, user=user, experiment="treadmill", document={})
+        recorder = SessionRecorder(path, user=user, experiment="treadmill", document={}, folder=Path("run"))
         for serial in range(1, 51):
             recorder.event(change(serial, user=user))
             time.sleep(0.002)
@@ -145,9 +143,9 @@ def test_two_sessions_at_once_keep_apart(tmp_path):
     for thread in threads:
         thread.join()
     for entry in list_sessions(path):
-        log = read_session(path, entry.id)["log"]
+        log = read_session(path, entry["id"])["log"]
         assert [item["serial"] for item in log] == list(range(1, 51))
-        assert {item["user"] for item in log} == {entry.user}
+        assert {item["user"] for item in log} == {entry["user"]}
 
 
 # ---------------------------------------------------------------------- kills
@@ -178,7 +176,7 @@ def test_killed_at_a_random_moment_twenty_times_the_record_opens_is_whole_and_la
         missing = [at for serial, at in changes.items() if serial not in kept]
         assert all(last - at <= 1.0 for at in missing)
     assert len(list_sessions(path)) == KILLS
-    assert all(item.ended is None for item in list_sessions(path))
+    assert all(item["ended"] is None for item in list_sessions(path))
 
 
 def test_what_is_older_than_a_second_is_kept_when_the_process_is_killed(tmp_path):
@@ -208,12 +206,16 @@ def test_a_record_that_is_none_is_refused_in_one_line(tmp_path):
         assert isinstance(caught.value, TwinGaitError) and "\n" not in str(caught.value)
         assert str(tmp_path / name) in str(caught.value)
     with pytest.raises(SessionError, match="cannot be used"):
-        SessionRecorder(tmp_path / "text.sqlite" / "below", user="", experiment="", document={})
+        SessionRecorder(
+            tmp_path / "text.sqlite" / "below", user="", experiment="", document={}, folder=Path("run")
+        )
     assert not (tmp_path / "missing").exists()
 
 
 def test_the_record_is_for_its_user_alone(tmp_path):
-    recorder = SessionRecorder(tmp_path / "sessions", user="Ann", experiment="treadmill", document={})
+    recorder = SessionRecorder(
+        tmp_path / "sessions", user="Ann", experiment="treadmill", document={}, folder=Path("run")
+    )
     recorder.event(change(1))
     recorder.close("ended", 0, {}, [])
     modes = [
@@ -251,4 +253,4 @@ def test_the_command_lists_shows_exports_and_deletes(record, tmp_path, capsys):
     assert call("--records", record, "export", 1, "--out", tmp_path / "one.json") == 0
     assert json.loads((tmp_path / "one.json").read_text()) == read_session(record, 1)
     assert call("--records", record, "delete", 1) == 0
-    assert [item.id for item in list_sessions(record)] == [2]
+    assert [item["id"] for item in list_sessions(record)] == [2]

@@ -11,6 +11,7 @@ from twin_gait.configuration import load_experiment
 from twin_gait.control import TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
+from twin_gait.live.settings import first_settings, loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.simulation.problem import build_problem
@@ -148,9 +149,9 @@ def test_a_table_set_at_the_start_walks_as_an_experiment_with_that_table():
 
 def test_higher_thresholds_make_a_leg_wait_and_leave_other_runs_of_the_problem_alone(bench):
     late, plain = SteppedRun(bench), SteppedRun(bench)
-    late.set_comparisons(
-        [replace(item, threshold=item.threshold + 0.02) for item in bench.program.comparisons]
-    )
+    numbers = loop_numbers(first_settings(bench.experiment))
+    later = [{**item, "threshold": item["threshold"] + 0.02} for item in numbers["comparisons"]]
+    late.set({**numbers, "comparisons": later})
     for run in (late, plain, after := SteppedRun(bench)):
         run.advance(1500)
     assert late.switches()[0].tick > plain.switches()[0].tick

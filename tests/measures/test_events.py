@@ -6,7 +6,7 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.control.safety import Trip, TripCause
-from twin_gait.live.journal import AppliedChange, Piece, walked_run
+from twin_gait.live.journal import Piece, walked_run
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.runs.record import load_run, write_run
@@ -77,9 +77,8 @@ def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tm
     run.advance(730)
     run.inject(parse_fault("encoder_offset:right_hip@0s=-8deg"))
     run.advance(300)
-    note = {"subject": "fault", "fault": "encoder_offset:right_hip@0s=-8deg"}
     piece = Piece(
-        rows=run.rows(), switches=run.switches(), changes=(AppliedChange(730, note),), status=run.status,
+        rows=run.rows(), switches=run.switches(), faults=run.injected, status=run.status,
         reason=run.reason, trip=run.trip,
     )  # fmt: skip
     kept = walked_run(piece, problem)

@@ -95,8 +95,8 @@ def test_set_points_come_before_measurements_and_those_before_all_else():
     assert list(dict.fromkeys(order)) == list(kinds)
     assert len({item.identifier for item in MESSAGES.values()}) == len(MESSAGES)
     for board in BOARDS:
-        assert MESSAGES[f"{board}_setpoint"].sender == "ccu"
-        assert MESSAGES[f"{board}_measurement"].sender == board
+        assert DATABASE.get_message_by_name(f"{board}_setpoint").senders == ["ccu"]
+        assert DATABASE.get_message_by_name(f"{board}_measurement").senders == [board]
         assert (
             MESSAGES[f"{board}_setpoint"].cycle
             == MESSAGES[f"{board}_measurement"].cycle

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -59,22 +58,22 @@ def _list(arguments: argparse.Namespace, records: Path) -> None:
     entries = live.session_records.list_sessions(records, arguments.user)
     nobody = "no sessions" if arguments.user is None else f"no sessions of {arguments.user}"
     lines = [line_of(entry) for entry in entries] or [nobody]
-    answer(arguments, lines, lambda: [asdict(item) for item in entries])
+    answer(arguments, lines, lambda: entries)
 
 
-def line_of(entry: live.session_records.SessionEntry) -> str:
+def line_of(entry: Mapping[str, Any]) -> str:
     """One line on a session: number, time, user, experiment, status, changes and folder."""
-    who = entry.user or "(nobody named)"
-    began = entry.began[:16].replace("T", " ")
-    counted = f"{entry.changes} changes, {entry.refusals} refused, {entry.versions} table versions"
-    folder = entry.folders[-1] if entry.folders else "no run folder"
-    return f"{entry.id:>4}  {began} UTC  {who}  {entry.experiment}  {entry.status}  {counted}  {folder}"
+    who, began = entry["user"] or "(nobody named)", entry["began"][:16].replace("T", " ")
+    counted = "{changes} changes, {refusals} refused, {versions} table versions".format_map(entry)
+    folder = entry["folders"][-1] if entry["folders"] else "no run folder"
+    return (
+        f"{entry['id']:>4}  {began} UTC  {who}  {entry['experiment']}  {entry['status']}  {counted}  {folder}"
+    )
 
 
 def _show(arguments: argparse.Namespace, records: Path) -> None:
     found = live.session_records.read_session(records, arguments.session)
-    entries = live.session_records.list_sessions(records)
-    print(next(line_of(item) for item in entries if item.id == arguments.session))
+    print(line_of(found))
     for item in found["log"]:
         who = f" {item['user']}" if item["user"] else ""
         about = f"{item['subject']}: " if item["response"] == "refused" and item["subject"] else ""
@@ -100,7 +99,7 @@ def _delete(arguments: argparse.Namespace, records: Path) -> None:
 
 def _complete(arguments: argparse.Namespace, records: Path) -> None:
     done = live.journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
-    print("nothing had been simulated" if done is None else done)
+    print("\n".join(map(str, done)) or "nothing had been simulated")
 
 
 def _clean(arguments: argparse.Namespace, records: Path) -> int:

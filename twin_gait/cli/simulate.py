@@ -218,7 +218,7 @@ async def _serve(
 
     for number in _ENDINGS:
         loop.add_signal_handler(number, end)
-    page = live.page.LivePage(session, experiment, port=arguments.port, user=arguments.user)
+    page = live.page.LivePage(session, experiment, port=arguments.port)
     try:
         await asyncio.to_thread(session.start)
         view.announce(page.url, browser=not arguments.no_browser)
@@ -237,21 +237,20 @@ async def _serve(
 
 
 def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
-    news = session.news
-    if news.failure:
-        raise RunDirectoryError(news.failure)
-    if news.summary:
-        summary = news.summary
+    news, summary = session.news, session.summary
+    if session.failure:
+        raise RunDirectoryError(session.failure)
+    if summary:
         print(f"{summary['outcome'] or summary['status']}: {summary['duration_s']:g} s")
         if summary["outcome_reason"]:
             print(f"  {summary['outcome_reason']}")
         for line in summary_lines(summary):
             print(f"  {line}")
-    for folder in news.folders:
+    for folder in session.folders:
         print(f"  {folder}")
     if news.death:
         print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
         return terminal.FAILED
-    if news.summary.get("status") == "diverged":
+    if summary.get("status") == "diverged":
         return terminal.FAILED
     return terminal.INTERRUPTED if interrupted else terminal.DONE

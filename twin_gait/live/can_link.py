@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import BusFrame, bus_frames, messages_of
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.news import EventBook
-from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl, Value
-from twin_gait.live.realtime import PERIOD, undisturbed
+from twin_gait.live.protocol import Message, MessageRefused, SetControl, Value, one_line
+from twin_gait.live.realtime import PERIOD
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters
@@ -39,22 +39,11 @@ USER = "CAN"
 # Frames of udp_multicast stay on this machine.
 OPTIONS: Mapping[str, Mapping[str, Any]] = {"udp_multicast": {"hop_limit": 0}}
 FARTHEST = 3 * PERIOD  # [s] between a frame and its time, before the times are set anew
-REPETITION = 1.0  # [s] in which the same frame once more is nothing new
 SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
-MOST_HEARD = 100  # frames between two looks at what is to be sent
 LISTENING = NetworkParameters.cycle  # [s] for a frame of the monitor, while nothing is due
-MOST_NOTES = 20  # that a session tells of its bus
 
 
-class Command(NamedTuple):
-    """What a frame asks of a control."""
-
-    value: Value  # in the unit of the control
-    # half a step of the signal in that unit: numbers that close are the same on the bus
-    tolerance: float = 0.0
-
-
-Commands = dict[str, Command]
+Commands = dict[str, Value]  # values of controls in their units, by name
 
 
 def commands_of(message: BusMessage, data: bytes) -> Commands:
@@ -69,27 +58,12 @@ def commands_of(message: BusMessage, data: bytes) -> Commands:
     unpack_frame(message.layout, struct.unpack("<2I", data.ljust(8, b"\0")), values)
     said = dict(zip(message.signals, values, strict=True))
     side, _, joint = message.name.removesuffix(ON_DEMAND).partition("_")
-    commands = {}
+    commands: Commands = {}
     for quantity, shown in QUANTITIES.items():
         if not math.isnan(said[quantity]):
-            tolerance = 0.5 * message.signals[quantity].scale / shown.scale
-            commands[f"monitor.{side}.{joint}.{quantity}"] = Command(said[quantity] / shown.scale, tolerance)
+            commands[f"monitor.{side}.{joint}.{quantity}"] = said[quantity] / shown.scale
     names = {code: name for name, code in message.codes["control"].items()}
-    return {**commands, MODE: Command(names[int(said["control"])])}
-
-
-def change_of(command: Command, control: Control) -> Value | None:
-    """Value that a control is to be set to, or None if it has it.
-
-    An end of its range that the bus can only come near to is meant as that end.
-    """
-    if not isinstance(command.value, float):
-        return None if command.value == control.value else command.value
-    near = 1.000001 * command.tolerance
-    if abs(command.value - float(control.value)) <= near:
-        return None
-    ends = [end for end in (control.least, control.largest) if end is not None]
-    return next((end for end in ends if abs(command.value - end) <= near), command.value)
+    return {**commands, MODE: names[int(said["control"])]}
 
 
 def open_bus(name: str) -> can.BusABC:
@@ -108,7 +82,7 @@ def open_bus(name: str) -> can.BusABC:
     try:
         return can.Bus(channel, interface, **OPTIONS.get(interface, {}))
     except Exception as error:  # drivers raise what they like
-        reason = " ".join(str(error).split())
+        reason = one_line(error)
         raise ParameterError(f"CAN bus {name!r}: cannot be opened ({reason}); is the channel up?") from error
 
 
@@ -136,23 +110,21 @@ class CanLink:
         *,
         book: EventBook,
         submit: Callable[[Message], None],
-        controls: Callable[[], tuple[Control, ...]],
     ) -> None:
-        """Open the bus; :meth:`start` begins.
+        """Open the bus, and begin to send and to listen.
 
         ``name``: as in :func:`open_bus`; ``book``: hears what is wrong, and has the answers to what was
-        submitted; ``submit``: takes a message as from a page; ``controls``: gives the panel with its present
-        values.
+        submitted; ``submit``: takes a message as from a page.
         """
         self._messages = messages_of(problem.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in asked}  # what a monitor sends
         self._columns, self._problem = log_layout(problem).names, problem
-        self._book, self._submit, self._controls = book, submit, controls
+        self._book, self._submit = book, submit
         self._blocks: deque[Mapping[str, Any]] = deque()
         self._due: deque[tuple[float, BusFrame]] = deque()
         self._start = 0.0  # of the walk, in the time of this machine
-        self._heard: dict[int, tuple[Commands, float]] = {}
+        self._heard: dict[int, Commands] = {}
         self._wanted: Commands = {}
         self._pending: set[str] = set()
         self._asked = self._serial = 0
@@ -160,16 +132,12 @@ class CanLink:
         self._closed = threading.Event()
         self._bus = open_bus(name)
         self._thread = threading.Thread(target=self._run, name="CAN", daemon=True)
-
-    def start(self) -> None:
-        """Begin to send and to listen."""
         self._thread.start()
 
     def close(self) -> None:
         """Stop, and let the bus go."""
         self._closed.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._thread.join()
         self._bus.shutdown()
 
     def take(self, block: Mapping[str, Any]) -> None:
@@ -177,15 +145,13 @@ class CanLink:
         self._blocks.append(block)
 
     def _run(self) -> None:
-        with undisturbed(alone=True):
-            try:
-                while not self._closed.is_set():
-                    self._serve()
-                    self._ask()
-            except Exception:  # drivers raise what they like; the terminal has the rest
-                text = "the link to the CAN bus has ended, no frame is sent or heard; start the walk anew"
-                self._book.emit(Response.NOTE, text, user=USER)
-                raise
+        try:
+            while not self._closed.is_set():
+                self._serve()
+                self._ask()
+        except Exception:  # drivers raise what they like; the terminal has the rest
+            self._note("the link to the CAN bus has ended, no frame is sent or heard; start the walk anew")
+            raise
 
     def _serve(self) -> None:
         """Send what is due, and wait for a frame until more is."""
@@ -197,20 +163,18 @@ class CanLink:
             self._send()
             wait = self._due[0][0] - time.monotonic() if self._due else LISTENING
             message = self._bus.recv(min(max(wait, 0.0), LISTENING))
-            for _ in range(MOST_HEARD):  # udp_multicast gives our own frames back too
-                if message is None:
-                    break
+            if message is not None:
                 self._hear(message)
-                message = self._bus.recv(0.0)
         except (can.CanError, OSError) as error:
-            self._note(f"the CAN bus fails, frames are lost: {' '.join(str(error).split())}")
+            self._due.clear()  # set points that wait for the bus would come too late
+            self._note(f"the CAN bus fails, frames are lost: {one_line(error)}")
             self._closed.wait(PERIOD)
 
     def _note(self, text: str) -> None:
         """Tell once what may happen with every frame."""
-        if text not in self._notes and len(self._notes) < MOST_NOTES:
+        if text not in self._notes:
             self._notes.add(text)
-            self._book.emit(Response.NOTE, text, user=USER)
+            self._book.emit("note", text, user=USER)
 
     # ------------------------------------------------------------------ sending
 
@@ -221,10 +185,8 @@ class CanLink:
         names = np.array(self._problem.table.phase_names)
         for side in self._problem.sides:
             rows[f"{side}_phase"] = names[rows[f"{side}_phase"].astype(int)]
-        frames = bus_frames(
-            rows, self._messages, first=block["first"], body_weight=self._problem.world.body_weight,
-            tripped=block["tripped"],
-        )  # fmt: skip
+        weight, tripped = self._problem.world.body_weight, block["tripped"]
+        frames = bus_frames(rows, self._messages, first=block["first"], body_weight=weight, tripped=tripped)
         now = time.monotonic()
         # A block is ready when its time begins, now and then a little later: it goes out one block after it.
         if frames and abs(self._start + frames[0].time - now - PERIOD) > FARTHEST:
@@ -239,16 +201,12 @@ class CanLink:
             message = can.Message(
                 arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, is_rx=False
             )
-            try:
-                self._bus.send(message, SEND_TIME)
-            except (can.CanError, OSError):
-                self._due.clear()  # set points that wait for the bus would come too late
-                raise
+            self._bus.send(message, SEND_TIME)
 
     # ------------------------------------------------------------------ listening
 
     def _hear(self, message: can.Message) -> None:
-        """Understand a frame; a repetition of the one before says nothing new."""
+        """Understand a frame; what the one before has said too is nothing new."""
         known = self._commands.get(message.arbitration_id)
         if known is None or message.is_extended_id or message.is_error_frame:
             return
@@ -257,14 +215,11 @@ class CanLink:
         except MessageRefused as error:
             self._note(f"frame ignored: {error}")
             return
-        now = time.monotonic()
-        before, when = self._heard.get(known.identifier, ({}, now))
-        self._heard[known.identifier] = commands, now
-        if commands != before or now - when > REPETITION:
-            self._wanted.update(commands)
+        before, self._heard[known.identifier] = self._heard.get(known.identifier, {}), commands
+        self._wanted |= dict(commands.items() - before.items())
 
     def _ask(self) -> None:
-        """Ask for what differs from the panel, as soon as what was asked before is answered."""
+        """Ask for what is wanted, as soon as what was asked before is answered."""
         if self._pending and self._book.serial != self._serial:
             for event in self._book.after(self._serial):
                 self._serial = event.serial
@@ -272,14 +227,8 @@ class CanLink:
         if self._pending or not self._wanted:
             return
         commands, self._wanted = self._wanted, {}
-        panel = {item.name: item for item in self._controls()}
         self._serial = self._book.serial
         for name in sorted(commands, key=MODE.__eq__):  # the mode last, after what it is to begin with
-            if name not in panel:
-                self._note(f"frame ignored: this experiment has no {name}")
-                continue
-            value = change_of(commands[name], panel[name])
-            if value is not None:
-                self._asked += 1
-                self._pending.add(f"can-{self._asked}")
-                self._submit(SetControl(id=f"can-{self._asked}", user=USER, control=name, value=value))
+            self._asked += 1
+            self._pending.add(f"can-{self._asked}")
+            self._submit(SetControl(id=f"can-{self._asked}", user=USER, control=name, value=commands[name]))

@@ -1,9 +1,9 @@
-"""A live walk in pieces, its journal, a stream of Arrow batches, and the run folder that becomes of it.
+"""Live walks in pieces, their journal, a stream of Arrow batches, and the run folders that become of it.
 
 The loop keeps nothing of a walk but its last rows. Every half second it hands over a piece that is complete
 in itself (rows, switches, changes, how the walk stands), so that the pieces up to any moment are the walk up
 to it. Each is appended as one batch: the rows of the log as columns, the rest as the batch's own metadata.
-The walk's set-up stands in the schema, so that the file is all that is needed to make the run folder, whoever
+The set-up stands in the schema, so that the file is all that is needed to make the run folders, whoever
 is left to do so; a batch that a kill has cut short is left out. Whoever writes or completes a journal holds a
 lock on it, which the system takes back from the dead.
 """
@@ -11,7 +11,6 @@ lock on it, which the system takes back from the dead.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import itertools
 import json
 import os
@@ -19,42 +18,33 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 from pydantic import ConfigDict, TypeAdapter
 
-from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
-from twin_gait.runs.folders import journal_of, staged_directory
+from twin_gait.live.protocol import one_line
+from twin_gait.live.session_records import KILLED, close_killed, list_sessions
+from twin_gait.runs.folders import hold, journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
 from twin_gait.simulation.engine import EngineResult, log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import run_of
-from twin_gait.worlds.faults import parse_fault
+from twin_gait.worlds.faults import Fault
 
 CHANGES_FILE = "live_changes.csv"
-TABLE_FILE = "live_table.yaml"
 CHANGE_COLUMNS = ("tick", "time_s", "user", "subject", "before", "value", "text")
 # Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
 LONGEST_PICTURES = 120.0  # [s]
-
-
-class AppliedChange(NamedTuple):
-    """A change as the run folder lists it."""
-
-    tick: int  # first tick with the change
-    # who, what, value before and after, by column; a fault in its notation under ``fault``
-    note: Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +55,8 @@ class Piece:
 
     rows: np.ndarray  # of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
     switches: tuple[PhaseSwitch, ...] = ()  # of the phases
-    changes: tuple[AppliedChange, ...] = ()  # that were applied
-    # mapping of the gait table as it is now, or None if it has never been changed
-    table: Mapping[str, Any] | None = None
+    changes: tuple[Mapping[str, Any], ...] = ()  # that were applied: tick, user and so on, by column
+    faults: tuple[Fault, ...] = ()  # that somebody let strike so far
     status: RunStatus = RunStatus.COMPLETED  # how the walk stands
     reason: str = ""  # why it has ended; empty before that
     trip: Trip | None = None  # what the safety monitor tripped on, or None
@@ -79,144 +68,119 @@ _PIECE = TypeAdapter(Piece)
 _SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
 
 
-def walk_of(pieces: Iterable[Piece], n_columns: int, longest: int) -> Piece:
-    """Put the pieces of a walk together to one that is all of it.
-
-    A walk that nothing has ended before its time is marked as interrupted, with the reason.
-    """
-    last = Piece(rows=np.zeros((0, n_columns)))
-    rows, switches, changes = [last.rows], list[PhaseSwitch](), list[AppliedChange]()
+def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
+    """Put pieces together: one piece for every walk of which there is a tick."""
+    own: list[Piece] = []
     for piece in pieces:
-        rows.append(piece.rows)
-        switches += piece.switches
-        changes += piece.changes
-        last = piece
-    log, status, reason = np.concatenate(rows), last.status, last.reason
-    if status is RunStatus.COMPLETED and len(log) < longest:
-        status = RunStatus.INTERRUPTED
+        own.append(piece)
+        if piece.over:
+            yield from _walk_of(own, longest)
+            own = []
+    yield from _walk_of(own, longest)
+
+
+def _walk_of(pieces: Sequence[Piece], longest: int) -> Iterator[Piece]:
+    """One that nothing has ended before its time is marked as interrupted, with the reason."""
+    ticks = sum(len(piece.rows) for piece in pieces)
+    if ticks == 0:
+        return
+    last = pieces[-1]
+    status, reason = last.status, last.reason
+    if status is RunStatus.COMPLETED and ticks < longest:
         how = "stopped at" if last.over else "the process of the walk died; it is kept up to"
-        reason = f"{how} {len(log) * TICK:.3f} s"
-    whole: dict[str, Any] = {"rows": log, "switches": tuple(switches), "changes": tuple(changes)}
-    return replace(last, **whole, status=status, reason=reason)
-
-
-def next_free(folder: Path, number: int) -> Path:
-    """Folder of a later walk: the first name ``folder-number`` … that no folder and no journal has yet."""
-    names = (folder.with_name(f"{folder.name}-{count}") for count in itertools.count(number))
-    return next(path for path in names if not path.exists() and not journal_of(path).exists())
+        status, reason = RunStatus.INTERRUPTED, f"{how} {ticks * TICK:.3f} s"
+    yield replace(
+        last,
+        rows=np.concatenate([piece.rows for piece in pieces]),
+        switches=tuple(item for piece in pieces for item in piece.switches),
+        changes=tuple(item for piece in pieces for item in piece.changes),
+        status=status,
+        reason=reason,
+    )
 
 
 @contextlib.contextmanager
-def locked(journal: Path, *, make: bool = False) -> Iterator[None]:
+def locked(journal: Path) -> Iterator[None]:
     """Hold a journal, so that nobody else writes or completes it.
 
-    ``make``: whether it is to be made; nobody but this user may read it. Raises RunDirectoryError if it
-    cannot be opened, has gone, or is held.
+    Raises RunDirectoryError if it cannot be opened, or is held.
     """
-    flags = os.O_RDWR | (os.O_CREAT | os.O_EXCL if make else 0)
     try:
-        if make:
-            journal.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(journal, flags, 0o600)
+        held = hold(journal)
     except OSError as error:
         raise RunDirectoryError(f"{journal}: cannot be used ({error.strerror})") from error
+    if held is None:
+        raise RunDirectoryError(f"{journal}: its walk is still going on, or being written")
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if not journal.exists():  # completed by somebody between our opening and our holding it
-            raise RunDirectoryError(f"{journal}: has just been completed")
         yield
-    except BlockingIOError:
-        raise RunDirectoryError(f"{journal}: its walk is still going on, or being written") from None
     finally:
-        os.close(descriptor)
+        os.close(held)
 
 
-class Journals:
-    """Keeps the walks of a session, a file each, in a thread of its own: the loop never waits for the disk.
+class Journal:
+    """Keeps the walks of a session, in a thread of its own: the loop never waits for the disk.
 
     Attributes:
-        paths: The files so far.
+        path: The file.
     """
 
-    def __init__(
-        self, columns: Sequence[str], setup: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]
-    ) -> None:
-        """Make the file of the first walk, and its folder if there is none.
+    def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], lost: Callable[[str], None]) -> None:
+        """Make the file, and its folder if there is none; nobody but this user may read it.
 
-        ``setup``: what the run folder needs beside the log, as JSON takes it; ``tell``: takes a mapping for
-        each walk that is begun (``kind`` ``journal`` with ``folder``), and once for each that can no longer
-        be written (``unkept`` with ``text``). Raises RunDirectoryError if the file cannot be made.
+        ``setup``: what the run folders need beside the log, as JSON takes it; ``lost``: called once if
+        nothing can be written any more, with the reason. Raises RunDirectoryError if the file cannot be made.
         """
-        self.paths: list[Path] = []
-        self._columns, self._setup, self._tell = columns, setup, tell
-        self._held, self._lost = contextlib.ExitStack(), False
-        self._stream: Any = None
-        self._begin(Path(setup["folder"]))
+        self.path = journal_of(Path(setup["folder"]))
+        self._columns, self._lost, self._held = list(columns), lost, contextlib.ExitStack()
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.touch(mode=0o600, exist_ok=False)
+        except OSError as error:
+            raise RunDirectoryError(f"{self.path}: cannot be made ({error.strerror})") from error
+        schema = pa.schema([(name, pa.float64()) for name in columns], metadata={_SETUP: json.dumps(setup)})
+        options = pa.ipc.IpcWriteOptions(compression="zstd", use_threads=False)
+        self._held.enter_context(locked(self.path))
+        file = self._held.enter_context(pa.OSFile(str(self.path), "wb"))
+        self._stream: Any = self._held.enter_context(pa.ipc.new_stream(file, schema, options=options))
         self._thread = ThreadPoolExecutor(1, "journal")
 
     def keep(self, piece: Piece) -> None:
-        """Take a piece, which may be the last of its walk; returns at once."""
+        """Take a piece; returns at once."""
         # What the writer does not expect is an error of the program: it is printed, not lost.
         self._thread.submit(self._write, piece).add_done_callback(Future.result)
 
     def close(self) -> None:
-        """Wait until all pieces are written."""
+        """Wait until all pieces are written, and let the file go."""
         self._thread.shutdown()
-
-    def _begin(self, folder: Path) -> None:
-        path, setup = journal_of(folder), {**self._setup, "folder": str(folder)}
-        columns, metadata = [(name, pa.float64()) for name in self._columns], {_SETUP: json.dumps(setup)}
-        options = pa.ipc.IpcWriteOptions(compression="zstd", use_threads=False)
-        self.paths.append(path)
-        self._held.enter_context(locked(path, make=True))
-        file = self._held.enter_context(pa.OSFile(str(path), "wb"))
-        stream = pa.ipc.new_stream(file, pa.schema(columns, metadata=metadata), options=options)
-        self._stream = self._held.enter_context(stream)
-        self._tell({"kind": "journal", "folder": str(folder)})
+        with contextlib.suppress(OSError, pa.ArrowException):
+            self._held.close()
 
     def _write(self, piece: Piece) -> None:
-        """Write a piece to the file of its walk, which its first piece begins; a walk goes on without it."""
+        """Write a piece; what cannot be written any more is told once, and the session goes on."""
+        if self._stream is None:
+            return
         try:
-            if self._stream is None and not self._lost:
-                self._begin(next_free(Path(self._setup["folder"]), len(self.paths) + 1))
-            if self._stream is not None:
-                columns = [pa.array(column) for column in np.ascontiguousarray(piece.rows.T)]
-                batch = pa.RecordBatch.from_arrays(columns, names=list(self._columns))
-                news = _PIECE.dump_json(piece, exclude={"rows"})
-                self._stream.write_batch(batch, custom_metadata={_NEWS: news})
-                if piece.over:
-                    self._held.close()
-        except (OSError, pa.ArrowException, RunDirectoryError) as error:
-            text = f"{self.paths[-1]}: cannot be written any more ({' '.join(str(error).split())})"
-            self._tell({"kind": "unkept", "text": text})
-            self._lost, self._stream = True, None
-            with contextlib.suppress(OSError, pa.ArrowException):
-                self._held.close()
-        if piece.over:
-            self._lost, self._stream = False, None
+            columns = [pa.array(column) for column in np.ascontiguousarray(piece.rows.T)]
+            batch = pa.RecordBatch.from_arrays(columns, names=self._columns)
+            news = _PIECE.dump_json(piece, exclude={"rows"})
+            self._stream.write_batch(batch, custom_metadata={_NEWS: news})
+        except (OSError, pa.ArrowException) as error:
+            self._stream = None
+            self._lost(f"{self.path}: cannot be written any more ({one_line(error)})")
 
 
-class Content(NamedTuple):
-    """What a journal holds."""
-
-    setup: dict[str, Any]  # from Journal
-    columns: tuple[str, ...]  # of the log
-    pieces: Iterator[Piece]  # one after the other, those up to the last complete one
-
-
-def read_journal(path: Path) -> Content:
+def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[Piece]]:
     """Read a journal, whatever has become of its writer.
 
-    Raises RunDirectoryError if not even its beginning can be read.
+    Returns the set-up, the columns of the log, and the pieces up to the last complete one. Raises
+    RunDirectoryError if not even its beginning can be read.
     """
     try:
         stream = pa.ipc.open_stream(pa.OSFile(str(path), "rb"))
         setup = json.loads(stream.schema.metadata[_SETUP])
     except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
-        raise RunDirectoryError(
-            f"{path}: is no journal of a walk ({' '.join(str(error).split())})"
-        ) from error
-    return Content(setup, tuple(stream.schema.names), _pieces(stream))
+        raise RunDirectoryError(f"{path}: is no journal of a walk ({one_line(error)})") from error
+    return setup, tuple(stream.schema.names), _pieces(stream)
 
 
 def _pieces(stream: Any) -> Iterator[Piece]:
@@ -231,46 +195,48 @@ def _pieces(stream: Any) -> Iterator[Piece]:
 
 def complete(
     journal: Path, *, pictures: bool = False, on_step: Callable[[str], None] | None = None
-) -> Path | None:
-    """Make the run folder of a walk out of its journal, which then goes.
+) -> list[Path]:
+    """Make the run folders of walks out of their journal, which then goes.
 
     ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
-    and animation, where the set-up wants them and the walk is short; ``on_step``: called with the name of
-    each file before it is written. Returns the folder, or None if not one tick had been walked. Raises
-    RunDirectoryError if the journal cannot be read or is still being written, or the folder cannot be made.
+    and animation of the last walk, if that is short; ``on_step``: called with the name of each file before it
+    is written. Returns the folders. Raises RunDirectoryError if the journal cannot be read or is still being
+    written, or a folder cannot be made.
     """
     with locked(journal):
-        content = read_journal(journal)
-        problem = build_problem(experiment_from_mapping(content.setup["document"], "experiment", Path()))
-        if content.columns != log_layout(problem).names:
+        setup, columns, pieces = read_journal(journal)
+        problem = build_problem(experiment_from_mapping(setup["document"], "experiment", Path()))
+        if columns != log_layout(problem).names:
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version writes; use the version that made it"
             )
-        walk = walk_of(content.pieces, len(content.columns), problem.experiment.n_ticks)
-        done = None if len(walk.rows) == 0 else _write(content, walk, problem, pictures, on_step)
+        walks, done = list(walks_in(pieces, problem.experiment.n_ticks)), list[Path]()
+        for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):
+            run = walked_run(walk, problem)
+            drawn = pictures and walk is walks[-1] and run.duration <= LONGEST_PICTURES
+            with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
+                write_atomically(staging / CHANGES_FILE, _changes_table(walk.changes))
+                document = {**setup["document"], "duration_s": run.duration}
+                write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
+            done.append(folder)
         journal.unlink()
     return done
 
 
-def _write(
-    content: Content, walk: Piece, problem: Problem, pictures: bool, on_step: Callable[[str], None] | None
-) -> Path:
-    setup, run = content.setup, walked_run(walk, problem)
-    folder, force = Path(setup["folder"]), bool(setup["force"])
-    if folder.exists() and not force:  # somebody else's; what was walked is not lost for it
-        folder = next_free(folder, 2)
-    drawn = pictures and bool(setup["pictures"]) and run.duration <= LONGEST_PICTURES
-    with staged_directory(folder, RUN_DIRECTORY, force=force) as staging:
-        rows = [
-            {**item.note, "tick": item.tick, "time_s": f"{item.tick * TICK:.3f}"} for item in walk.changes
-        ]
-        changes = pd.DataFrame(rows, columns=CHANGE_COLUMNS, dtype=object)
-        write_atomically(staging / CHANGES_FILE, changes.to_csv(index=False, lineterminator="\n"))
-        if walk.table is not None:
-            write_atomically(staging / TABLE_FILE, dump_yaml(dict(walk.table)))
-        document = {**setup["document"], "duration_s": run.duration}
-        write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
-    return folder
+def _names(folder: Path, force: bool) -> Iterator[Path]:
+    """Run folders of the walks of a session: this one, then ``folder-2`` …, which nothing has yet."""
+    if force or not folder.exists():  # else it is somebody else's; what was walked is not lost for it
+        yield folder
+    for number in itertools.count(2):
+        path = folder.with_name(f"{folder.name}-{number}")
+        if not path.exists():
+            yield path
+
+
+def _changes_table(changes: Iterable[Mapping[str, Any]]) -> str:
+    rows = [{**item, "time_s": f"{item['tick'] * TICK:.3f}"} for item in changes]
+    table = pd.DataFrame(rows, columns=CHANGE_COLUMNS, dtype=object)
+    return str(table.to_csv(index=False, lineterminator="\n"))
 
 
 def walked_run(walk: Piece, problem: Problem) -> Run:
@@ -279,40 +245,10 @@ def walked_run(walk: Piece, problem: Problem) -> Run:
     Returns the run, as long as it was walked.
     """
     experiment, ticks = problem.experiment, len(walk.rows)
-    injected = [
-        replace(parse_fault(change.note["fault"]), time=change.tick * TICK)
-        for change in walk.changes
-        if "fault" in change.note and change.tick < ticks
-    ]
-    faults = (*(item for item in experiment.faults if item.time < ticks * TICK), *injected)
+    faults = tuple(item for item in (*experiment.faults, *walk.faults) if item.time < ticks * TICK)
     walked = replace(problem, experiment=replace(experiment, duration=round(ticks * TICK, 3), faults=faults))
     result = EngineResult(walk.rows, walk.switches, walk.status, walk.reason, walk.trip)
     return run_of(walked, result, walk.wall_s)
-
-
-def complete_all(
-    journals: Iterable[Path], tell: Callable[[Mapping[str, Any]], None], *, pictures: bool
-) -> None:
-    """Complete the walks of a session; only the last one is drawn, as nobody waits for twenty.
-
-    ``journals`` in the order of the walks; those that somebody has completed already are passed over;
-    ``tell``: takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
-    (``folder`` with ``folder``, ``summary`` and ``failed``).
-    """
-    there = [path for path in journals if path.exists()]
-    for number, journal in enumerate(there, start=1):
-        which = f"walk {number} of {len(there)}: " if len(there) > 1 else ""
-
-        def step(name: str, which: str = which) -> None:
-            tell({"kind": "writing", "step": f"{which}{name}"})
-
-        try:
-            done = complete(journal, pictures=pictures and journal == there[-1], on_step=step)
-            if done is not None:
-                tell({"kind": "folder", "folder": str(done), "summary": summary_of(done), "failed": ""})
-        except RunDirectoryError as error:
-            failed = " ".join(str(error).split())
-            tell({"kind": "folder", "folder": str(journal), "summary": {}, "failed": failed})
 
 
 def summary_of(folder: Path) -> dict[str, Any]:
@@ -327,22 +263,21 @@ def recover(records: Path) -> Iterator[str]:
     cannot be used.
     """
     for entry in list_sessions(records):
-        if entry.status == KILLED and entry.ended is None:
+        if entry["status"] == KILLED and entry["ended"] is None:
             try:
-                yield f"session {entry.id}: {_recover(records, entry)}"
+                yield f"session {entry['id']}: {_recover(records, entry)}"
             except RunDirectoryError as error:  # it may be going on after all: its journal is held
-                yield f"session {entry.id} cannot be completed: {error}"
+                yield f"session {entry['id']} cannot be completed: {error}"
 
 
-def _recover(records: Path, entry: SessionEntry) -> str:
-    folders = []
-    for folder in map(Path, entry.folders):
-        done = complete(journal_of(folder)) if journal_of(folder).exists() else None
-        folders.append(done or folder)
-    there = [str(folder) for folder in folders if (folder / SUMMARY_FILE).is_file()]
-    summary = summary_of(Path(there[-1])) if there else {}
-    tick = round(summary.get("duration_s", entry.tick * TICK) / TICK)
+def _recover(records: Path, entry: Mapping[str, Any]) -> str:
+    folders = list(map(Path, entry["folders"]))
+    if folders and journal_of(folders[0]).exists():
+        folders = complete(journal_of(folders[0]))
+    there = [folder for folder in folders if (folder / SUMMARY_FILE).is_file()]
+    summary = summary_of(there[-1]) if there else {}
+    tick = round(summary.get("duration_s", entry["tick"] * TICK) / TICK)
     kept = f"the walk is kept up to {tick * TICK:.3f} s, in {there[-1]}" if there else "no run is left of it"
     text = f"its processes were killed; {kept}"
-    close_killed(records, entry.id, tick=tick, text=text, summary=summary, folders=there)
+    close_killed(records, entry["id"], tick=tick, text=text, summary=summary, folders=there)
     return text

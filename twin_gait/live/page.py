@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import json
 import secrets
-import time
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from typing import Any
 
 from tornado.web import RequestHandler
@@ -18,68 +17,13 @@ from twin_gait.experiment import Experiment
 from twin_gait.live import protocol
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import describe, modes_of, setting_of
+from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.page import About, live_page
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
-READ_OUT = 100  # ticks between two read-outs of a panel
-EVENTS_SHOWN = 400  # to a page that comes late
-MESSAGES_PER_SECOND = 200.0
-_BURST = 400.0
 Message = Mapping[str, Any]
-# What a panel reads out of a frame; the scene has the rest.
-_READ_OUT = ("kind", "tick", "time_s", "status", "events", "deadlines")
-
-
-class RateLimit:
-    """How much a page may still say: so many messages a second, with a reserve for bursts."""
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start with the whole reserve. ``clock``: time in [s]."""
-        self._clock, self._left, self._since = clock, _BURST, clock()
-
-    def take(self) -> bool:
-        """Take one message off; False if there is none left."""
-        since, self._since = self._since, self._clock()
-        self._left = min(_BURST, self._left + MESSAGES_PER_SECOND * (self._since - since))
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
-
-
-class LiveServer(SceneServer):
-    """Serves the live page; who has something to say to its panels, or hears them, says so in a subclass."""
-
-    tick = 0  # the last one known
-
-    @property
-    def pages(self) -> list[Panel]:
-        """Open panels."""
-        return [one for one in self.sockets if isinstance(one, Panel)]
-
-    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell all panels something.
-
-        ``key``: a later message of the same key makes this one needless; None keeps every one.
-        """
-        for panel in self.pages:
-            panel.tell(message, key=key)
-
-    def routes(self) -> list[tuple[str, type[RequestHandler]]]:
-        """Paths and who answers them."""
-        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", Panel)]
-
-    def greeting(self) -> Iterable[Message]:
-        """Messages for a panel that has just been opened."""
-        return ()
-
-    def hear(self, panel: Panel, text: str) -> None:
-        """Take what a page says, which may be any text."""
-
-    def stop(self) -> None:
-        """Take it that a page asks to stop without its socket."""
 
 
 class StopHandler(Guarded):
@@ -99,56 +43,44 @@ class Panel(GuardedSocket):
     def open(self) -> None:
         """Send what the panel has to know."""
         super().open()
-        self._limit, self._count = RateLimit(), 0
         for message in self.server.greeting():
             self.tell(message)
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell this panel something as soon as it listens; ``key`` as in :meth:`LiveServer.tell`."""
-        self._count += 1
+        """Tell this panel something as soon as it listens; ``key`` as in :meth:`LivePage.tell`."""
         text = json.dumps(message, allow_nan=False)
-        self.outbox.post([(self._count if key is None else ("last", key), text)])
+        self.outbox.post([(object() if key is None else key, text)])
 
     def on_message(self, message: str | bytes) -> None:
         """Hand on what the page says."""
-        if isinstance(message, bytes):
-            self._refuse("message: expected text, got bytes")
-        elif not self._limit.take():
-            self._refuse("message: too many in a second; wait a moment")
-        else:
-            self.server.hear(self, message)
-
-    def _refuse(self, reason: str) -> None:
-        self.server.refused += 1
-        refused = protocol.Event(
-            serial=0, response=protocol.Response.REFUSED, text=reason, tick=self.server.tick
-        )
-        self.tell(refused.to_dict(), key=reason)
+        self.server.hear(self, message)
 
     async def write_batch(self, batch: list[str]) -> None:
         """Write one message for the batch: a list of what was told."""
         await self.write_or_leave(f"[{','.join(batch)}]")
 
 
-class LivePage(LiveServer):
+class LivePage(SceneServer):
     """The pages of one live session; belongs to one event loop."""
 
-    def __init__(self, session: LiveSession, experiment: Experiment, *, port: int, user: str = "") -> None:
+    def __init__(self, session: LiveSession, experiment: Experiment, *, port: int) -> None:
         """Draw the scene and listen.
 
         Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read or no port
         is free.
         """
-        self._session, self._user = session, user
+        self._session = session
         self._modes = modes_of(experiment)
         self._sides = tuple(map(str, experiment.leg.legs))
-        self._state: protocol.State | None = None
+        self._controls: tuple[protocol.Control, ...] = ()  # that the panels have been told of
         self._short: dict[str, Any] = {}
-        self._frame = ""  # the last one
-        self._serial = self._told_at = 0
+        self._frame = session.news.frame  # the last one
+        self._serial = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
+        model = experiment.build_world().model
+        self._coordinates = state_columns(model)[0]
         self.figure = LiveFigure(
-            experiment.build_world().model, drives=experiment.joints,
+            model, drives=experiment.joints,
             about=About(
                 title=f"twin_gait live · {experiment.name}",
                 subtitle=describe(experiment), modes=self._modes,
@@ -162,38 +94,46 @@ class LivePage(LiveServer):
         for event in self._session.book.after(self._serial):
             self._serial = event.serial
             self.tell(event.to_dict())
-        self._tell_state()
+        state = self._session.state()
+        if state.controls is not self._controls:
+            self._controls = state.controls
+            self.tell(state.to_dict(), key="state")
         before, self._frame = self._frame, self._session.news.frame
-        if self._frame != before:
-            self._show(json.loads(self._frame))
+        if self._frame is not before:
+            self._show(self._frame)
 
     def _show(self, frame: Message) -> None:
         """Show a moment on all pages."""
-        if frame["log"]:  # empty before the first tick
-            traces = self._session.news.traces()
-            self.figure.show(frame["time_s"], frame["q"], frame["log"], traces=traces, events=frame["events"])
-            self.show(self.figure.window.changes())
-        self.tick, status = frame["tick"], self._short.get("status")
-        self._short = self._shortened(frame)
-        if status != frame["status"] or abs(frame["tick"] - self._told_at) >= READ_OUT:
-            self._told_at = frame["tick"]
-            self.tell(self._short, key="frame")
-
-    def _shortened(self, frame: Message) -> dict[str, Any]:
-        """What a panel reads out of a frame."""
         log = frame["log"]
+        if log:  # empty before the first tick
+            traces = self._session.news.traces()
+            q = [log[name] for name in self._coordinates]
+            self.figure.show(frame["time_s"], q, log, traces=traces, events=frame["events"])
+            self.show(self.figure.window.changes())
         phases = {side: None if log.get("safety_state") else log.get(f"{side}_phase") for side in self._sides}
         mode = self._modes[int(log["mode"])] if self._modes and "mode" in log else None
-        return {**{key: frame[key] for key in _READ_OUT}, "phases": phases, "mode": mode}
-
-    def _tell_state(self) -> None:
-        state, known = self._session.state(), self._state
-        if known is not None and known.controls is state.controls and known.saved == state.saved:
-            return  # only its serial number is new
-        self._state = state
-        self.tell(state.to_dict(), key="state")
+        read_out = {key: value for key, value in frame.items() if key != "log"}  # the scene has that
+        self._short = {**read_out, "phases": phases, "mode": mode}
+        self.tell(self._short, key="frame")
 
     # ------------------------------------------------------------------ what the server asks
+
+    @property
+    def pages(self) -> list[Panel]:
+        """Open panels."""
+        return [one for one in self.sockets if isinstance(one, Panel)]
+
+    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
+        """Tell all panels something.
+
+        ``key``: a later message of the same key makes this one needless; None keeps every one.
+        """
+        for panel in self.pages:
+            panel.tell(message, key=key)
+
+    def routes(self) -> list[tuple[str, type[RequestHandler]]]:
+        """Paths and who answers them."""
+        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", Panel)]
 
     def scene(self) -> Iterable[Change]:
         """The whole scene for a page that has just been opened."""
@@ -202,25 +142,20 @@ class LivePage(LiveServer):
     def greeting(self) -> Iterator[Message]:
         """Session, state, events and numbers for a panel that has just been opened."""
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
-        if self._state is not None:
-            yield self._state.to_dict()
-        for event in self._session.book.after(0)[-EVENTS_SHOWN:]:
-            if event.serial <= self._serial:
-                yield event.to_dict()
+        yield self._session.state().to_dict()
+        yield from (event.to_dict() for event in self._session.book.after(0))
         if self._short:
             yield self._short
 
-    def hear(self, panel: Panel, text: str) -> None:
+    def hear(self, panel: Panel, text: str | bytes) -> None:
         """Make a message of the session of what a page says."""
         try:
             message = protocol.read_message(text)
         except protocol.MessageRefused as error:
-            self._session.book.emit(
-                protocol.Response.REFUSED, str(error), id=protocol.id_of(text), user=self._user
-            )
+            self._session.book.emit("refused", str(error), user=self._session.user)
             return
-        self._session.submit(message.model_copy(update={"user": message.user or self._user}))
+        self._session.submit(message.model_copy(update={"user": message.user or self._session.user}))
 
     def stop(self) -> None:
         """Stop the walk."""
-        self._session.submit(protocol.DoAction(id="stop", user=self._user, action=protocol.Action.STOP))
+        self._session.submit(protocol.DoAction(id="stop", user=self._session.user, action="stop"))

@@ -11,44 +11,37 @@ ever read from the network. Everything that goes to a page is a mapping with a `
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from enum import StrEnum
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from twin_gait.configuration.validation import Strict, short, validate
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 from twin_gait.files import plain
 
-LARGEST_MESSAGE = 4096  # [bytes]; the longest sensible message has some 300
+LARGEST_MESSAGE = 4096  # characters; the longest sensible message has some 300
 LONGEST_NAME = 64  # characters of an id, a user, a control
 LONGEST_TEXT = 200  # characters of any other text
-MOST_VALUES = 8  # values of an action
 
 
 class MessageRefused(TwinGaitError, ValueError):
     """A message of a page cannot be understood, or asks for something that is not allowed."""
 
 
-class Action(StrEnum):
-    """What a page can have done, beside setting a control."""
-
-    WALK = "walk"
-    PAUSE = "pause"
-    STEP = "step"
-    REQUEST = "request"
-    PUSH = "push"
-    FAULT = "fault"
-    REVERT = "revert"
-    RESTART = "restart"
-    SAVE = "save"
-    STOP = "stop"
+def one_line(error: Exception) -> str:
+    """What an error says, on one line."""
+    return " ".join(str(error).split())
 
 
+# What a page can have done, beside setting a control.
+Action = Literal[
+    "walk", "pause", "step", "request", "push", "fault", "revert", "restart", "save", "stop"
+]  # fmt: skip
+ControlKind = Literal["number", "choice", "switch", "text"]  # how a control is drawn
+Response = Literal["applied", "refused", "note", "forecast"]  # what an event tells
 Value = float | str | bool
 
 
@@ -61,10 +54,8 @@ def _text(value: Any, longest: int = LONGEST_NAME, least: int = 0) -> str:
 def _value(value: Any) -> Any:
     if isinstance(value, str):
         return _text(value, LONGEST_TEXT)
-    if isinstance(value, bool):
-        return value
-    if isinstance(value, int | float) and abs(value) < 1e300 and math.isfinite(value):
-        return float(value)
+    if isinstance(value, int | float) and abs(value) < 1e300:
+        return value if isinstance(value, bool) else float(value)
     raise ValueError(f"expected a number, a short text or true or false, got {short(value)}")
 
 
@@ -82,11 +73,6 @@ class SetControl(Strict):
     control: Name  # name of the control
     value: Said  # in the unit of the control
 
-    @property
-    def subject(self) -> str:
-        """What it is about."""
-        return self.control
-
 
 class DoAction(Strict):
     """A page asks for an action."""
@@ -96,12 +82,7 @@ class DoAction(Strict):
     user: User = ""  # who
     action: Action  # what to do
     # of the fields of the action; those left out take their defaults
-    values: Mapping[str, Said] = Field(default={}, max_length=MOST_VALUES)
-
-    @property
-    def subject(self) -> str:
-        """What it is about."""
-        return str(self.action)
+    values: Mapping[str, Said] = {}
 
 
 Message = SetControl | DoAction
@@ -113,18 +94,15 @@ def read_message(text: str | bytes) -> Message:
     ``text``: JSON of :class:`SetControl` or :class:`DoAction`. Raises MessageRefused if it is anything else;
     the text says why.
     """
-    size = len(text.encode("utf-8", "replace")) if isinstance(text, str) else len(text)
-    if size > LARGEST_MESSAGE:
-        raise MessageRefused(f"message: {size} bytes, at most {LARGEST_MESSAGE} are read")
+    if len(text) > LARGEST_MESSAGE:
+        raise MessageRefused(f"message: {len(text)} characters, at most {LARGEST_MESSAGE} are read")
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
         raise MessageRefused("message: expected JSON") from None
-    if not isinstance(data, dict):
-        raise MessageRefused("message: expected an object with kind, id and user")
-    kind = data.get("kind")
+    kind = data.get("kind") if isinstance(data, dict) else None
     if kind not in ("set", "try", "do"):
-        raise MessageRefused(f"kind: expected set, try or do, got {short(kind)}")
+        raise MessageRefused(f"message: expected an object of kind set, try or do, got {short(data)}")
     schema: type[Message] = DoAction if kind == "do" else SetControl
     try:
         return validate(schema, data, "message")
@@ -132,45 +110,16 @@ def read_message(text: str | bytes) -> Message:
         raise MessageRefused(str(error)) from None
 
 
-def id_of(text: str | bytes) -> str:
-    """Id of a message that was refused, so that the page can tell which; empty if it has none."""
-    try:
-        return _text(json.loads(text)["id"]) if len(text) <= LARGEST_MESSAGE else ""
-    except (ValueError, TypeError, LookupError, RecursionError):
-        return ""
-
-
-PROTOCOL_VERSION = 1
-
-
-class ControlKind(StrEnum):
-    """How a control is drawn."""
-
-    NUMBER = "number"
-    CHOICE = "choice"
-    SWITCH = "switch"
-    TEXT = "text"
-
-
-class Response(StrEnum):
-    """What an event tells."""
-
-    APPLIED = "applied"
-    REFUSED = "refused"
-    NOTE = "note"
-    FORECAST = "forecast"
-
-
 @dataclass(frozen=True, kw_only=True)
 class Control:
     """A control, or a field of an action, with all that is needed to draw it."""
 
     name: str  # by which it is set, such as ``late_stance.hip.stiffness``
-    label: str  # what a page writes beside it
-    group: str  # tab of the panel: ``walk``, ``table``, ``monitor``, or the action that it belongs to
     kind: ControlKind  # how it is drawn
-    value: Value  # present value; for a field of an action the one that it begins with
-    default: Value  # value of the preset
+    label: str = ""  # what a page writes beside it, if not the name
+    group: str = ""  # tab of the panel: ``walk``, ``table``, ``monitor``; of no field of an action
+    value: Value = 0.0  # present value; for a field of an action the one that it begins with
+    default: Value = 0.0  # value of the preset
     unit: str = ""  # of the value; empty for a pure number or a word
     least: float | None = None  # least number allowed
     largest: float | None = None  # largest number allowed
@@ -180,22 +129,18 @@ class Control:
     joint: str | None = None  # joint of a control that has one
     side: str | None = None  # leg of a control that has one
     help: str = ""  # one sentence
-    changed: bool = field(init=False)  # whether the value differs from the preset's
-
-    def __post_init__(self) -> None:
-        """Compare the two."""
-        object.__setattr__(self, "changed", self.value != self.default)
+    changed: bool = False  # whether it has been set
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ActionSpec:
     """An action with its fields."""
 
     action: Action  # its name
-    label: str  # what the button says
     group: str  # tab of the panel
+    label: str  # what the button says
+    help: str  # one sentence
     fields: tuple[Control, ...] = ()  # what goes with it
-    help: str = ""  # one sentence
 
 
 class ToPage:
@@ -207,16 +152,14 @@ class ToPage:
         return dict(plain({"kind": type(self).__name__.lower(), **asdict(fields)}))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass
 class DeadlineStatistics:
     """How well the blocks kept to the clock."""
 
-    blocks: int  # that were due
-    late: int  # of them, finished more than 10 ms after their time, or never
-    mean_ms: float  # mean lateness in [ms]; a block finished in time counts as 0
-    p99_ms: float  # lateness that 99 % of the blocks stay below, in [ms]
-    worst_ms: float  # largest lateness in [ms]
-    lost_s: float  # time in [s] that the simulation has given up after stalls
+    blocks: int = 0  # that were due
+    late: int = 0  # of them, finished more than 10 ms after their time, or never
+    worst_ms: float = 0.0  # largest lateness in [ms]
+    lost_s: float = 0.0  # time in [s] that the simulation has given up after stalls
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +171,6 @@ class Frame(ToPage):
     # ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or a trip), ``fell``,
     # ``diverged``, ``ended`` or ``died`` (the process, not the wearer)
     status: str
-    q: tuple[float, ...]  # coordinates of the rigid-body model in [rad] and [m], Pinocchio's order
     log: Mapping[str, float | str]  # the row of the log, by column; phases are names
     deadlines: DeadlineStatistics  # how well the blocks kept to the clock
     # what befell the walk: kind, time in [s] and words each, see event_entries
@@ -248,9 +190,6 @@ class Event(ToPage):
     subject: str = ""  # control or action that it is about, or empty
     value: Value | None = None  # that was asked for
     before: Value | None = None  # value that the control had
-    warnings: tuple[str, ...] = ()  # findings of the check that a change which was applied brings along
-    # what the log has from now on, by column; a table's control shows while its phase lasts
-    effect: Mapping[str, float] = field(default_factory=dict)
     forecast: Mapping[str, Any] | None = None  # of a change that waits, see Forecast; else None
 
 
@@ -258,15 +197,11 @@ class Event(ToPage):
 class State(ToPage):
     """The panel."""
 
-    serial: int  # of the last event that it counts in; grows with every change
     experiment: str  # name of the preset or file
     phases: tuple[str, ...]  # of the gait table, in order
     joints: tuple[str, ...]  # of a leg, in order
-    sides: tuple[str, ...]  # legs
     controls: tuple[Control, ...]  # all controls
     actions: tuple[ActionSpec, ...]  # all actions
-    saved: tuple[str, ...] = ()  # tables saved so far: files, newest last
-    version: int = PROTOCOL_VERSION  # of the protocol
 
 
 def checked(control: Control, value: Value) -> Value:
@@ -274,20 +209,16 @@ def checked(control: Control, value: Value) -> Value:
 
     Raises MessageRefused if it is of the wrong kind or out of range.
     """
-    match control.kind:
-        case ControlKind.SWITCH:
-            fits, wanted = isinstance(value, bool), "true or false"
-        case ControlKind.CHOICE:
-            fits, wanted = value in control.choices, " or ".join(map(repr, control.choices))
-        case ControlKind.TEXT:
-            fits, wanted = isinstance(value, str), "a text"
-        case ControlKind.NUMBER:
-            assert control.least is not None and control.largest is not None  # numbers have ranges
-            slack = 1e-9 * (control.largest - control.least)
-            fits = isinstance(value, int | float) and not isinstance(value, bool)
-            fits = fits and control.least - slack <= float(value) <= control.largest + slack
-            wanted = f"{control.least:.6g} to {control.largest:.6g} {control.unit}".rstrip()
-            value = min(max(float(value), control.least), control.largest) if fits else value
+    if control.kind == "switch":
+        fits, wanted = isinstance(value, bool), "true or false"
+    elif control.kind == "choice":
+        fits, wanted = value in control.choices, " or ".join(map(repr, control.choices))
+    elif control.kind == "text":
+        fits, wanted = isinstance(value, str), "a text"
+    else:
+        assert control.least is not None and control.largest is not None  # numbers have ranges
+        fits = isinstance(value, float) and control.least <= value <= control.largest
+        wanted = f"{control.least:.6g} to {control.largest:.6g} {control.unit}".rstrip()
     if not fits:
         shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
         raise MessageRefused(f"{control.name}: expected {wanted}, got {shown}")

@@ -5,9 +5,6 @@ import gc
 import os
 import sys
 import threading
-from collections.abc import Iterator
-
-import numpy as np
 
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import DeadlineStatistics
@@ -16,8 +13,6 @@ BLOCK_TICKS = 10
 PERIOD = BLOCK_TICKS * TICK  # [s]
 LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
 CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
-_BINS = 10_000  # of 0.1 ms, so that a session of hours needs no more memory than one of seconds
-_BIN = 1e-4  # [s]
 SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
 REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
 
@@ -31,11 +26,9 @@ class BlockClock:
 
     def __init__(self) -> None:
         """Begin without any block."""
+        self.statistics = DeadlineStatistics()  # of all blocks so far
         self._start: float | None = None
         self._number = 0
-        self._blocks = self._late = 0
-        self._sum = self._worst = self._lost = 0.0
-        self._counts = np.zeros(_BINS, dtype=np.int64)
 
     def wait(self, now: float) -> float:
         """Time until the next block may begin.
@@ -48,7 +41,7 @@ class BlockClock:
             self._start, self._number = now, 0
         behind = now - (self._start + self._number * PERIOD)
         if behind > CATCH_UP:
-            self._lost += behind
+            self.statistics.lost_s += behind
             self._start, self._number = now, 0
             self._count(behind, round(behind / PERIOD))
             return 0.0
@@ -61,61 +54,23 @@ class BlockClock:
         self._count(max(0.0, now - (self._start + self._number * PERIOD)), 1)
 
     def _count(self, lateness: float, blocks: int) -> None:
-        self._blocks += blocks
-        self._late += blocks * (lateness > LATE)
-        self._sum += blocks * lateness
-        self._worst = max(self._worst, lateness)
-        self._counts[min(int(lateness / _BIN), _BINS - 1)] += blocks
+        counted = self.statistics
+        counted.blocks += blocks
+        counted.late += blocks * (lateness > LATE)
+        counted.worst_ms = max(counted.worst_ms, 1e3 * lateness)
 
     def pause(self) -> None:
         """Let the next block begin a new stretch: time until then is nobody's loss."""
         self._start = None
 
-    def statistics(self) -> DeadlineStatistics:
-        """Lateness of all blocks so far; the 99 % are read to the next 0.1 ms above."""
-        blocks = max(self._blocks, 1)
-        below = np.cumsum(self._counts)
-        bin_of_99 = int(np.searchsorted(below, 0.99 * self._blocks))
-        p99 = 0.0 if self._blocks == 0 else min((bin_of_99 + 1) * _BIN, self._worst)
-        return DeadlineStatistics(
-            blocks=self._blocks,
-            late=int(self._late),
-            mean_ms=1e3 * self._sum / blocks,
-            p99_ms=1e3 * p99,
-            worst_ms=1e3 * self._worst,
-            lost_s=self._lost,
-        )
 
-
-@contextlib.contextmanager
-def undisturbed(*, alone: bool = False) -> Iterator[None]:
-    """Keep garbage collection, other threads and other processes out of the way.
-
-    ``alone``: whether it is this thread only that has to be in time. The others then go on as they do, and
-    leave garbage that is collected; what there is at the start is left out of it.
-    """
-    interval = sys.getswitchinterval()
+def go_before_others() -> None:
+    """Keep garbage collection, other threads and other processes out of the way of this one."""
     sys.setswitchinterval(SWITCH_INTERVAL)
     gc.collect()
-    gc.freeze()
-    if not alone:
-        gc.disable()
-    _real_time(True, alone=alone)
-    try:
-        yield
-    finally:
-        _real_time(False, alone=alone)
-        gc.enable()
-        gc.unfreeze()
-        sys.setswitchinterval(interval)
-
-
-def _real_time(wanted: bool, *, alone: bool) -> None:
-    """Let this thread, or all of this process, go before those of others, where the system allows it."""
-    if sys.platform != "linux":
-        return
-    policy, priority = (os.SCHED_RR, REAL_TIME_PRIORITY) if wanted else (os.SCHED_OTHER, 0)
-    threads = [threading.current_thread()] if alone else threading.enumerate()
-    with contextlib.suppress(OSError):  # not for every user: see ulimit -r
-        for thread in threads:
-            os.sched_setscheduler(thread.native_id or 0, policy, os.sched_param(priority))
+    gc.disable()
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):  # not for every user: see ulimit -r
+            for thread in threading.enumerate():
+                priority = os.sched_param(REAL_TIME_PRIORITY)
+                os.sched_setscheduler(thread.native_id or 0, os.SCHED_RR, priority)

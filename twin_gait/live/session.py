@@ -9,30 +9,28 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from twin_gait.configuration.documents import dump_yaml, table_document
-from twin_gait.configuration.experiments import LoadedExperiment, presets
-from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.configuration.experiments import LoadedExperiment
+from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
-from twin_gait.gait.table import GaitTable
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import Actions
-from twin_gait.live.journal import complete, complete_all
+from twin_gait.live.journal import complete, summary_of
 from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import Action, DoAction, Message, Response, SetControl, State
+from twin_gait.live.protocol import DoAction, Message, SetControl, State, one_line
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.simulation.problem import ticks
 
-# Actions that go straight to the walk, whatever is being checked meanwhile.
-DIRECT = frozenset(Action) - {Action.REVERT, Action.SAVE, Action.RESTART}
+# Actions that wait for changes that are being checked; others go straight to the walk.
+CHECKED = ("revert", "save")
 
 
 class LiveSession:
@@ -42,8 +40,13 @@ class LiveSession:
 
     Attributes:
         folder: Run folder of the first walk.
+        user: Whose session it is.
         book: Events of the session.
-        news: The process of the walk, and what is known of its walks: how they stand, where they are.
+        news: The process of the walk, and what is known of its walks.
+        tuning: The settings.
+        folders: Run folders that have been written, at the end.
+        summary: Of the last walk, at the end; empty if it could not be written.
+        failure: Why a run folder could not be written; empty if it could.
     """
 
     def __init__(
@@ -69,20 +72,15 @@ class LiveSession:
         file before it is written.
         """
         self.folder = Path(folder).expanduser().absolute()
-        self._loaded, self._user, self._records = loaded, user, records
-        self._setup = {
-            "document": loaded.document, "folder": str(self.folder), "force": force, "pictures": pictures,
-            "can": can,
-        }  # fmt: skip
+        self.folders, self.summary, self.failure = list[Path](), dict[str, Any](), ""
+        self._loaded, self.user, self._records = loaded, user, records
+        self._force, self._pictures, self._can, self._on_step = force, pictures, can, on_step
         self._link: CanLink | None = None
         self.book = EventBook()
-        self.news = WalkNews(self.book, on_compile=on_compile, on_step=on_step)
-        self._tuning = Tuning(loaded, self.news, self.book)
-        self._actions = Actions(self._tuning.problem)
-        self._action_specs = self._actions.specs()
-        self._saved: list[str] = []
-        self._queue: deque[Message] = deque()
-        self._worker, self._closed = ThreadPoolExecutor(1, "live worker"), False
+        self.news = WalkNews(self.book, on_compile=on_compile)
+        self.tuning = Tuning(loaded, self.news, self.book)
+        self._actions = Actions(self.tuning.panel.problem)
+        self._worker = ThreadPoolExecutor(1, "live worker")
 
     # ------------------------------------------------------------------ beginning and end
 
@@ -104,165 +102,121 @@ class LiveSession:
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
-        check_target(self.folder, RUN_DIRECTORY, force=bool(self._setup["force"]))
-        if self._setup["can"] is not None:
-            self._link = CanLink(
-                str(self._setup["can"]), self._tuning.problem, book=self.book, submit=self.submit,
-                controls=lambda: self._tuning.controls,
-            )  # fmt: skip
-            self.news.on_rows = self._link.take
-        try:
-            self._begin()
-        except BaseException:
-            self._close_processes()
-            raise
-        if self._link is not None:
-            self._link.start()
+        check_target(self.folder, RUN_DIRECTORY, force=self._force)
+        document = self._loaded.document
+        setup = {"document": document, "folder": str(self.folder), "force": self._force, "can": self._can}
+        with contextlib.ExitStack() as undo:
+            undo.callback(self._close_processes)
+            self._begin(setup)
+            undo.pop_all()
         self.news.ask({"command": "walk"})
 
-    def _begin(self) -> None:
+    def _begin(self, setup: Mapping[str, Any]) -> None:
         """Start the process; while it gets ready, check what the session begins with."""
-        self.news.start(self._setup)
-        self._tuning.check_first()
+        if self._can is not None:
+            self._link = CanLink(self._can, self.tuning.panel.problem, book=self.book, submit=self.submit)
+            self.news.on_rows = self._link.take
+        self.news.start(setup)
+        self.tuning.check_first()
         self.news.ready.wait()
         if self.news.failure:
             raise ParameterError(self.news.failure)
-        self._tuning.start_forecaster()
+        self._worker.submit(lambda: self.tuning.ahead)  # before the first forecast is asked for
         if self._records is not None:
-            name, document = self._loaded.experiment.name, self._loaded.document
+            name = self._loaded.experiment.name
             self.book.recorder = SessionRecorder(
-                self._records, user=self._user, experiment=name, document=document
+                self._records, user=self.user, experiment=name, document=setup["document"], folder=self.folder
             )
-            self._tuning.record_table(0)
-            self.news.record_folders()
 
     def _close_processes(self) -> None:
         if self._link is not None:
             self._link.close()
         self.news.close()
         self._worker.shutdown(cancel_futures=True)
-        self._tuning.close()
 
-    def close(self) -> dict[str, Any]:
-        """End the walk, wait until its run folder is written, and close the record.
-
-        Returns the summary of the last walk; empty if it could not be written, and ``news.failure`` says why.
-        """
-        if self._closed:
-            return self.news.summary
-        self._closed = True
+    def close(self) -> None:
+        """End the walk, write the run folders, and close the record."""
         self._close_processes()
-        # Those that the process left behind.
-        complete_all(map(journal_of, self.news.walks), self.news.hear, pictures=True)
+        try:
+            if (journal := journal_of(self.folder)).exists():
+                self.folders = complete(journal, pictures=self._pictures, on_step=self._on_step)
+        except RunDirectoryError as error:
+            self.failure = one_line(error)
+            self.book.emit("note", f"the run folder could not be written: {self.failure}")
+        for folder in self.folders:
+            self.summary = summary_of(folder)
+            self.book.emit("note", f"the run is in {folder}")
         if self.book.recorder is not None:
-            folders = [str(item) for item in self.news.folders]
-            self.book.recorder.close(self.news.status, self.book.tick, self.news.summary, folders)
-        return self.news.summary
+            self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.folders)
+            self.book.recorder = None
 
     # ------------------------------------------------------------------ what pages ask for
 
     def submit(self, message: Message) -> None:
         """Take a message of a page; an event tells what became of it."""
-        if isinstance(message, DoAction) and message.action in DIRECT:
+        if isinstance(message, DoAction) and message.action not in CHECKED:
             self._guarded(message, self._do_directly)
             return
-        self._queue.append(message)
         with contextlib.suppress(RuntimeError):  # it has been closed
             # What the work does not expect is an error of the program: it is printed, not lost.
-            self._worker.submit(self._work_off).add_done_callback(Future.result)
+            self._worker.submit(self._guarded, message, self._handle).add_done_callback(Future.result)
 
     def state(self) -> State:
         """The panel with its present values."""
-        problem = self._tuning.problem
+        problem = self.tuning.panel.problem
         return State(
-            serial=self.book.serial, experiment=self._loaded.experiment.name,
-            phases=problem.table.phase_names, joints=tuple(problem.table.joints),
-            sides=tuple(str(side) for side in problem.sides), controls=self._tuning.controls,
-            actions=self._action_specs, saved=tuple(self._saved),
+            experiment=self._loaded.experiment.name, phases=problem.table.phase_names,
+            joints=tuple(problem.table.joints),
+            controls=self.tuning.controls, actions=self._actions.specs,
         )  # fmt: skip
 
-    @property
-    def table(self) -> GaitTable:
-        """The gait table as it is now, before scaling."""
-        return self._tuning.settings.table
-
     # ------------------------------------------------------------------ working them off
-
-    def _work_off(self) -> None:
-        message = self._queue.popleft()
-        if any(_replaces(later, message) for later in tuple(self._queue)):
-            self.book.answer(message, Response.REFUSED, "overtaken by a newer value")
-        else:
-            self._guarded(message, self._handle)
 
     def _guarded(self, message: Message, handle: Callable[[Any], None]) -> None:
         try:
             handle(message)
         except TwinGaitError as error:
-            reason = " ".join(str(error).split())
-            self.book.answer(message, Response.REFUSED, reason, value=getattr(message, "value", None))
+            value = getattr(message, "value", None)
+            self.book.answer(message, "refused", one_line(error), value=value)
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, SetControl):
-            self._tuning.set(message)
-        elif message.action is Action.REVERT:
-            self._tuning.revert(message, str(self._actions.values_of(message)["control"]))
-        elif message.action is Action.SAVE:
-            self._save(message)
+            self.tuning.set(message)
+        elif message.action == "revert":
+            self.tuning.revert(message, str(self._actions.values_of(message)["control"]))
         else:
-            note = {"user": message.user, "subject": str(message.action), "text": "a new walk"}
-            answer = self.news.ask({"command": "restart", "note": note})
-            self._tell_applied(message, "a new walk from the start", answer)
+            self._save(message)
 
     def _do_directly(self, message: DoAction) -> None:
-        values, text = self._actions.values_of(message), str(message.action)
-        command: dict[str, Any] = {"command": str(message.action)}
-        if message.action is Action.PUSH:
+        values, name = self._actions.values_of(message), str(message.action)
+        note = {"user": message.user, "subject": name, "text": name}
+        command: dict[str, Any] = {"command": name, "note": note}
+        if message.action == "push":
             joint, torque, duration = str(values["joint"]), float(values["torque"]), float(values["duration"])
             number = self._actions.joint_names.index(joint)
             command |= {"joint": number, "torque": torque, "ticks": ticks(duration)}
-            text = f"push {joint}: {torque:g} Nm for {duration:g} s"
-        elif message.action is Action.REQUEST:
-            command["request"] = text = str(values["request"])
-        elif message.action is Action.FAULT:
+            note["text"] = f"push {joint}: {torque:g} Nm for {duration:g} s"
+        elif message.action == "request":
+            command["request"] = str(values["request"])
+        elif message.action == "fault":
             command["fault"] = str(self._actions.fault_of(values))
-            text = f"fault {command['fault'].partition('@')[0]}"
-        command["note"] = {"user": message.user, "subject": str(message.action), "text": text}
-        self.news.command(command).add_done_callback(
-            lambda answered: self._guarded(
-                message, lambda message: self._tell_applied(message, text, self.news.answer(answered))
-            )
-        )
+            note["text"] = f"fault {command['fault'].partition('@')[0]}"
 
-    def _tell_applied(self, message: DoAction, text: str, answer: Mapping[str, Any]) -> None:
-        self.book.answer(message, Response.APPLIED, answer.get("text", text), tick=answer["tick"])
+        def tell(answer: Mapping[str, Any]) -> None:
+            text = answer.get("text", note["text"])
+            self.book.answer(message, "applied", text, tick=answer["tick"])
+
+        coming = self.news.command(command)
+        coming.add_done_callback(
+            lambda answered: self._guarded(message, lambda _: tell(self.news.answer(answered)))
+        )
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
-        folder = self.folder
-        try:
-            folder.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ParameterError(f"{folder.parent}: cannot be written ({error.strerror})") from error
-        document = table_document(self.table)
+        table = self.tuning.settings.table
         # Tables of an earlier session with this --out stay.
-        names = (folder.with_name(f"{folder.name}-table-{number}.yaml") for number in itertools.count(1))
-        path = write_new(names, dump_yaml({**document, "name": f"{self.table.name}_live"}))
-        self._saved.append(str(path))
-        text = f"saved {path}; run it with: {self._run_again(path)}"
-        self.book.answer(message, Response.APPLIED, text, value=str(path))
-
-    def _run_again(self, path: Path) -> str:
-        """The command that runs a saved table as it walks now."""
-        name, scenario = self._loaded.experiment.name, self._tuning.settings.experiment.scenario
-        words = ["twin-gait simulate", name if name in presets() else "EXPERIMENT", f"--set table={path}"]
-        if scenario != self._loaded.experiment.scenario:
-            words += [f"--set scenario.{item.key}={item.shown:.6g}" for item in scenario.adjustments]
-        return " ".join(words)
-
-
-def _replaces(later: Message, message: Message) -> bool:
-    """Whether a later message makes this one pointless; a forecast does not keep a change from being made."""
-    if not isinstance(later, SetControl) or not isinstance(message, SetControl):
-        return False
-    return later.control == message.control and (message.kind == "try" or later.kind == "set")
+        name = f"{self.folder.name}-table-"
+        names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
+        path = write_new(names, dump_yaml({**table_document(table), "name": f"{table.name}_live"}))
+        text = f"saved {path}; run it with: twin-gait simulate EXPERIMENT --set table={path}"
+        self.book.answer(message, "applied", text, value=str(path))

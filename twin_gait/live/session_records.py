@@ -8,24 +8,22 @@ the dead: no end and no lock means killed.
 
 import contextlib
 import fcntl
-import hashlib
 import json
 import os
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter
-
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.live.protocol import Event, Response
+from twin_gait.live.protocol import Event
+from twin_gait.runs.folders import hold
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
+_DETAILS = frozenset({"document", "summary", "tables", "log"})  # that a list of sessions leaves out
 _LOGGED = ("serial", "tick", "response", "user", "subject", "before", "value", "text")
 
 
@@ -53,41 +51,33 @@ def _unusable(path: Path, error: OSError) -> SessionError:
 class SessionRecorder:
     """Records one session, number ``session``; every method but :meth:`close` returns at once."""
 
-    def __init__(self, folder: Path, *, user: str, experiment: str, document: Mapping[str, Any]) -> None:
+    def __init__(
+        self, records: Path, *, user: str, experiment: str, document: Mapping[str, Any], folder: Path
+    ) -> None:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
-        Raises SessionError if the record cannot be written.
+        ``folder``: run folder to come. Raises SessionError if the record cannot be written.
         """
         self.failure = ""  # why nothing is recorded any more
-        self._tables, self._last_table = 0, ""
         self._waiting: deque[str] = deque()
         self._thread = ThreadPoolExecutor(1, "session recorder")
         try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            self.session, self._descriptor = _make(folder)
+            records.mkdir(parents=True, exist_ok=True, mode=0o700)
+            self.session, self._descriptor = _make(records)
         except OSError as error:
-            raise _unusable(folder, error) from error
+            raise _unusable(records, error) from error
         began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
-        self._put(began).result()  # before anybody lists the session
+        self._put({**began, "folders": [str(folder)]}).result()  # before anybody lists the session
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
         self._put(_logged(event))
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
-        """Record a version of the gait table and its first tick; one like the last is no new version."""
-        text = json.dumps(document)
-        if text != self._last_table:
-            self._last_table, self._tables = text, self._tables + 1
-            sha256 = hashlib.sha256(text.encode()).hexdigest()
-            entry = {"version": self._tables, "tick": tick, "sha256": sha256, "document": dict(document)}
-            self._put({"table": entry})
+        """Record a version of the gait table and its first tick."""
+        self._put({"table": {"tick": tick, "document": dict(document)}})
 
-    def folders(self, folders: Sequence[str]) -> None:
-        """Record the run folders, all so far."""
-        self._put({"folders": list(folders)})
-
-    def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Sequence[str]) -> None:
+    def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> None:
         """Record how and in which tick the last walk ended, with its summary; wait until it is written."""
         self._put(_end(status, tick, summary, folders))
         self._thread.shutdown()
@@ -124,9 +114,9 @@ def _logged(event: Event) -> dict[str, Any]:
     return {"event": {**{name: getattr(event, name) for name in _LOGGED}, "at": _now()}}
 
 
-def _end(status: str, tick: int, summary: Mapping[str, Any], folders: Sequence[str]) -> dict[str, Any]:
+def _end(status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> dict[str, Any]:
     end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
-    return {"end": end, "folders": list(folders)}
+    return {"end": {**end, "folders": list(map(str, folders))}}
 
 
 def _file(folder: Path, session: int) -> Path:
@@ -137,56 +127,43 @@ def _numbers(folder: Path) -> list[int]:
     return sorted(int(path.stem) for path in folder.glob("*.jsonl") if path.stem.isdecimal())
 
 
-@dataclass(frozen=True, kw_only=True)
-class SessionEntry:
-    """One session of the record."""
+def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]:
+    """All sessions of the record, the newest first: what :func:`read_session` gives, without the details.
 
-    id: int  # number
-    user: str  # who
-    experiment: str  # name of the preset or file
-    began: str  # when, in UTC
-    ended: str | None  # when, in UTC, or None
-    status: str  # how the last walk ended, ``going on``, or ``killed`` if nobody is there to end it
-    tick: int  # last tick known of the last walk
-    folders: list[str]  # run folders; of a session without an end also those to come
-    changes: int  # how many changes were applied
-    refusals: int  # how many were refused
-    versions: int  # versions of the gait table
-
-
-_ENTRY = TypeAdapter(SessionEntry)  # picks its fields out of all that is recorded
-
-
-def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
-    """All sessions of the record, the newest first. Raises SessionError if the record cannot be read."""
-    entries = [_ENTRY.validate_python(_read(folder, number)) for number in reversed(_known(folder))]
-    return [item for item in entries if user is None or item.user == user]
+    Raises SessionError if the record cannot be read.
+    """
+    entries = [_read(folder, number) for number in reversed(_known(folder))]
+    return [
+        {key: value for key, value in item.items() if key not in _DETAILS}
+        for item in entries
+        if user is None or item["user"] == user
+    ]
 
 
 def read_session(folder: Path, session: int) -> dict[str, Any]:
     """Everything that is recorded of a session.
 
-    Returns the entry's fields, ``document`` of the experiment, ``summary``, ``tables`` and ``log``: every
-    event in order. Raises SessionError if there is no such session.
+    Returns ``id``, ``user``, name of the ``experiment``, ``began`` and ``ended`` in UTC, ``status`` of the
+    last walk (or ``going on``, or ``killed`` if nobody is there to end it) and its last ``tick``, run
+    ``folders`` (without an end also those to come), how many ``changes`` were applied, ``refusals`` and
+    ``versions`` of the table there were; ``document`` of the experiment, ``summary``, ``tables`` and ``log``:
+    every event in order. Raises SessionError if there is no such session.
     """
-    known = _known(folder)
-    if session not in known:
-        newest = ", ".join(str(number) for number in reversed(known[-10:]))
-        there = f"the newest are {newest}" if known else "it is empty"
-        raise SessionError(f"{folder}: no session {session}; {there}")
+    if session not in _known(folder):
+        raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all")
     return _read(folder, session)
 
 
 def close_killed(
-    folder: Path, session: int, *, tick: int, text: str, summary: Mapping[str, Any], folders: Sequence[str]
+    folder: Path, session: int, *, tick: int, text: str, summary: Mapping[str, Any], folders: Iterable[Path]
 ) -> None:
     """Record how a session ended whose own processes no longer could.
 
     ``tick``: ticks that are kept of the last walk; ``text``: what happened, in one sentence; becomes the last
     entry of the session's log. Raises SessionError if the record cannot be written.
     """
-    serial = max((item["serial"] for item in _read(folder, session)["log"]), default=0) + 1
-    note = Event(serial=serial, response=Response.NOTE, text=text, tick=tick)
+    serial = len(_read(folder, session)["log"]) + 1
+    note = Event(serial=serial, response="note", text=text, tick=tick)
     path = _file(folder, session)
     try:
         with path.open("r+b") as file:
@@ -219,42 +196,32 @@ def _line(entry: Mapping[str, Any]) -> str:
     return json.dumps(entry, ensure_ascii=False) + "\n"
 
 
-def _is_held(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    return False
-
-
 def _read(folder: Path, session: int) -> dict[str, Any]:
-    """The fields of the entry of a session, and what else is recorded of it."""
+    """All that :func:`read_session` gives."""
     path = _file(folder, session)
     try:
-        with path.open("rb") as file:
-            held = _is_held(file.fileno())
-            text = file.read().decode(errors="replace")
+        if (held := hold(path)) is not None:
+            os.close(held)
+        text = path.read_bytes().decode(errors="replace")
     except OSError as error:
         raise _unusable(path, error) from error
     try:
         entries = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
-        empty = {"user": "", "experiment": "", "document": {}, "began": _now()}
-        first: dict[str, Any] = entries[0] if entries else empty
-        log = [item["event"] for item in entries if "event" in item]
-        tables = [item["table"] for item in entries if "table" in item]
-        end: dict[str, Any] = next((item["end"] for item in entries if "end" in item), {})
+        empty = {"user": "", "experiment": "", "document": {}, "began": _now(), "folders": []}
+        first: dict[str, Any] = empty if not entries or "event" in entries[0] else entries[0]
+        of = {kind: [item[kind] for item in entries if kind in item] for kind in ("event", "table", "end")}
+        log, tables, end = of["event"], of["table"], (of["end"] or [{}])[0]
         responses = [item["response"] for item in log]
         return {
             "id": session,
-            **{key: first[key] for key in ("user", "experiment", "began")},
+            **{key: first[key] for key in empty},
             "ended": end.get("ended"),
-            "status": end.get("status") or (GOING_ON if held else KILLED),
+            "status": end.get("status") or (GOING_ON if held is None else KILLED),
             "tick": end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),
-            "folders": next((item["folders"] for item in reversed(entries) if "folders" in item), []),
+            "folders": end.get("folders", first["folders"]),
             "changes": responses.count("applied"),
             "refusals": responses.count("refused"),
             "versions": len(tables),
-            "document": first["document"],
             "summary": end.get("summary", {}),
             "tables": tables,
             "log": log,

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
-from enum import StrEnum
-from typing import Any, TypedDict
-
-import numpy as np
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
-from twin_gait.simulation.log import JOINT
+from twin_gait.live.protocol import Value
+from twin_gait.network.messages import CODES
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
@@ -20,16 +18,11 @@ from twin_gait.vocabulary import GaitPhase, JointName, Side
 HELD_PHASE = GaitPhase.LATE_STANCE
 
 
-class Mode(StrEnum):
-    """What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4)."""
-
-    WALK = "walk"
-    FRICTION = "friction_control"
-    TORQUE = "torque_control"
-    IMPEDANCE = "impedance_control"
+# What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4).
+MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class MonitorJoint:
     """What the monitor sets on one joint."""
 
@@ -37,11 +30,11 @@ class MonitorJoint:
     damping: float  # b in [N m s] / [rad]
     equilibrium_angle: float  # θ0 in [rad]
     friction_compensation_gain: float  # g
-    target_torque: float = 0.0  # in [N m]
+    target_torque: float = field(default=0.0, kw_only=True)  # in [N m]
 
-    def impedance(self, mode: Mode) -> JointImpedance:
+    def impedance(self, mode: str) -> JointImpedance:
         """The impedance that a mode asks for; friction and torque control have no spring and no damper."""
-        springs = mode is Mode.IMPEDANCE
+        springs = mode == IMPEDANCE
         return JointImpedance(
             stiffness=self.stiffness if springs else 0.0,
             damping=self.damping if springs else 0.0,
@@ -51,6 +44,7 @@ class MonitorJoint:
 
 
 MonitoredJoints = Mapping[tuple[Side, JointName], MonitorJoint]
+LoopNumbers = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,33 +53,31 @@ class Settings:
 
     experiment: Experiment  # with the gait table, belt speed and support as they are now
     monitor: MonitoredJoints  # what the monitor sets, for every actuated joint
-    mode: Mode = Mode.WALK  # what drives the joints
+    mode: str = WALK  # what drives the joints, of ``MODES``
     manual: bool = False  # whether every step waits for a hand
+    # values of the controls that have been set, by name, in their units; what none has set is the preset's
+    changes: Mapping[str, Value] = field(default_factory=dict)
 
     @property
     def table(self) -> GaitTable:
         """The gait table, before scaling."""
         return self.experiment.table
 
-    def with_table(self, table: GaitTable) -> Settings:
-        """The same with another table."""
-        return replace(self, experiment=replace(self.experiment, table=table))
-
     @property
     def driving(self) -> Experiment:
         """The experiment with the impedances that the mode puts in force."""
-        if self.mode is Mode.WALK:
+        if self.mode == WALK:
             return self.experiment
         return replace(self.experiment, table=monitored_table(self.table, self.monitor, self.mode))
 
     def target_torque(self, side: Side, joint: JointName) -> float:
         """Target torque of a joint in [N m]: the experiment's, or in torque control the monitor's."""
-        if self.mode is Mode.TORQUE:
+        if self.mode == TORQUE:
             return self.monitor[side, joint].target_torque
-        return self.experiment.control.target_torque.get(joint, 0.0) if self.mode is Mode.WALK else 0.0
+        return self.experiment.control.target_torque.get(joint, 0.0) if self.mode == WALK else 0.0
 
 
-def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
+def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: str) -> GaitTable:
     """A table whose phases all have what the monitor sets."""
     sides = tuple(dict.fromkeys(side for side, _ in monitor))
     everywhere = {}
@@ -106,74 +98,30 @@ def first_settings(experiment: Experiment) -> Settings:
     monitor = {}
     for number, joint in enumerate(problem.joints):
         leg, place = divmod(number, problem.joints_per_leg)
-        row = problem.phase_rows[leg, 0, COLUMNS_PER_JOINT * place :].tolist()
-        fields = ("stiffness", "damping", "equilibrium_angle", "friction_compensation_gain")
+        first = COLUMNS_PER_JOINT * place
+        row = problem.phase_rows[leg, 0, first : first + COLUMNS_PER_JOINT].tolist()
         target = experiment.control.target_torque.get(joint.joint, 0.0)
-        first = dict(zip(fields, row, strict=False))
-        monitor[joint.side, joint.joint] = MonitorJoint(**first, target_torque=target)
+        monitor[joint.side, joint.joint] = MonitorJoint(*row, target_torque=target)
     return Settings(experiment=experiment, monitor=monitor)
 
 
-class LoopNumbers(TypedDict):
-    """Settings as the loop takes them: nothing but numbers."""
-
-    phase_rows: list[Any]  # k, b, θ0, G per joint and gravity share, by leg and phase
-    comparisons: list[dict[str, Any]]  # of the guards, with their thresholds
-    target_torque: list[float]  # in [N m], by joint
-    # in [m] / [s], or None without ground; the belt stands while the monitor drives the joints
-    belt_speed: float | None
-    support_force: float | None  # in [N], or None on the bench
-    held_phase: int | None  # phase that waits for a hand, or None
-    watching: bool  # whether the monitor watches how long a leg stays in a phase
-
-
 def loop_numbers(settings: Settings) -> LoopNumbers:
-    """Lay settings out as numbers. Returns the numbers, table scaled and damping ratios resolved."""
-    walk, walking = build_problem(settings.experiment), settings.mode is Mode.WALK
+    """Lay settings out as the loop takes them: numbers, table scaled and damping ratios resolved."""
+    walk, walking = build_problem(settings.experiment), settings.mode == WALK
     driven = walk if walking else build_problem(settings.driving)
     world, pelvis = walk.world, walk.world.model.pelvis_index
-    belt_speed = world.belt.cruise if walking else 0.0  # without a gait it would carry the feet away
-    return LoopNumbers(
-        phase_rows=driven.phase_rows.tolist(),
-        comparisons=[asdict(comparison) for comparison in walk.program.comparisons],
-        target_torque=[settings.target_torque(item.side, item.joint) for item in walk.joints],
-        belt_speed=None if world.contact is None else belt_speed,
-        support_force=None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
-        held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
-        watching=walking,
-    )
-
-
-# What a row of phase parameters is called in the log, by its place among the columns of a joint.
-ROW_COLUMNS = tuple(JOINT.columns)[-COLUMNS_PER_JOINT:]
-
-
-def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict[str, float]:
-    """What a change does to the log.
-
-    Returns new values by column; those of a phase behind its name, such as
-    ``late_stance: left_hip_stiffness_Nm_per_rad``.
-    """
-    found: dict[str, float] = {}
-    old, new = np.array(before["phase_rows"]), np.array(after["phase_rows"])
-    for leg, phase, column in np.argwhere(old != new).tolist():
-        place, quantity = divmod(column, COLUMNS_PER_JOINT)
-        if place < problem.joints_per_leg:
-            joint = problem.joints[leg * problem.joints_per_leg + place]
-            name = f"{joint.side}_{joint.joint}_{ROW_COLUMNS[quantity]}"
-            found[f"{problem.table.phase_names[phase]}: {name}"] = float(new[leg, phase, column])
-    targets = zip(problem.joints, before["target_torque"], after["target_torque"], strict=True)
-    for joint, was, now in targets:
-        if was != now:
-            found[f"{joint.side}_{joint.joint}_target_torque_Nm"] = now
-    return found
-
-
-def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> float:
-    """Damping b of a joint in a phase in [N m s] / [rad], its ratio resolved."""
-    column = COLUMNS_PER_JOINT * problem.table.joints.index(joint) + DAMPING
-    row = problem.phase_rows[problem.sides.index(side), problem.table.phase_index(phase)]
-    return float(row[column])
+    return {
+        # k, b, θ0, G per joint and gravity share, by leg and phase
+        "phase_rows": driven.phase_rows.tolist(),
+        "comparisons": [asdict(comparison) for comparison in walk.program.comparisons],
+        "target_torque": [settings.target_torque(item.side, item.joint) for item in walk.joints],  # [N m]
+        # [m] / [s]; without a gait the belt would carry the feet away
+        "belt_speed": world.belt.cruise if walking else 0.0,
+        # [N]; None where no pelvis hangs
+        "support_force": None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
+        "held_phase": walk.table.phase_index(HELD_PHASE) if settings.manual else None,  # waits for a hand
+        "watching": walking,  # whether the monitor watches how long a leg stays in a phase
+    }
 
 
 @dataclass(frozen=True)
@@ -183,6 +131,7 @@ class Place:
     phase: str  # of gait; empty for the monitor
     joint: str  # of the leg
     side: Side | None  # of the phases that differ on this side; None for those that both sides share
+    leg: Side  # that it reaches
 
     @property
     def prefix(self) -> str:
@@ -193,15 +142,27 @@ class Place:
     def _phases(self, table: GaitTable) -> Mapping[str, PhaseParameters]:
         return table.phases if self.side is None else table.side_phases[self.side]
 
-    def read(self, settings: Settings) -> Any:
+    def record(self, settings: Settings) -> Any:
         """The impedance there, or what the monitor has."""
         if not self.phase:
             return settings.monitor[self.side, self.joint]  # type: ignore[index]
         return self._phases(settings.table)[self.phase].joints[self.joint]
 
-    def write(self, settings: Settings, fields: Mapping[str, Any]) -> Settings:
-        """Settings with other fields of it."""
-        joint: Any = replace(self.read(settings), **fields)
+    def damping(self, problem: Problem) -> float:
+        """Damping b in the table in [N m s] / [rad], its ratio resolved."""
+        column = COLUMNS_PER_JOINT * problem.table.joints.index(self.joint) + DAMPING
+        rows = problem.phase_rows[problem.sides.index(self.leg)]
+        return float(rows[problem.table.phase_index(self.phase), column])
+
+    def read(self, name: str, settings: Settings) -> Any:
+        """A field of it."""
+        return getattr(self.record(settings), name)
+
+    def write(self, name: str, settings: Settings, value: float) -> Settings:
+        """Settings with another value of a field of it."""
+        record, ratio = self.record(settings), f"{name}_ratio"
+        fields = {name: value} | ({ratio: None} if hasattr(record, ratio) else {})
+        joint: Any = replace(record, **fields)
         table: GaitTable = settings.table
         if not self.phase:
             monitor: dict[Any, MonitorJoint] = {**settings.monitor, (self.side, self.joint): joint}
@@ -210,8 +171,10 @@ class Place:
         phase = phases[self.phase]
         changed = {**phases, self.phase: replace(phase, joints={**phase.joints, self.joint: joint})}
         if self.side is None:
-            return settings.with_table(replace(table, phases=changed))
-        return settings.with_table(replace(table, side_phases={**table.side_phases, self.side: changed}))
+            table = replace(table, phases=changed)
+        else:
+            table = replace(table, side_phases={**table.side_phases, self.side: changed})
+        return replace(settings, experiment=replace(settings.experiment, table=table))
 
 
 def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:
@@ -222,6 +185,7 @@ def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:
     """
     for phase in table.phases:
         own = [side for side in sides if phase in table.side_phases.get(side, {})]
-        for side in (*([None] if len(own) < len(sides) else []), *own):
+        common = [side for side in sides if side not in own]
+        for side, leg in (*((None, leg) for leg in common[:1]), *((side, side) for side in own)):
             for joint in table.joints:
-                yield Place(phase, joint, side)
+                yield Place(phase, joint, side, leg)

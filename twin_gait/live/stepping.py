@@ -7,11 +7,12 @@ belt or the support, push the leg or inject a fault, and go on. Without a change
 """
 
 import base64
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from twin_gait.control import Trip
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
@@ -21,6 +22,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.fading import Fade, arrive, fade_anew
+from twin_gait.live.settings import LoopNumbers
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -31,15 +33,15 @@ from twin_gait.simulation.run import RunStatus, log_table, run_events
 from twin_gait.worlds.faults import Fault, FaultKind
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
+BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
+WAIT_TICKS = 10  # between two looks at whether a leg waits
 MOST_FAULTS = 16  # that can be injected into one walk
-CHUNK_TICKS = 2000  # after which a phase that was let go is held again at the latest
 
 
 class Asking(NamedTuple):
     """A request that is made of the supervisor."""
 
     tick: int  # in which it is heard
-    request: str  # what is asked for
     entry_tick: int  # of the mode in which the device was when it was made
 
 
@@ -51,6 +53,7 @@ class SteppedRun:
         layout: Names and positions of the log's columns.
         tick: Ticks that have been run.
         held_phase: The phase that no leg leaves by itself, or None.
+        injected: Faults that have been injected, with their times.
     """
 
     def __init__(self, problem: Problem, *, on_compile: Callable[[], None] | None = None) -> None:
@@ -64,10 +67,8 @@ class SteppedRun:
         self.tick = 0
         experiment = problem.experiment
         spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * MOST_FAULTS
-        self._engine = CompiledEngine(
-            replace(problem, experiment=replace(experiment, faults=(*experiment.faults, *spare))),
-            on_compile=on_compile,
-        )
+        roomy = replace(experiment, faults=(*experiment.faults, *spare))
+        self._engine = CompiledEngine(replace(problem, experiment=roomy), on_compile=on_compile)
         self._episode = self._engine.episode
         starts = self._episode["faults"]["start_tick"]
         starts[len(experiment.faults) :] = NEVER
@@ -76,11 +77,12 @@ class SteppedRun:
         self._values = self._changeable()
         self._fades: dict[str, Fade] = {}
         self._push_ends = np.full(len(problem.joints), NEVER)
-        self._injected: list[Fault] = []
+        self.injected: tuple[Fault, ...] = ()
         self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
         self.held_phase: int | None = None
         self._released_at: int | None = None
         self._watching = True
+        self._belt_speed, self._belt_waits = float(problem.world.belt.cruise), False
 
     def _changeable(self) -> dict[str, np.ndarray]:
         """What a caller may give other values for good, by name: what a restart keeps."""
@@ -116,13 +118,8 @@ class SteppedRun:
     @property
     def events(self) -> tuple[RunEvent, ...]:
         """Injected faults, trip, fall and divergence so far, in the order of time."""
-        faults = (*self.problem.experiment.faults, *self._injected)
+        faults = (*self.problem.experiment.faults, *self.injected)
         return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
-
-    @property
-    def q(self) -> np.ndarray:
-        """Present coordinates of the rigid-body model, of the device, in [rad] and [m], shape ``(n,)``."""
-        return np.array(self._episode["q"][: self.problem.world.model.nv])
 
     def advance(self, ticks: int) -> np.ndarray:
         """Run some ticks, fewer if the wearer falls or the state diverges on the way.
@@ -132,15 +129,25 @@ class SteppedRun:
         first, end = self.tick, self.tick + ticks
         rows = np.zeros((ticks, len(self.layout.names)))
         while self.tick < end and self.status is RunStatus.COMPLETED:
+            self._let_belt_wait()
             self._apply_fades()
             over = self._push_ends <= self.tick
             self._episode["joints"]["push"][over], self._push_ends[over] = 0.0, NEVER
-            chunk = (self.tick // CHUNK_TICKS + 1) * CHUNK_TICKS
-            until = self.tick + 1 if self._fades else min(end, chunk, int(self._push_ends.min()))
+            piece = ticks if self.held_phase is None else WAIT_TICKS
+            if self._fades or self._released_at is not None:
+                piece = 1
+            until = min(end, self.tick + piece, int(self._push_ends.min()))
             self.tick = self._engine.run_ticks(self.tick, until, rows, first)
             self._hold_again()
         self._log.append((first, rows[: self.tick - first]))
         return self._log[-1][1]
+
+    def _let_belt_wait(self) -> None:
+        """Let the belt stand while a leg waits for its step: it would carry the leg away."""
+        waits = bool(self.waiting())
+        if waits != self._belt_waits:
+            self._belt_waits = waits
+            self.fade("belt_speed", 0.0 if waits else self._belt_speed, BELT_TICKS)
 
     def _apply_fades(self) -> None:
         going = {
@@ -176,6 +183,7 @@ class SteppedRun:
             "watching": self._watching,
             "held": self.held_phase,
             "released": self._released_at is not None,
+            "belt": (self._belt_speed, self._belt_waits),
         }
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
@@ -188,8 +196,9 @@ class SteppedRun:
         self.tick, self._log = moment["tick"], []
         self._watching, self.held_phase = moment["watching"], moment["held"]
         self._released_at = 0 if moment["released"] else None
+        self._belt_speed, self._belt_waits = moment["belt"]
 
-    def fade(self, name: str, target: np.ndarray | float, ticks: int = FADE_TICKS) -> None:
+    def fade(self, name: str, target: ArrayLike, ticks: int = FADE_TICKS) -> None:
         """Let numbers fade to others by the minimum-jerk law, in some ticks or, with 0, at once.
 
         ``name``: ``target_torque`` in [N m], added to the commands, shape ``(n_joints,)``; ``belt_speed`` in
@@ -209,10 +218,22 @@ class SteppedRun:
         self.fade("setpoints", by_joint.reshape(self._values["setpoints"].shape), fade_ticks)
         self.fade("gravity_shares", rows[..., -1], fade_ticks)
 
-    def set_comparisons(self, comparisons: Sequence[Comparison]) -> None:
-        """Give the guards other thresholds, at once."""
-        given = [entries(comparison) for comparison in comparisons]
+    def set(self, numbers: LoopNumbers) -> None:
+        """Let new settings fade in; thresholds change at once."""
+        self.set_phase_rows(np.array(numbers["phase_rows"]))
+        given = [entries(Comparison(**comparison)) for comparison in numbers["comparisons"]]
         self._values["comparisons"][: len(given)] = given  # the record has room for more
+        self.fade("target_torque", numbers["target_torque"])
+        if numbers["support_force"] is not None:
+            self.fade("support_force", numbers["support_force"])
+        self._belt_speed = numbers["belt_speed"]
+        if not self._belt_waits:
+            self.fade("belt_speed", self._belt_speed)
+        self._watching = numbers["watching"]
+        if numbers["held_phase"] == self.held_phase:
+            self._note_phase_time_out()
+        else:
+            self.hold_phase(numbers["held_phase"])
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint of ``problem.joints`` for some ticks, in [N m], positive towards flexion."""
@@ -231,7 +252,7 @@ class SteppedRun:
         experiment = replace(self.problem.experiment, faults=(replace(fault, time=0.0),))
         (injected,) = fault_records(replace(self.problem, experiment=experiment))
         faults[spare[0]] = entries(replace(injected, start_tick=self.tick))
-        self._injected.append(replace(fault, time=self.tick * TICK))
+        self.injected += (replace(fault, time=self.tick * TICK),)
         self._episode["first_fault"] = faults["start_tick"].min()
 
     def request(self, name: str) -> Asking:
@@ -251,7 +272,7 @@ class SteppedRun:
         while tick in asked["tick"]:
             tick += 1
         asked[free[0]] = tick, 1 + modes.requests.index(name)
-        return Asking(tick, name, int(supervisor["entry_tick"]))
+        return Asking(tick, int(supervisor["entry_tick"]))
 
     def answer(self, asking: Asking) -> Answer:
         """What became of a request whose tick has been run, and whose row has not been forgotten."""
@@ -290,10 +311,9 @@ class SteppedRun:
 
     def release(self) -> None:
         """Let one leg leave the held phase, now or as soon as an exit opens."""
-        if self.held_phase is not None:
-            minimum = self.problem.program.minimum_ticks[self.held_phase]
-            self._episode["controller"]["program"]["minimum_ticks"][self.held_phase] = minimum
-            self._released_at = int(self._episode["recording"]["n_switches"])
+        minimum = self._episode["controller"]["program"]["minimum_ticks"]
+        minimum[:] = self.problem.program.minimum_ticks
+        self._released_at = int(self._episode["recording"]["n_switches"])
 
     def _hold_again(self) -> None:
         """After the step that was let go the next one waits again."""
@@ -302,11 +322,6 @@ class SteppedRun:
         switched = self._engine.switches[self._released_at : self._episode["recording"]["n_switches"]]
         if self.held_phase in switched["source"]:
             self.hold_phase(self.held_phase)
-
-    def watch_phases(self, watching: bool) -> None:
-        """Let the monitor watch how long a leg stays in a phase, or not."""
-        self._watching = watching
-        self._note_phase_time_out()
 
     def _note_phase_time_out(self) -> None:
         limits = self._episode["limits"]
@@ -335,8 +350,10 @@ class SteppedRun:
         self._engine.store[:] = self._start
         for name, values in self._values.items():
             values[...] = self._fades[name].target if name in self._fades else kept[name]
+        if self._belt_waits:
+            self._values["belt_speed"][...], self._belt_waits = self._belt_speed, False
         arrive(self._episode, np.ones(len(self.problem.sides)))
         fade_anew(self._episode)
-        self.tick, self._log, self._injected, self._fades = 0, [], [], {}
+        self.tick, self._log, self.injected, self._fades = 0, [], (), {}
         self._push_ends[:] = NEVER
         self.hold_phase(self.held_phase)

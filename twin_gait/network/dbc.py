@@ -28,7 +28,6 @@ class Message:
     identifier: int  # Of 11 bits; the lowest one pending is sent first.
     length: int  # In bytes.
     cycle: float  # In [s]; 0 for one that is sent when there is something to say.
-    sender: str  # Node that sends it.
     # Layouts by name, in the order of :data:`~twin_gait.network.messages.MESSAGES`.
     signals: Mapping[str, SignalLayout]
     # Of signals with a table of values, the code of each value by its name.
@@ -87,8 +86,8 @@ def _messages_of(path: Path) -> Iterable[DbcMessage]:
 
 
 def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
-    _require(not item.is_extended_frame, path, item.name, "expected an identifier of 11 bits")
-    _require(item.length <= 8 and not item.is_fd, path, item.name, "expected 8 bytes at most")
+    short = not item.is_extended_frame and not item.is_fd and item.length <= 8
+    _require(short, path, item.name, "expected an identifier of 11 bits and 8 bytes at most")
     _require(item.cycle_time or item.name.endswith(ON_DEMAND), path, item.name, "expected a GenMsgCycleTime")
     known = {signal.name: signal for signal in item.signals}
     for name, unit in units.items():
@@ -101,7 +100,6 @@ def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
         identifier=item.frame_id,
         length=item.length,
         cycle=(item.cycle_time or 0) * 1e-3,
-        sender=item.senders[0] if item.senders else "",
         signals={name: _signal(path, item.name, known[name]) for name in units},
         codes={name: _codes(path, item.name, known[name]) for name in units if known[name].choices},
     )

@@ -282,7 +282,7 @@
       this.refusal = make("p", { className: "refusal", id: `${this.id}-refusal`, hidden: true, role: "alert" });
       this.input = this.entry();
       const side = control.side && control.group === "table" ? `${title(control.side)} ` : "";
-      const label = make("label", { htmlFor: this.id, title: control.help }, side, title(control.label));
+      const label = make("label", { htmlFor: this.id, title: control.help }, side, title(control.label || control.name));
       if (control.unit) label.append(" ", make("span", { className: "unit" }, unit(control.unit)));
       this.node = make("div", { className: `control ${control.kind}`, dataset: { control: control.name } }, label, this.input);
       if (setter) this.node.append(this.revert = this.back());
@@ -317,7 +317,7 @@
       else parts.push(this.box);
       if (least !== null && largest !== null) {
         this.slider = make("input", { type: "range", min: least, max: largest, step: step ?? "any", tabIndex: 0 });
-        this.slider.setAttribute("aria-label", `${this.control.label}, slider`);
+        this.slider.setAttribute("aria-label", `${this.control.label || this.control.name}, slider`);
         // A mark at the preset.
         const mark = make("datalist", { id: `${this.id}-preset` }, make("option", { value: this.control.default }));
         this.slider.setAttribute("list", mark.id);
@@ -346,7 +346,7 @@
       const button = make("button", { type: "button", className: "back" }, "↺");
       button.onclick = () => this.change(this.control.default, (answer) => link.send(
         { kind: "do", action: "revert", values: { control: this.control.name } }, answer));
-      button.setAttribute("aria-label", `${this.control.label}: back to the preset`);
+      button.setAttribute("aria-label", `${this.control.label || this.control.name}: back to the preset`);
       return button;
     }
 
@@ -416,7 +416,7 @@
     }
 
     mark() {
-      const changed = this.setter && this.held !== this.control.default;
+      const changed = this.setter && this.control.changed;
       this.node.classList.toggle("changed", Boolean(changed));
       if (!this.revert) return;
       this.revert.disabled = !changed;
@@ -480,7 +480,6 @@
       if (!same) this.build();
       for (const control of state.controls) this.rows.get(control.name)?.take(control);
       this.compare();
-      this.saved();
     },
 
     build() {
@@ -529,7 +528,6 @@
       }));
       this.sheets = new Map(this.state.phases.map((name) => [name, this.sheet(name)]));
       this.differences = make("div", { id: "panel-differences" });
-      this.files = make("p", { id: "panel-saved" });
       tabs.body("table").append(
         make("div", { className: "chips", role: "group", aria: { label: "Phase of gait" } }, ...this.chips.values()),
         ...this.sheets.values(), this.differences);
@@ -630,18 +628,10 @@
       return make("div", {}, button, answer);
     },
 
-    saved() {
-      if (!this.files) return;
-      const deed = this.deeds.get("save");
-      if (deed && !deed.node.contains(this.files)) deed.node.append(this.files);
-      this.files.textContent = this.state.saved.length ? `Saved: ${this.state.saved.map((path) => path.split("/").pop()).join(", ")}` : "";
-    },
-
     deadlines(counted) {
       if (!this.statistics) return;
       const entries = [
         ["Blocks of 10 ms", String(counted.blocks)], ["Late by more than 10 ms", String(counted.late)],
-        ["Mean lateness", `${counted.mean_ms.toFixed(2)} ms`], ["99 % below", `${counted.p99_ms.toFixed(1)} ms`],
         ["Worst", `${counted.worst_ms.toFixed(1)} ms`], ["Time given up", `${counted.lost_s.toFixed(2)} s`],
       ];
       if (this.statistics.childElementCount !== entries.length) {
@@ -711,7 +701,6 @@
         make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
         make("span", { className: "what" }, event.text),
         make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.response) ? event.response : ""].filter(Boolean).join(" · ")));
-      for (const warning of event.warnings ?? []) line.append(make("small", { className: "warning" }, warning));
       const list = body.querySelector("ol");
       list.prepend(line);
       while (list.childElementCount > LOG_LINES) list.lastElementChild.remove();
