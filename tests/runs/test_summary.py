@@ -152,6 +152,11 @@ def test_symmetric_walk_has_no_asymmetry(summary: dict[str, Any]) -> None:
     assert all(value == pytest.approx(0.0, abs=1e-9) for value in summary["symmetry"].values())
 
 
+def test_error_from_phase_entry_is_that_of_a_shifted_curve(summary: dict[str, Any]) -> None:
+    # A stride that begins 0.2 s early is compared with the reference 16.7 % of a cycle too late.
+    assert summary["sides"]["left"]["rmse_knee_by_phase_deg"] > 10.0
+
+
 def test_battery_and_energy_of_the_known_walk(summary: dict[str, Any]) -> None:
     assert summary["battery_power_mean_W"] == pytest.approx(40.0)
     assert summary["battery_power_peak_W"] == 100.0
@@ -288,6 +293,7 @@ def test_bench_leg_has_strides_by_phase_only(bench_run: Run) -> None:
     assert len(entries) >= 1
     assert values["strides_by_phase"] == len(entries)  # tick 0 begins the first
     assert values["stride_time_by_phase_mean_s"] == pytest.approx(entries[-1] * TICK / len(entries))
+    assert values["rmse_hip_by_phase_deg"] is None
     knee = np.degrees(bench_run.log["right_knee_angle_rad"].to_numpy())
     edges = [0, *entries]
     peaks = [knee[start : end + 1].max() for start, end in pairwise(edges)]

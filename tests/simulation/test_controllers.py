@@ -266,6 +266,14 @@ WRONG = {
         NO_MEMORY,
     ),
     "words": (controller_with(halve, memory=lambda self, plan: Words(1.0)), NO_MEMORY),
+    "a float that would be cut": (
+        controller_with(counts_halves, memory=counted),
+        "expected a whole number in strides, which its class declares as int, got a float",
+    ),
+    "a float that would be cut in a list": (
+        controller_with(counts_halves_by_joint, memory=counted),
+        "expected a whole number in by_joint, which its class declares as int, got a float",
+    ),
     "a float at the start": (
         controller_with(halve, memory=lambda self, plan: Counted(0, [0, 0.5])),
         "expected a whole number in by_joint",
@@ -287,13 +295,14 @@ def test_a_controller_that_is_wrong_is_named_in_one_line(wrong, engine):
     assert "\n" not in str(told.value) and re.match("controller '(Mine|Weaker|halve)': ", str(told.value))
 
 
-@pytest.mark.parametrize(
-    ("tick", "field"), [(counts_halves, "strides"), (counts_halves_by_joint, "by_joint")]
-)
-def test_a_float_that_machine_code_would_cut_is_refused_by_the_reference_engine(tick, field):
-    message = f"expected a whole number in {field}, which its class declares as int, got a float"
-    with pytest.raises(ParameterError, match=message):
-        simulate(bench("engine=pinocchio"), controller=controller_with(tick, memory=counted))
+def test_a_float_that_a_called_function_would_cut_is_refused():
+    helper = numba.njit(counts_halves_by_joint)
+
+    def calls(memory, device, tick, period):
+        helper(memory, device, tick, period)
+
+    with pytest.raises(ParameterError, match="expected a whole number in by_joint"):
+        simulate(bench("duration_s=0.1"), controller=controller_with(calls, memory=counted))
 
 
 def divides(memory, device, tick, period):

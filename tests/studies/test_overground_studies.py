@@ -17,7 +17,9 @@ from twin_gait.studies.batch import simulate_batch
 from twin_gait.studies.compare.comparing import compare, find_controllers, varied
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.studies.sweep.sweep import run_sweep
+from twin_gait.studies.tune.parts import part_costs, rate_walk
 from twin_gait.studies.tune.tune import Settings, tune
+from twin_gait.studies.tune.walks import cases_of
 
 
 def floor(*settings: str):
@@ -29,13 +31,28 @@ def way_of(run) -> float:
     return float(way[-1] - way[0])
 
 
-def test_days_of_a_comparison_move_no_belt_that_is_not_there():
-    assert varied(floor(), 1).scenario == floor().scenario
+def test_no_case_of_a_tuning_moves_a_belt_that_is_not_there():
+    experiment = floor()
+    assert not [name for name in cases_of(experiment, "robust") if "belt" in name]
+    assert varied(experiment, 1).scenario == experiment.scenario
 
 
-def test_a_walk_on_the_floor_is_not_tuned():
-    with pytest.raises(ParameterError, match="overground: expected a wearer who walks on a belt"):
-        tune(floor(), Settings())
+def test_what_needs_a_belt_is_refused():
+    with pytest.raises(ParameterError, match="overground: has no belt; leave out --everyone"):
+        tune(floor(), Settings(everyone=True))
+
+
+def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
+    run = simulate(floor("duration_s=8"))
+    rated = rate_walk(run)
+    lacking = 0.3 * 8.0 - way_of(run)
+    assert rated.values["slowness_pct"] == pytest.approx(max(0.0, 100.0 * lacking / (0.3 * 8.0)))
+    impulses = [run.log[f"{side}_crutch_normal_force_N"].sum() * 1e-3 for side in run.sides]
+    share = max(impulses) / run.duration / run.body_weight
+    assert rated.values["crutch_load_pct"] == pytest.approx(100.0 * share)
+    assert 0.5 * (10.0 * share) ** 2 == pytest.approx(
+        part_costs(rated.values, rated.joints)["crutch_load_pct"]
+    )
 
 
 def test_a_sweep_under_operating_modes_tells_what_the_summary_of_each_run_does(tmp_path):

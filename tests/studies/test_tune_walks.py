@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait.checking.check import check, counts, load_case
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.experiment import Engine
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.reference import normative_ground_force, reference_curve, reference_cycle_time
@@ -225,6 +225,17 @@ def test_the_table_passes_the_check(folder: Path, told: dict[str, Any]) -> None:
     found = counts(check(load_case(folder / "table.yaml", "treadmill")))
     assert found["errors"] == 0
     assert {key: told["check"][key] for key in found} == found
+
+
+def test_the_numbers_told_are_those_of_the_table(folder: Path, told: dict[str, Any]) -> None:
+    table = load_gait_table(folder / "table.yaml")
+    tuned = {item["name"]: item["tuned"] for item in told["parameters"]}
+    for phase, values in table.phases.items():
+        for joint, impedance in values.joints.items():
+            found = tuned[f"{phase}.{joint}.equilibrium_deg"]
+            assert np.degrees(impedance.equilibrium_angle) == pytest.approx(found, abs=1e-9)
+    assert tuned["blending.duration_ms"] == table.blending.duration_ticks
+    assert any(item["tuned"] != item["start"] for item in told["parameters"])
 
 
 def test_the_costs_of_the_cases_add_up_to_that_of_the_robust_set(told: dict[str, Any]) -> None:

@@ -124,20 +124,15 @@ class MeasuredLeg:
         # A step that begins or ends a walk may land in another phase.
         even = np.array([(span.start, span.stop) for span in record.steady_ticks], dtype=int).reshape(-1, 2)
         missed = np.isnan(lags) & strides.in_strides(contacts.heel_strikes, even)
-        clearances, times = (
-            swing_clearances(record.clearance, contacts),
-            strides.stride_times(self.strides, TICK),
-        )
+        clearances = swing_clearances(record.clearance, contacts)
+        times = strides.stride_times(self.strides, TICK)
         return {
             "strides": len(record.strides(skip=0)),
             "strides_counted": len(self.strides),
             "stride_time_mean_s": finite_mean(times),
             "stride_time_variation": strides.coefficient_of_variation(times),
             "swing_share": finite_mean(strides.swing_shares(self.strides, contacts.toe_offs)),
-            **{
-                f"rmse_{joint}_by_contact_deg": reference_error(self.run, angles, joint, self.strides)
-                for joint, angles in record.angles.items()
-            },
+            **self._reference_errors("contact", self.strides),
             "early_stance_lag_mean_s": finite_mean(lags),
             "early_stance_lag_largest_s": _largest_magnitude(lags),
             "heel_strikes_without_early_stance": int(missed.sum()),
@@ -158,6 +153,7 @@ class MeasuredLeg:
             "strides_by_phase": len(record.strides_by_phase(skip=0)),
             "strides_by_phase_counted": len(counted),
             "stride_time_by_phase_mean_s": finite_mean(strides.stride_times(counted, TICK)),
+            **self._reference_errors("phase", counted),
             "phases_in_order": self.phases_in_order(),
             "phase_duration_mean_s": {
                 name: finite_mean(durations.get(index, np.zeros(0)))
@@ -165,6 +161,12 @@ class MeasuredLeg:
             },
             "time_outs": len(time_outs),
             "time_outs_after_third_stride": sum(t >= settled[0] for t in time_outs) if len(settled) else None,
+        }
+
+    def _reference_errors(self, begin: str, bounds: np.ndarray) -> dict[str, float]:
+        return {
+            f"rmse_{joint}_by_{begin}_deg": reference_error(self.run, angles, joint, bounds)
+            for joint, angles in self.record.angles.items()
         }
 
     def phases_in_order(self) -> bool:

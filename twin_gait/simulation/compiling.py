@@ -1,8 +1,8 @@
 """Compile a bound loop with numba.
 
-Three internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
-when one of them changes: a pipeline of passes of one's own, the template that types a call, and what is made
-of a function once it is lowered.
+Four internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
+when one of the first three changes, tests/simulation/test_controllers.py of the last: a pipeline of passes of
+one's own, the template that types a call, what is made of a function once it is lowered, and its types.
 """
 
 import ctypes
@@ -10,12 +10,14 @@ import gc
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core import ir as numba_ir
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
@@ -25,7 +27,12 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import DeadBranchPrune, ReconstructSSA
 from numba.extending import intrinsic
 
-from twin_gait.control.controller import TickFunction, UncompiledControllerError, require_no_answer
+from twin_gait.control.controller import (
+    TickFunction,
+    UncompiledControllerError,
+    require_no_answer,
+    require_whole_numbers,
+)
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.keeping import ARGUMENTS, MachineCode, NativeFunction, function_at
 
@@ -213,7 +220,8 @@ def compiled_ticks(
     """The user's functions among those of a controller, compiled.
 
     ``device``: layout of the record that they are handed, with their memory in it. Raises
-    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something.
+    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something, or keeps a
+    float in a field of whole numbers.
     """
     return {
         name: _compiled_tick(controller, tick, name == "assisted_tick", device)
@@ -234,4 +242,33 @@ def _compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: 
         raise UncompiledControllerError(f"numba cannot compile the controller {controller!r}") from error
     answer = compiled.overloads[kinds].signature.return_type
     require_no_answer(controller, None if answer == types.none else answer)
+    require_whole_numbers(controller, next(_cut(compiled.overloads[kinds]), None))
     return compiled
+
+
+def _cut(made: Any) -> Iterator[str]:
+    """Fields of whole numbers into which a compiled function, or one that it calls, writes a float.
+
+    Machine code would cut it without a word, where Python keeps it.
+    """
+    kinds, calls = made.type_annotation.typemap, made.type_annotation.calltypes
+    lists: dict[str, str] = {}
+    for statement in chain.from_iterable(block.body for block in made.type_annotation.blocks.values()):
+        value: Any = getattr(statement, "value", None)
+        if isinstance(statement, numba_ir.SetAttr):
+            name, kind = statement.attr, calls[statement].args[1]
+        elif isinstance(statement, (numba_ir.SetItem, numba_ir.StaticSetItem)):
+            name, kind = lists.get(statement.target.name, "a list"), calls[statement].args[0].dtype
+        elif not isinstance(value, numba_ir.Expr):
+            continue
+        elif value.op == "getattr":
+            lists[statement.target.name] = value.attr
+            continue
+        elif value.op == "call" and isinstance(kinds[value.func.name], types.Dispatcher):
+            called = kinds[value.func.name].dispatcher.overloads
+            yield from _cut(called[calls[value].args]) if calls[value].args in called else ()
+            continue
+        else:
+            continue
+        if isinstance(kind, types.Integer) and isinstance(kinds[value.name], types.Float):
+            yield name

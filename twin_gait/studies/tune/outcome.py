@@ -131,7 +131,7 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
             "candidates": [item for generation in generations for item in generation.tried],
             **stood,
         },
-        "numbers": len(tuning.parameters),
+        "parameters": _parameters(tuning, after),
         "convergence": {
             "best": [item.cost for item in generations],
             "median": [item.median for item in generations],
@@ -195,3 +195,14 @@ def _walk(walk: Rating, number: int) -> dict[str, Any]:
     """A walk of the robust set, whose first is the nominal one."""
     cost = walk.cost if number else nominal_cost(walk)
     return {"cost": cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
+
+
+def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
+    points = chosen.points or tuple(item.start_coordinate for item in tuning.parameters)
+    return [
+        {
+            "name": item.name, "unit": item.unit, "start": item.start, "tuned": item.value(point),
+            "lower": item.lower, "upper": item.upper,
+        }
+        for item, point in zip(tuning.parameters, points, strict=True)
+    ]  # fmt: skip

@@ -27,7 +27,7 @@ from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, PelvisGuide
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
@@ -54,17 +54,17 @@ SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns f
 _ROWS = yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
 ERRORS = {JointName(joint): Part(f"{joint}_error_deg", **row) for joint, row in _ROWS["errors"].items()}
 _CARRIED_ANKLE = replace(ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
-_OTHERS = [Part(name, **row) for name, row in _ROWS["walk"].items()]
+_OTHERS, _FREE = ([Part(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk"))
 
 
-def parts_of(joints: Sequence[str]) -> tuple[Part, ...]:
+def parts_of(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[Part, ...]:
     """What a walk is rated by: first the errors of the joints that its table drives, in its order.
 
     An ankle that it does not drive counts a little.
     """
     errors = (ERRORS[JointName(joint)] for joint in joints)
     carried = () if JointName.ANKLE in joints else (_CARRIED_ANKLE,)
-    return (*errors, *_OTHERS, *carried)
+    return (*errors, *_OTHERS, *carried, *(_FREE if free_trunk else ()))
 
 
 def part_values(run: Run) -> dict[str, float | None]:
@@ -79,7 +79,7 @@ def part_values(run: Run) -> dict[str, float | None]:
     assert run.walkway is not None  # a walk to be tuned carries weight
     dragged = sum(walk.fore_aft_force for walk in walks.values()) / run.walkway.carried_weight
     values |= {"fore_aft_pct": 100.0 * abs(dragged), "asymmetry_pct": _asymmetry(legs, contacts)}
-    return {name: finite_or_none(value) for name, value in values.items()}
+    return {name: finite_or_none(value) for name, value in (values | _free_trunk_values(run)).items()}
 
 
 def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: WalkMeasures) -> dict[str, float]:
@@ -136,6 +136,21 @@ def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]
     return 100.0 * float(np.max([abs(symmetry_index(*pair)) for pair in zip(left, right, strict=True)]))
 
 
+def _free_trunk_values(run: Run) -> dict[str, float]:
+    """Way and crutches; nothing where the pelvis is guided."""
+    walking = run.experiment.scenario.walking
+    if walking is None or run.experiment.scenario.pelvis is not PelvisGuide.FREE:
+        return {}
+    way = run.log["pelvis_forward_m"]
+    speed = float(way.iloc[-1] - way.iloc[0]) / run.duration
+    loads = (run.log.get(f"{side}_crutch_normal_force_N") for side in run.sides)
+    shares = [float(load.mean()) / run.body_weight for load in loads if load is not None]
+    return {
+        "slowness_pct": max(0.0, 100.0 * (1.0 - speed / walking.speed)),
+        "crutch_load_pct": 100.0 * max(shares, default=0.0),
+    }
+
+
 class Rating(NamedTuple):
     """What a walk is worth: plain values only, which any process can send."""
 
@@ -152,7 +167,7 @@ class Rating(NamedTuple):
     @property
     def parts(self) -> tuple[Part, ...]:
         """What it is rated by."""
-        return parts_of(self.joints)
+        return parts_of(self.joints, free_trunk=_FREE[0].name in self.values)
 
 
 def rate_walk(run: Run) -> Rating:
@@ -184,7 +199,7 @@ def walk_cost(
 def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
     """Cost of each part; its weight where it is not defined."""
     costs = {}
-    for part in parts_of(joints):
+    for part in parts_of(joints, free_trunk=_FREE[0].name in values):
         value = values[part.name]
         ratio = 1.0 if value is None else value / part.goal
         costs[part.name] = part.weight * ratio * ratio

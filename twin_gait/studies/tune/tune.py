@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import require
@@ -18,6 +19,7 @@ from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.walks import cases_of, in_case, standing, table_of, walker, weighted_cost
 from twin_gait.studies.workers import Workers
+from twin_gait.worlds.scenario import BELT_SPEED
 
 # Share of the minutes for the search; the robust set and the report take the rest.
 SEARCH_SHARE = 0.75
@@ -241,6 +243,8 @@ def tune(
         ParameterError: If there is nothing to tune, the settings make no sense or a walk cannot be run.
     """
     walks.check_walker(experiment)
+    if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
+        raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
         experiment = replace(experiment, table=space.with_own_sides(experiment.table))
     tuning = Tuning(experiment, settings, workers or Workers(), tell, should_stop)

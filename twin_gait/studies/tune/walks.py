@@ -31,7 +31,7 @@ from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
 # Ends of the names of the columns of a log that the parts are made of, beside time and phases.
 READ = (
-    *WALK_COLUMNS,
+    *(*WALK_COLUMNS, "_crutch_normal_force_N"),
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
@@ -101,18 +101,24 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
 
 
 def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
-    """How an experiment walks, and its wearer; without both, or a belt, it is a ParameterError."""
+    """How an experiment walks, and its wearer; without both it is a ParameterError."""
     walking, patient = experiment.scenario.walking, experiment.patient
-    if walking is None or patient is None or not experiment.scenario.adjusts(BELT_SPEED, SUPPORT_SHARE):
+    if walking is None or patient is None:
         raise ParameterError(
-            f"{experiment.name}: expected a wearer who walks on a belt; there is nothing to tune"
+            f"{experiment.name}: expected a wearer who walks on the ground; there is nothing to tune"
         )
     return walking, patient
 
 
 def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
-    """The cases of a kind by names, as ``cases.yaml`` has them: ``search``, ``robust`` or ``everyone``."""
-    return {name: reduce(_changed, changes.items(), nominal) for name, changes in _CASES[kind].items()}
+    """The cases of a kind by names, as ``cases.yaml`` has them: ``search``, ``robust`` or ``everyone``.
+
+    Those with another belt are left out where there is none.
+    """
+    cases = _CASES[kind].items()
+    if not nominal.scenario.adjusts(BELT_SPEED):
+        cases = [(name, changes) for name, changes in cases if "belt_ratio" not in changes]
+    return {name: reduce(_changed, changes.items(), nominal) for name, changes in cases}
 
 
 def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
