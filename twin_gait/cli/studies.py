@@ -180,7 +180,7 @@ def faults(arguments: argparse.Namespace) -> int:
     trip did not end in the hold.
     """
     from twin_gait.files import write_atomically
-    from twin_gait.studies.fault_campaign import limit_lines
+    from twin_gait.studies.fault_campaign import limit_lines, violations
 
     workers, seed = options.workers_of(arguments), arguments.seed
     if arguments.out is not None:
@@ -190,19 +190,19 @@ def faults(arguments: argparse.Namespace) -> int:
     with terminal.watched("faults", "fault") as watch:
         campaign = studies.simulate_faults(base, drawn, workers=workers, **watch)
     table = campaign.table
-    violations = list(campaign.violations["fault"]) if len(table) else []
+    broken = list(violations(table)["fault"]) if len(table) else []
     lines = [f"{base.name}, {base.duration:g} s each, {len(table)} faults, seed {seed}"]
     if len(table):
         lines += [studies.outcome_table(table).to_string(index=False), *limit_lines(table)]
-    if violations:
-        lines.append(f"broken: {', '.join(violations[:5])}")
+    if broken:
+        lines.append(f"broken: {', '.join(broken[:5])}")
     document = {
         "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(campaign.status),
-        "violations": violations, "faults": table.to_dict("records"),
+        "violations": broken, "faults": table.to_dict("records"),
     }  # fmt: skip
     terminal.answer(arguments, lines, lambda: document)
     if len(table) and arguments.out is not None:
         write_atomically(arguments.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
     if campaign.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
-    return FAILED if violations else DONE
+    return FAILED if broken else DONE

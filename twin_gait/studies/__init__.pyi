@@ -7,7 +7,6 @@ from .campaign import Protocol as Protocol
 from .campaign import TwoWayProtocol as TwoWayProtocol
 from .campaign import planned_tests as planned_tests
 from .campaign import run_campaign as run_campaign
-from .fault_campaign import FaultCampaign as FaultCampaign
 from .fault_campaign import draw_faults as draw_faults
 from .fault_campaign import fault_row as fault_row
 from .fault_campaign import outcome_table as outcome_table

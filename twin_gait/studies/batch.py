@@ -119,10 +119,7 @@ SUMMARY_COLUMNS = tuple(_TYPES)
 class BatchResult:
     """What a batch gives back."""
 
-    # one row per episode in the order of the overrides: ``episode``, the overridden keys, then the columns of
-    # flat_summary. A key that only other episodes override is empty. A key that a column of the summary is
-    # also called, such as ``duration_s``, has ``set.`` in front
-    table: pd.DataFrame
+    table: pd.DataFrame  # one row per episode in their order
     # ``COMPLETED``, or ``INTERRUPTED`` if the batch was stopped; then the table holds the first episodes only
     status: RunStatus
 
@@ -135,6 +132,10 @@ def simulate_batch(
     **watch: Unpack[Watch],
 ) -> BatchResult:
     """Simulate one experiment once for each set of changes.
+
+    The table has ``episode``, the overridden keys, and the columns of flat_summary. A key that only other
+    episodes override is empty. A key that a column of the summary is also called, such as ``duration_s``, has
+    ``set.`` in front.
 
     All changes are checked before anything runs. The result does not depend on the number of workers or on
     the order in which they finish. With several workers a script must guard its own code, see

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, Unpack
 
@@ -14,7 +14,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters import require
 from twin_gait.parameters.quantities import DEGREE
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.studies.batch import run_episodes
+from twin_gait.studies.batch import BatchResult, run_episodes
 from twin_gait.studies.jobs import Watch
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
@@ -41,20 +41,10 @@ _MEASURED = ("_measured_angle_rad", "_velocity_fast_rad_per_s", "_velocity_slow_
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class FaultCampaign:
-    """A campaign."""
-
-    table: pd.DataFrame  # one row per fault, see fault_row
-    # ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; then the table holds the first faults
-    status: RunStatus
-
-    @property
-    def violations(self) -> pd.DataFrame:
-        """Rows in which something that must hold did not."""
-        table = self.table
-        kept = table["within_limits"] & (table["null_values"] == 0) & table["hold_kept"]
-        return table[~(kept & (table["outcome"] != Outcome.DIVERGED))]
+def violations(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a table of :func:`fault_row` in which something that must hold did not."""
+    kept = table["within_limits"] & (table["null_values"] == 0) & table["hold_kept"]
+    return table[~(kept & (table["outcome"] != Outcome.DIVERGED))]
 
 
 def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
@@ -80,15 +70,15 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
     joints = experiment.joints
     joint = joints[int(generator.integers(len(joints)))]
     time = round(float(generator.uniform(FIRST_TIME, experiment.duration - REST)), 3)
-    magnitude, placed = None, kind is not FaultKind.SUPPLY_DIP
+    magnitude = None
     if kind in MAGNITUDES:
         least, most = MAGNITUDES[kind]
         magnitude = math.exp(float(generator.uniform(math.log(least), math.log(most))))
-        if placed and generator.random() < 0.5:
+        if kind is not FaultKind.SUPPLY_DIP and generator.random() < 0.5:
             magnitude = -magnitude
-    if kind in (FaultKind.SUPPLY_DIP, FaultKind.FOOT_LOAD_STUCK):
-        return Fault(kind=kind, time=time, side=side if placed else None, joint=None, magnitude=magnitude)
-    return Fault(kind=kind, time=time, side=side, joint=joint, magnitude=magnitude)
+    struck: dict[str, Any] = {"side": side, "joint": joint}
+    struck = {FaultKind.SUPPLY_DIP: {}, FaultKind.FOOT_LOAD_STUCK: {"side": side}}.get(kind, struck)
+    return Fault(**{"side": None, "joint": None} | struck, kind=kind, time=time, magnitude=magnitude)
 
 
 def simulate_faults(
@@ -98,8 +88,8 @@ def simulate_faults(
     row: Callable[[Run], dict[str, Any]] | None = None,
     workers: int | Workers = 1,
     **watch: Unpack[Watch],
-) -> FaultCampaign:
-    """Simulate an experiment once for each fault, in place of faults of its own.
+) -> BatchResult:
+    """Simulate an experiment once for each fault, in place of faults of its own; a row for each.
 
     What is told of each run is :func:`fault_row` by default. Other arguments and errors are those of
     :func:`twin_gait.studies.run_episodes`; a run that cannot be made is a ParameterError.
@@ -109,7 +99,7 @@ def simulate_faults(
         experiment_of, told, faults, workers=workers, named=lambda place: f"fault {faults[place]}", **watch
     )
     status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED
-    return FaultCampaign(pd.DataFrame(rows), status)
+    return BatchResult(pd.DataFrame(rows), status)
 
 
 def _with_fault(experiment: Experiment, fault: Fault) -> Experiment:
