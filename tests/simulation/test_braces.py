@@ -36,6 +36,7 @@ from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds.bracing import carries
 
 FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)
 JOINTS = [(side, joint) for side in Side for joint in JointName]
@@ -231,6 +232,53 @@ def test_logs_have_columns_of_braces_only_where_there_are_some(bench_run):
     assert "interaction" not in summarise(rigid)
 
 
+# ---------------------------------------------------------------------- the step
+
+
+@pytest.mark.parametrize("method", list(IntegrationMethod))
+def test_a_step_carries_the_braces_up_to_the_stiffness_that_is_said(method):
+    def braced(stiffness: float) -> Experiment:
+        brace = BraceParameters(knee=SpringDamper(stiffness=stiffness, damping=0.5))
+        angles = {JointName.HIP: 0.0, JointName.KNEE: 1.0}
+        bent = replace(load_experiment("bench_leg").experiment.scenario, start_angles=angles)
+        experiment = bench(interface=brace, scenario=bent, integration=replace(FINE, step=1e-5))
+        plant = replace(
+            experiment.plant, gravity=0.0, friction_ratio=dict.fromkeys(experiment.plant.friction, 0.0)
+        )
+        return replace(experiment, plant=plant)
+
+    def growth(stiffness: float) -> float:
+        leg, advance = without_motors(braced(stiffness), step, method)
+        leg.q[knee] += 1e-8
+        for tick in range(3000):
+            advance(leg, tick)
+            apart = abs(leg.q[knee] - leg.q[knee + shift]) / 1e-8
+            if apart > 1e4:
+                break  # before numbers overflow
+        return apart
+
+    step, low, high = 1e-3, 1e3, 1e7
+    made = braced(low).build_world()
+    knee, shift = made.model.index(Side.RIGHT, JointName.KNEE), made.wearer_shift
+    for _ in range(20):
+        middle = math.sqrt(low * high)
+        if carries(braced(middle).build_world(), step, runge_kutta=method is IntegrationMethod.RK4):
+            low = middle
+        else:
+            high = middle
+    assert 1e3 < low < 9e6
+    assert growth(0.9 * low) < 2.0
+    assert growth(1.1 * low) > 1e3
+
+
+@pytest.mark.parametrize("engine", list(Engine))
+def test_the_lightest_wearer_needs_no_finer_step(engine):
+    """Of the sizes that the device is made for."""
+    settings = ["patient.mass_kg=30", "patient.height_m=1.47", "interface=brace", f"engine={engine}"]
+    for preset in ("treadmill", "bench_leg"):
+        assert load_experiment(preset, settings).experiment.build_world().braces is not None
+
+
 # ---------------------------------------------------------------------- files
 
 
@@ -254,6 +302,8 @@ def test_logs_have_columns_of_braces_only_where_there_are_some(bench_run):
             "interface.pelvis.damping_Ns_per_m: expected a number of 0 or more",
         ),
         ("{kind: brace, thigh: {}}", "interface.thigh: unknown key"),
+        ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+8}}", "set integration.step_ms to"),
+        ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+300}}", "take softer braces"),
     ],
 )
 def test_a_mistake_is_one_line_that_says_where(value, said):

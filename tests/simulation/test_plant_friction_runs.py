@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 from twin_gait import Experiment, JointName, Run, RunStatus, load_experiment, simulate
+from twin_gait.exceptions import ParameterError
 from twin_gait.gait import TICK
 from twin_gait.parameters import LuGreFriction
 from twin_gait.simulation import simulate_bench
@@ -169,6 +170,18 @@ def test_both_engines_have_the_same_friction(preset: str, duration: float, metho
     alone = simulate(experiment(f"duration_s={duration}", *stepping, preset=preset))
     column = f"{alone.sides[0]}_knee_angle_rad"
     assert np.abs(alone.log[column] - compiled.log[column]).max() > 1e-4
+
+
+def test_bristles_too_stiff_for_the_step_are_refused_in_one_line() -> None:
+    stiff = LUGRE.replace(f"rad: {STIFFNESS}", "rad: 1.0e+8")
+    with pytest.raises(ParameterError, match=r"plant.friction: the bristles are too stiff .* 1 ms") as caught:
+        run(*friction(LUGRE, stiff))
+    assert "\n" not in str(caught.value)
+    enough = float(str(caught.value).split("integration.step_ms to ")[1].split()[0])
+    found = run(*IDLE, *friction(LUGRE, stiff), f"integration.step_ms={enough}", "duration_s=0.2",
+                "control.target_torque_Nm={hip: 0, knee: 1}")  # fmt: skip
+    assert found.status is RunStatus.COMPLETED
+    assert np.ptp(knee(found)) < 1e-4
 
 
 # ---------------------------------------------------------------------- the joint bench

@@ -14,7 +14,7 @@ from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, Se
 from twin_gait.parameters.quantities import WHOLE, AsInFile, Notation, Parameters, Range, Time, Word
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds import LegSource, Scenario, World
-from twin_gait.worlds.bracing import brace_world
+from twin_gait.worlds.bracing import brace_world, carries
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
 from twin_gait.worlds.registry import built
 
@@ -226,6 +226,11 @@ class Experiment(Parameters):
                 self.leg_model(self.patient, pelvis, bodies) for bodies in (Bodies.DEVICE, Bodies.WEARER)
             )
             world = brace_world(world, device, wearer, self.interface)
+        stiff = {} if self.interface is None else {"interface": "braces"}
+        if any(plant.friction.bristle_stiffness > 0.0 for plant in world.plant):
+            stiff["plant.friction"] = "bristles"
+        if stiff:
+            self._require_step_for(world, " or ".join(stiff), " or ".join(stiff.values()))
         return world
 
     def leg_model(
@@ -242,6 +247,19 @@ class Experiment(Parameters):
             gravity=self.plant.gravity,
             up_axis=self.leg.up_axis,
             bodies=bodies,
+        )
+
+    def _require_step_for(self, world: World, keys: str, what: str) -> None:
+        """Refuse what would oscillate more from step to step."""
+        step, runge_kutta = self.stepping.step, self.stepping.method is IntegrationMethod.RK4
+        if carries(world, step, runge_kutta=runge_kutta):
+            return
+        finer = (TICK / self.stepping.substeps / factor for factor in (2, 5, 10, 20, 50, 100))
+        enough = next((item for item in finer if carries(world, item, runge_kutta=runge_kutta)), None)
+        way_out = "take" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or take"
+        raise ParameterError(
+            f"{keys}: the {what} are too stiff or too strongly damped for a step of "
+            f"{1e3 * step:g} ms ({self.stepping.method}); {way_out} softer {what}"
         )
 
     def build_control_model(self) -> LegModel:

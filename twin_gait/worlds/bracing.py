@@ -1,13 +1,18 @@
-"""The wearer bound to the device by braces instead of rigidly."""
+"""The wearer bound to the device by braces instead of rigidly, and the step that carries what is stiff."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.core.plant import Brace, free_coordinate
+from twin_gait.core.plant import Brace, Plant, free_coordinate
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters, SlidingSpringDamper, SpringDamper
+from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import Braces, World
+
+# Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.
+_ROUNDING = 1e-6
 
 
 def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: BraceParameters) -> World:
@@ -36,3 +41,68 @@ def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
     for side, leg in model.legs.items():
         laws |= {model.index(side, joint): parameters.of(joint) for joint, _ in leg.items()}
     return tuple(Brace(laws[index].stiffness, laws[index].damping) for index in range(model.nv))
+
+
+# ---------------------------------------------------------------------- the step
+
+
+def carries(world: World, step: float, *, runge_kutta: bool) -> bool:
+    r"""Whether an integrator carries braces and bristles of a world without letting their oscillation grow.
+
+    Braces, springs, viscous dampers and bristles that stick are linear; gravity, contact and the change of
+    the inertias on the way are not looked at. Of :math:`\dot x = A x` a step h of the classical Runge-Kutta
+    method makes :math:`\sum_{i=0}^{4} \frac{(hA)^i}{i!}\,x`; the semi-implicit Euler method changes the
+    velocities first, then the positions with the new ones.
+
+    ``step``: in [s]. ``runge_kutta``: which of the two it is.
+    """
+    return all(
+        _largest_growth(step * _linear(world, q), runge_kutta) <= 1.0 + _ROUNDING
+        for q in (world.start_q[: world.model.nv], _bent(world))
+    )
+
+
+def _largest_growth(system: np.ndarray, runge_kutta: bool) -> float:
+    """Largest factor by which a step makes a motion grow; positions are first, then velocities."""
+    same, half = np.eye(len(system)), len(system) // 2
+    with np.errstate(over="ignore", invalid="ignore"):
+        if runge_kutta:
+            once = same
+            for power in (4, 3, 2, 1):
+                once = same + system @ once / power
+        else:
+            kick, drift = same.copy(), same.copy()
+            kick[half:] += system[half:]
+            drift[:half] += system[:half]
+            once = drift @ kick
+    return float(np.abs(np.linalg.eigvals(once)).max()) if np.isfinite(once).all() else math.inf
+
+
+def _bent(world: World) -> np.ndarray:
+    q = np.zeros(world.model.nv)
+    for side in world.model.sides:
+        q[world.model.index(side, JointName.KNEE)] = 1.0
+    return q
+
+
+def _linear(world: World, q: np.ndarray) -> np.ndarray:
+    """A world around a posture: the matrix of its positions and velocities."""
+    n = len(world.plant)
+    inertia, masses = np.zeros((n, n)), [chain.mass_matrix(q) for chain in world.chains]
+    for number, mass in enumerate(masses):
+        own = slice(number * len(mass), (number + 1) * len(mass))
+        inertia[own, own] = mass
+    stiffness = np.diag([plant.spring.stiffness + plant.friction.bristle_stiffness for plant in world.plant])
+    damping = np.diag([_damping(plant) for plant in world.plant])
+    if world.braces is not None:
+        coupling, braces = np.array([[1.0, -1.0], [-1.0, 1.0]]), world.braces.braces
+        stiffness += np.kron(coupling, np.diag([brace.stiffness for brace in braces]))
+        damping += np.kron(coupling, np.diag([brace.damping for brace in braces]))
+    accelerations = -np.linalg.solve(inertia, np.hstack((stiffness, damping)))
+    return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(n))), accelerations))
+
+
+def _damping(plant: Plant) -> float:
+    """Of spring, gear and bristles that stick, in [N m s] / [rad]."""
+    friction = plant.friction
+    return plant.spring.damping + friction.viscous_friction_forward + friction.bristle_damping
