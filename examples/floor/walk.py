@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from floor.equations import equations_of_motion
 
 from twin_gait import JointName, Run, Side
 from twin_gait.control import Controller, Plan
@@ -29,7 +28,7 @@ from twin_gait.core import (
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK
 from twin_gait.measures import CONTACT_FORCE, leg_record, reference_curve, reference_cycle_time
-from twin_gait.simulation import Problem, build_problem, engine_of, run_of
+from twin_gait.simulation import Problem, build_problem, engine_of, equations_of_motion, run_of
 
 try:
     import casadi as ca

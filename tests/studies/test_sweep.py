@@ -22,6 +22,7 @@ from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.sweep import spec as sweep_spec
+from twin_gait.studies.sweep import sweep as sweep_module
 from twin_gait.studies.sweep.spec import experiment_of_episode, load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.sweep import check_sweep, read_table, run_sweep
 from twin_gait.studies.workers import Workers
@@ -286,7 +287,8 @@ def test_folders_that_are_no_sweeps_are_left_alone(tmp_path, capsys):
     assert [path.name for path in (tmp_path / "photos").iterdir()] == ["cat.png"]
 
 
-def test_workers_check_a_sweep_too(tmp_path):
+def test_workers_check_a_long_sweep(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_module, "CHECKED_HERE", 5)
     episodes = [{HIP: 10}] * 8
     episodes[-2] = {HIP: "high"}
     spec = write_spec(tmp_path / "spec.yaml", method="list", samples=None, parameters=None, episodes=episodes)

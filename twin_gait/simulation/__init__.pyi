@@ -9,3 +9,5 @@ from .run import RunStatus as RunStatus
 from .simulator import engine_of as engine_of
 from .simulator import run_of as run_of
 from .simulator import simulate as simulate
+from .symbolic import Motion as Motion
+from .symbolic import equations_of_motion as equations_of_motion

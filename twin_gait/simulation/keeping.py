@@ -154,8 +154,8 @@ def source_files(*names: str) -> list[Path]:
     """Modules of this package by name, of a folder all of them."""
     home, found = Path(__file__).parent, []
     for name in names:
-        folder = home / name
-        found += sorted(folder.glob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+        path = home / f"{name}.py"  # before a folder: an older version may have left one of this name
+        found += [path] if path.is_file() else sorted((home / name).glob("*.py"))
     return found
 
 

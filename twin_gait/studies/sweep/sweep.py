@@ -37,6 +37,8 @@ SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.jso
 REPORT_FILE = "report.html"
 PARTS_FOLDER = "parts"
 SWEEP = FolderKind("a sweep", SPEC_FILE)
+# Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
+CHECKED_HERE = 2000
 
 
 class SweepStore:
@@ -207,8 +209,9 @@ def run_sweep(
 def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None) -> None:
     """Check the overrides of every episode without running any; a wrong one is named with its key."""
     check, episodes = partial(check_episode, json.dumps(sweep.document)), range(len(sweep.design))
+    hands = workers if len(episodes) > CHECKED_HERE else 1
     try:
-        checked = run_jobs(check, episodes, workers=workers, should_stop=should_stop)
+        checked = run_jobs(check, episodes, workers=hands, should_stop=should_stop)
     except JobFailed as error:
         raise ParameterFileError(sweep.source, "", error.problem) from error
     if len(checked) < len(episodes):
