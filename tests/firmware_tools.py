@@ -89,14 +89,14 @@ class PythonUnit:
         """Nothing is left behind."""
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs, records of double numbers; a row of outputs for each."""
-        return np.array([self._step_on(row) for row in inputs], self._dtype)
-
-    def _step_on(self, inputs: Any) -> tuple[Any, ...]:
+        """Run one tick; inputs and outputs are records of double numbers."""
         _fill(self._inputs, inputs)
         self._step(self._record, self._inputs, self._outputs)
-        found: tuple[Any, ...] = entries(self._outputs)
-        return found
+        return np.array(entries(self._outputs), self._dtype)
+
+    def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
+        """Run a tick for each row of inputs; a row of outputs for each."""
+        return np.array([self.exchange(row) for row in inputs], self._dtype)
 
 
 def _fill(record: Any, values: Any) -> None:

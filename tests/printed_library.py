@@ -13,6 +13,8 @@ from twin_gait.firmware.printer import Program
 from twin_gait.firmware.statements import result_name
 from twin_gait.simulation.problem import NEVER
 
+_WHOLE = {"int8_t": ctypes.c_int8, "int16_t": ctypes.c_int16, "int32_t": ctypes.c_int32}
+
 
 class Library:
     """Functions of a printed program, compiled for this machine.
@@ -67,7 +69,7 @@ class Library:
         self._give_back(RecordKind(type(record)), structure, record)
 
     def _scalar(self, name: str) -> Any:
-        return {REAL.name: self._number, BOOL.name: ctypes.c_bool, INT.name: ctypes.c_int32}[name]
+        return {REAL.name: self._number, BOOL.name: ctypes.c_bool}.get(name) or _WHOLE[name]
 
     def _result_type(self, kind: Kind) -> Any:
         if isinstance(kind, Scalar):
@@ -85,7 +87,10 @@ class Library:
             fields = []
             for name, kind in self._records.used(record):
                 item = kind.item if isinstance(kind, ListKind) else kind
-                part = self._item(item)
+                if isinstance(item, Scalar) and not isinstance(kind, ListKind):
+                    part = self._scalar(self._records.type_of(record, name))
+                else:
+                    part = self._item(item)
                 if self._records.is_table(record, name):
                     part = ctypes.POINTER(part)
                 elif isinstance(kind, ListKind):

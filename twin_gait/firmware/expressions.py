@@ -122,10 +122,17 @@ class Expressions:
                 self.wrote(other)
 
     def length(self, node: ast.AST, value: Value) -> int:
-        """Of a list, which is refused if it is not known."""
+        """Of a list, which is refused if it is not known; notes that it matters."""
         if not isinstance(value.kind, ListKind) or value.kind.length is None:
             raise self.source.refused(node, "is no list of one known length")
+        self._note_length(value)
         return value.kind.length
+
+    def _note_length(self, value: Value) -> None:
+        if not value.fields:
+            self.function.lengths.add(value.name)
+            for other in self.function.aliases.get(value.name, ()):
+                self._note_length(other)
 
     def numbers(self, nodes: Sequence[ast.expr]) -> tuple[list[Value], Scalar]:
         """Several numbers, and the kind that holds them."""
@@ -294,6 +301,8 @@ class Expressions:
             texts.append(self.fit(item, value, wanted).text)
             if name in called.written:
                 self.wrote(value)
+            if name in called.lengths:
+                self.length(item, value)
         if called.writes and node is not self.alone:  # C may evaluate what is beside it before or after
             raise self.source.refused(node, "changes records beside what else is read; name its result")
         return Value(called.returns, f"{called.name}({', '.join(texts)})")

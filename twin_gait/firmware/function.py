@@ -30,6 +30,7 @@ class Function:
     # what names of records and lists have been assigned
     aliases: dict[str, list[Value]] = field(default_factory=dict)
     written: set[str] = field(default_factory=set)  # names of records and lists that are written to
+    lengths: set[str] = field(default_factory=set)  # arguments whose length matters
 
     @property
     def name(self) -> str:
@@ -93,12 +94,20 @@ class Functions:
                 Statements(self, known).definition(exported=False)
                 self._open.pop()
                 self.order.append(known)
-        for name, kind in params.items():
-            both = known.params[name] = joined(known.params[name], kind)
-            if both is None and kind is not None:
-                raise source.refused(source.tree.args, f"{name} is of two kinds in two calls")
+        self._agree(known, params)
         return known
 
     def embed(self, shapes: Shapes) -> None:
         """Note that all of some records may be written outside."""
         self.mutable |= {(record, name) for record, fields in shapes.fields.items() for name in fields}
+
+    @staticmethod
+    def _agree(function: Function, params: dict[str, Kind]) -> None:
+        """Refuse arguments of other kinds than in the calls before; of a list's length where it matters."""
+        for name, kind in params.items():
+            known, both = function.params[name], joined(function.params[name], kind)
+            if (both is None and kind is not None) or (both != known and name in function.lengths):
+                raise function.source.refused(
+                    function.source.tree.args, f"{name} is of two kinds in two calls"
+                )
+            function.params[name] = both

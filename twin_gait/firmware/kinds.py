@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, is_dataclass
 from typing import Any, get_args, get_origin
 
+from twin_gait.exceptions import FirmwareError
 from twin_gait.simulation.record import ABSENT, kinds_of
 
 
@@ -73,34 +74,41 @@ def joined(first: Kind, second: Kind) -> Kind:
 
 
 class Shapes:
-    """Kinds of the fields of all records that samples hold.
+    """Kinds of the fields of all records that samples hold, and every instance of them.
 
     Attributes:
         fields: Kinds by class and name; a list has no length if two instances differ in it.
+        instances: By class and identity.
     """
 
     def __init__(self, samples: Iterable[Any]) -> None:
         """Walk through samples."""
         self.fields: dict[type, dict[str, Kind]] = {}
-        self._visited: set[int] = set()
+        self.instances: dict[type, dict[int, Any]] = {}
         for sample in samples:
             self._visit(sample)
 
     def _visit(self, record: Any) -> None:
-        if id(record) in self._visited:
+        kind = type(record)
+        known, instances = self.fields.setdefault(kind, {}), self.instances.setdefault(kind, {})
+        if id(record) in instances:
             return
-        self._visited.add(id(record))
-        known = self.fields.setdefault(type(record), {})
-        for name, entry in kinds_of(type(record)):
+        instances[id(record)] = record
+        for name, entry in kinds_of(kind):
             value = getattr(record, name)
             if value is not ABSENT and value != [] and value != ():
                 found = self._kind(value, entry)
                 known[name] = joined(known.get(name, found), found)
+                if known[name] is None:
+                    where = f"{kind.__name__}.{name}"
+                    raise FirmwareError(f"{where}: of one kind in one sample and of another in the next")
 
     def _kind(self, value: Any, entry: type) -> Kind:
         if isinstance(value, (list, tuple)):
             items = [self._kind(item, entry) for item in value]
-            return ListKind(items[0], len(value))
+            if any(item != items[0] for item in items):
+                raise FirmwareError(f"a list of {entry.__name__} has entries that are not alike")
+            return ListKind(items[0], len(items))
         if entry in SCALARS:
             return SCALARS[entry]
         self._visit(value)

@@ -38,12 +38,34 @@ def comment(text: str, indent: int = 0) -> list[str]:
     return [*lines[:-1], f"{lines[-1]} */"]
 
 
+# Where a line may be broken, best places first: after commas, before operators, after an assignment.
+_BREAKS = [
+    re.compile(found)
+    for found in (r"(?<=,) ", r" (?=(?:&&|\|\||\?|:) )", r" (?=(?:\+|-|\|) )", r" (?=(?:\*|/) )", r"(?<= =) ")
+]
+
+
 def wrapped(line: str, indent: int) -> list[str]:
-    """A statement on as many lines as it needs, no break beside an assignment."""
-    pad, further, bond = " " * indent, " " * (indent + 2 * INDENT), "\N{NO-BREAK SPACE}"
-    text = line.replace(" = ", f"{bond}={bond}")
-    lines = textwrap.wrap(text, WIDTH, initial_indent=pad, subsequent_indent=further, break_on_hyphens=False)
-    return [part.replace(bond, " ") for part in lines]
+    """A statement, broken where its brackets are fewest."""
+    result, pad = [], " " * indent
+    while len(pad) + len(line) > WIDTH:
+        limit = WIDTH - len(pad)
+        places = [
+            (_depth(line[: found.start()]), rank, -found.start())
+            for rank, pattern in enumerate(_BREAKS)
+            for found in pattern.finditer(line)
+            if limit // 3 < found.start() <= limit
+        ]
+        if not places:
+            break
+        place = -min(places)[-1]
+        result.append(pad + line[:place].rstrip())
+        line, pad = line[place:].lstrip(), " " * (indent + 2 * INDENT)
+    return [*result, pad + line]
+
+
+def _depth(text: str) -> int:
+    return sum(text.count(left) - text.count(right) for left, right in ("()", "[]", "{}"))
 
 
 def docstring_of(item: object) -> str:
@@ -52,12 +74,18 @@ def docstring_of(item: object) -> str:
 
 
 def attributes_of(kind: type) -> dict[str, str]:
-    """What comments behind or above the attributes of a class say of them, by name."""
+    """What a class says of its attributes, by name: in its docstring, or in comments behind or above them."""
     found: dict[str, str] = {}
     above: list[str] = []
+    listed = False
     for line in map(str.strip, inspect.getsource(kind).splitlines()):
         code, _, said = line.partition("# ")
-        if entry := re.match(r"(\w+): ", code):
-            found[entry[1]] = " ".join(above) or said
-        above = [*above, said] if said and not code else []
+        entry = re.match(r"(\w+): (.*)", code)
+        listed = line == "Attributes:" or (listed and line != '"""')
+        if entry and listed:
+            found[entry[1]] = entry[2]
+        elif entry and (above or said):
+            found[entry[1]], above = " ".join(above) or said, []
+        elif said:
+            above.append(said)
     return found

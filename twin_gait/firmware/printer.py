@@ -67,7 +67,7 @@ def print_units(
     entries = {unit.name: [functions.entry(sources.of(item)) for item in unit.entries] for unit in units}
     every = [item for found in entries.values() for item in found]
     functions.embed(Shapes(shapes))
-    records = Records(functions, every)
+    records = Records(functions, every, samples)
     body = {"types.h": _header("types", ["real.h"], records.structures())}
     for unit in units:
         body |= _files_of(unit, entries[unit.name], records)

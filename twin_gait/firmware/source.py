@@ -80,7 +80,7 @@ class Sources:
         names = (node for node in ast.walk(source.tree) if isinstance(node, ast.Name))
         own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
         own |= {item.arg for item in source.tree.args.args}
-        ast.fix_missing_locations(_Folding(self, source, own).generic_visit(source.tree))
+        _Folding(self, source, own).generic_visit(source.tree)
         self._read[key] = source
 
 
@@ -101,41 +101,53 @@ class _Folding(ast.NodeTransformer):
                 if type(found) not in SCALARS:
                     return None
                 constants[item.id] = found
-        expression = ast.fix_missing_locations(ast.Expression(node))
-        return eval(compile(expression, "constants", "eval"), {}, constants)
+        return eval(compile(ast.Expression(node), "constants", "eval"), {}, constants)
 
     def visit_If(self, node: ast.If) -> Any:
-        self.generic_visit(node)
+        node = self.generic_visit(node)  # type: ignore[assignment]
         value = self.value(node.test)
-        return node if value is None else (node.body if value else node.orelse) or ast.Pass()
+        if value is None:
+            return node
+        return (node.body if value else node.orelse) or ast.copy_location(ast.Pass(), node)
 
     def visit_IfExp(self, node: ast.IfExp) -> Any:
-        self.generic_visit(node)
+        node = self.generic_visit(node)  # type: ignore[assignment]
         value = self.value(node.test)
         return node if value is None else node.body if value else node.orelse
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Any:
-        self.generic_visit(node)
-        decisive, values = isinstance(node.op, ast.Or), [self.value(item) for item in node.values]
-        if any(value is not None and bool(value) is decisive for value in values):
-            return ast.Constant(decisive)
-        open_ones = [item for item, value in zip(node.values, values, strict=True) if value is None]
-        if len(open_ones) < 2:
-            return open_ones[0] if open_ones else ast.Constant(not decisive)
-        return ast.BoolOp(node.op, open_ones)
+        node = self.generic_visit(node)  # type: ignore[assignment]
+        decisive = isinstance(node.op, ast.Or)
+        kept = []
+        for item in node.values:
+            value = self.value(item)
+            if value is not None and bool(value) is decisive:
+                return ast.copy_location(ast.Constant(decisive), node)
+            if value is None:
+                kept.append(item)
+        if len(kept) < 2:
+            return kept[0] if kept else ast.copy_location(ast.Constant(not decisive), node)
+        return ast.copy_location(ast.BoolOp(node.op, kept), node)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> Any:
-        return self.generic_visit(ast.Assign([node.target], ast.BinOp(node.target, node.op, node.value)))
+        read = ast.parse(ast.unparse(node.target), mode="eval").body
+        for item in ast.walk(read):
+            ast.copy_location(item, node)
+        value = ast.copy_location(ast.BinOp(read, node.op, node.value), node)
+        return self.generic_visit(ast.copy_location(ast.Assign([node.target], value), node))
 
     def visit_Assign(self, node: ast.Assign) -> Any:
-        self.generic_visit(node)
+        node = self.generic_visit(node)  # type: ignore[assignment]
         target, value = node.targets[0], node.value
         if not (isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)):
             return node
+        if len(target.elts) != len(value.elts):
+            raise self.source.refused(node, "as many names as values are expected")
         for place, item in enumerate(target.elts):
             if any(_touches(item, later) for later in value.elts[place + 1 :]):
                 raise self.source.refused(node, "values that are exchanged; assign them one by one")
-        return [ast.Assign([left], right) for left, right in zip(target.elts, value.elts, strict=True)]
+        pairs = zip(target.elts, value.elts, strict=True)
+        return [ast.copy_location(ast.Assign([left], right), node) for left, right in pairs]
 
 
 def _touches(target: ast.expr, value: ast.expr) -> bool:

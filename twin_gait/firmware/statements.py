@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from twin_gait.firmware.expressions import Expressions, Value
-from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, TupleKind, joined, type_name
+from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, TupleKind, type_name
 from twin_gait.firmware.layout import INDENT, TAKEN, comment, identifier, wrapped
 
 if TYPE_CHECKING:
@@ -146,8 +146,6 @@ class Statements(Expressions):
         if name in function.params and not isinstance(value.kind, Scalar):
             raise self.source.refused(target, "an argument that is assigned anew")
         kind = function.params.get(name) or function.locals.setdefault(name, value.kind)
-        if isinstance(kind, ListKind):  # of two lengths of none
-            kind = function.locals[name] = joined(kind, value.kind)
         self.fit(node, value, kind)
         if not isinstance(kind, Scalar):
             function.aliases.setdefault(name, []).append(value)
@@ -181,7 +179,7 @@ class Statements(Expressions):
             case ast.Call(func=ast.Name(id="range"), args=args), ast.Name() as number if len(args) in (1, 2):
                 if len(args) == 2:
                     first = self.expect(args[0], INT).text
-                end, counter = self.expect(args[-1], INT).text, self._counter(number)
+                end, counter = self._end(args[-1], node.body), self._counter(number)
             case ast.Call(func=ast.Name(id="enumerate"), args=[items]), ast.Tuple(
                 elts=[ast.Name() as number, ast.Name() as item]
             ):
@@ -192,12 +190,11 @@ class Statements(Expressions):
                 end, entry = self._entry(item, items, counter)
             case _:
                 raise self.source.refused(node.iter, "loops are printed over range, enumerate and lists")
-        limit = end
-        if not end.isdigit():  # Python computes it before the loop
-            limit = self._free("end")
-            first += f", {limit} = {end}"
-        self._emit(f"for (int32_t {counter} = {first}; {counter} < {limit}; {counter}++) {{")
-        added = names_in(node.target) - self.declared
+        counted = names_in(node.target)
+        if not counted.isdisjoint(_stored_in(node.body)):
+            raise self.source.refused(node.target, "is counted by the loop")
+        self._emit(f"for (int32_t {counter} = {first}; {counter} < {end}; {counter}++) {{")
+        added = counted - self.declared
         self.declared |= added
         self._inner(node.body, entry)
         self.declared -= added
@@ -216,6 +213,16 @@ class Statements(Expressions):
         kind = self._declare(target, node, entry)
         text = f"{self._declaration(target.id, once=True)} = {entry.in_kind(kind).text};"
         return str(length), text
+
+    def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
+        """Where a loop ends, which Python computes before it and C anew in every turn."""
+        text, stored = self.expect(node, INT).text, _stored_in(body)
+        inside = {item for statement in body for item in ast.walk(statement)}
+        writes = any(call in inside and called.writes for call, called in self.function.calls.items())
+        for item in () if text.isdigit() else ast.walk(node):
+            if ast.unparse(item) in stored or (writes and isinstance(item, ast.Attribute)):
+                raise self.source.refused(node, "may be changed in the loop; name it before")
+        return text
 
     def _return(self, node: ast.Return) -> None:
         function = self.function
@@ -265,6 +272,12 @@ def names_in(node: ast.AST) -> set[str]:
         return {node.id}
     found: set[str] = set().union(*(names_in(item) for item in ast.iter_child_nodes(node)))
     return found - names_in(node.target) if isinstance(node, ast.For) else found
+
+
+def _stored_in(statements: Sequence[ast.stmt]) -> set[str]:
+    """Names and places that some statements assign."""
+    inside = (item for statement in statements for item in ast.walk(statement))
+    return {ast.unparse(item) for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)}
 
 
 def _in_one_block(node: ast.stmt) -> set[str]:
