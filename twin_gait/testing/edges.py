@@ -34,13 +34,23 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
         return
     atom = entry.atom
     past = _edge(leave, entry, atom, MARGIN, Exit.fires)
-    below = first_of(_edge(leave, entry, atom, -MARGIN, accept) for accept in (Exit.stays, Exit.yields))
     yield leave.scenario(f"fires just past {atom}", past)
-    yield leave.scenario(f"holds just below {atom}", below)
+    yield leave.scenario(f"holds just below {atom}", _below(leave, entry, atom, past))
     if not reads_own_time(atom):
         on = _on(leave, entry, atom)
         if on:
             yield leave.scenario(f"holds on the threshold of {atom}", on)
+
+
+def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
+    """The same measurements with that one signal moved, or others if a rival opens there."""
+    if past and not reads_own_time(atom):
+        signals = past[0].vector.signals
+        below = {**signals, atom.signal: signals.get(atom.signal, 0.0) - 2.0 * _distance(atom, MARGIN)}
+        moved = tuple(step._replace(vector=step.vector._replace(signals=below)) for step in past)
+        if leave.stays(moved):
+            return moved
+    return first_of(_edge(leave, entry, atom, -MARGIN, accept) for accept in (Exit.stays, Exit.yields))
 
 
 def _distance(atom: Comparison, margin: float) -> float:
