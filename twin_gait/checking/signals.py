@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from twin_gait.checking.finding import CheckCase, once
-from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
+from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
 from twin_gait.gait.guards import Comparison, compared
@@ -211,18 +211,6 @@ class SignalSpace:
         rule, other = self.program.transitions[index], self.table.member_index(point.other)
         return guard_holds(self.program, rule.first_node, rule.end_node, self.measured(point), other)
 
-    def winner(self, phase: str, point: Point, time: float) -> int | None:
-        """Transition that a leg takes after a time in [s] in a phase, the debounce of all exits over."""
-        index = next_transition(
-            self.program,
-            self.table.phase_index(phase),
-            round(time / TICK),
-            self.measured(point),
-            self.table.member_index(point.other),
-            [item.debounce_ticks - 1 for item in self.table.transitions],
-        )
-        return None if index == NO_TRANSITION else index
-
     def counterexample(self, point: Point) -> dict[str, float | str]:
         """Signals of a point that decide, for a finding; the rest may have any value."""
         found: dict[str, float | str] = {
@@ -265,14 +253,7 @@ def swapped(name: str) -> str:
 
 
 def _rounded(point: Point, holds: Callable[[Point], bool]) -> Point | None:
-    """The point with as few decimals as keep it true."""
-    for decimals in range(1, 7):
-        signals = {
-            # Adding 0 turns -0 into 0.
-            name: round(value, max(decimals, 3) if name.endswith(TIME) else decimals) + 0.0
-            for name, value in point.signals.items()
-        }
-        rounded = replace(point, signals=signals)
-        if holds(rounded):
-            return rounded
-    return point if holds(point) else None
+    """The point with three decimals if that keeps it true."""
+    # Adding 0 turns -0 into 0.
+    rounded = replace(point, signals={name: round(value, 3) + 0.0 for name, value in point.signals.items()})
+    return next(filter(holds, (rounded, point)), None)
