@@ -13,7 +13,7 @@ from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import ActuatorParameters, FrictionLaw
+from twin_gait.parameters import FrictionLaw
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
@@ -82,26 +82,20 @@ class HangingLeg:
         """``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
-    def actuator(self, joint: JointName) -> ActuatorParameters:
-        """Motor and gear of a joint."""
-        return self.problem.experiment.plant.actuators[joint]
-
-    def current_limited_torque(self, joint: JointName) -> float:
-        """Torque at the joint at the current limit, in [N m]."""
-        motor = self.actuator(joint)
-        return current_to_torque(
-            self.problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio
-        )
-
     def torque_limits(self) -> np.ndarray:
         """Largest torque of each joint by torque and current limit in [N m], shape ``(n_joints,)``."""
-        limit = self.problem.experiment.control.limits.torque
-        return np.array([min(limit, self.current_limited_torque(joint)) for joint in self.joints])
+        limits = self.problem.experiment.control.limits
+        motors = [self.problem.experiment.plant.actuators[joint] for joint in self.joints]
+        by_current = [
+            current_to_torque(limits.current, motor.torque_constant, motor.gear_ratio) for motor in motors
+        ]
+        return np.minimum(by_current, limits.torque)
 
     def no_load_speed(self, joint: JointName) -> float:
         """Speed in [rad] / [s] at which the back-EMF takes up the whole battery voltage."""
-        motor = self.actuator(joint)
-        return self.problem.experiment.plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
+        plant = self.problem.experiment.plant
+        motor = plant.actuators[joint]
+        return plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
 
     def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
         q = np.zeros(model.nv)

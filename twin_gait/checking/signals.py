@@ -68,7 +68,8 @@ class SignalSpace:
         """Lay out the ranges and compile the guards."""
         self.case = case
         self.table = case.table
-        self.others = _others(case)
+        modes, members = isinstance(case.table, ModeTable), case.table.members
+        self.others = (None, *members) if modes else members if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
         self.names = self.table.signals
         self._scales = {name: signal_scale(name) for name in self.names}
@@ -89,12 +90,8 @@ class SignalSpace:
 
     def time_out(self, phase: str | None) -> float:
         """Time in [s] at which the first pure time-out ends a phase, an hour without one."""
-        ticks = [
-            item.time_out_ticks
-            for item in self.table.transitions
-            if item.source == phase and item.is_time_out and item.time_out_ticks is not None
-        ]
-        return min([tick * TICK for tick in ticks], default=LONGEST_STAY)
+        exits = [item for item in self.table.transitions if item.source == phase and item.is_time_out]
+        return min([(item.time_out_ticks or 0) * TICK for item in exits], default=LONGEST_STAY)
 
     def window(self, index: int) -> tuple[float, float]:
         """Times in the phase in [s] at which a transition could fire without a debounce."""
@@ -198,18 +195,15 @@ class SignalSpace:
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
         return self.possible([self.requirement(index), last], times, equal(_END + TIME, TIME, stay))
 
-    def measured(self, point: Point) -> list[float]:
-        """Signals of a point as the evaluator reads them; those that it leaves open are 0."""
-        alone = point.other is None
-        return [
-            math.nan if alone and name.startswith(OTHER) else point.signals.get(name, 0.0) * scale
+    def is_open(self, index: int, point: Point) -> bool:
+        """Whether the guard of a transition is open at a point; signals that it leaves open are 0."""
+        absent = OTHER if point.other is None else ()
+        measured = [
+            math.nan if name.startswith(absent) else point.signals.get(name, 0.0) * scale
             for name, scale in self._scales.items()
         ]
-
-    def is_open(self, index: int, point: Point) -> bool:
-        """Whether the guard of a transition is open at a point."""
         rule, other = self.program.transitions[index], self.table.member_index(point.other)
-        return guard_holds(self.program, rule.first_node, rule.end_node, self.measured(point), other)
+        return guard_holds(self.program, rule.first_node, rule.end_node, measured, other)
 
     def counterexample(self, point: Point) -> dict[str, float | str]:
         """Signals of a point that decide, for a finding; the rest may have any value."""
@@ -219,12 +213,6 @@ class SignalSpace:
         if point.other is not None and point.phase_decides:
             found[self.table.words.of] = point.other
         return found
-
-
-def _others(case: CheckCase) -> tuple[str | None, ...]:
-    if isinstance(case.table, ModeTable):
-        return (None, *case.table.members)
-    return case.table.members if case.has_other_leg else (None,)
 
 
 @once
