@@ -102,15 +102,7 @@ def cascade(case: CheckCase) -> Iterator[Finding]:
 
 
 def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Finding]:
-    """The finding, with signals at which the entry also wins where there are any."""
     entry, leave = space.transition(into), space.transition(out)
-    earlier = [
-        index
-        for index in space.exits(entry.source)
-        if index < into
-        and space.transition(index).debounce_ticks == 1
-        and space.transition(index).time_out_ticks is None
-    ]
     earliest, latest = space.window(into)
     times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
     at_entry = translated(leave.guard, lambda name: ENTRY_TIME if name == TIME else name, _lasting(space))
@@ -118,24 +110,14 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Findi
     def holds(point: Point) -> bool:
         return space.is_open(into, point) and space.is_open(out, entered(point))
 
-    both = [space.requirement(into), Requirement(at_entry)]
-    shut = [space.requirement(index, False) for index in earlier]
-    wins, point = True, next(space.find([*both, *shut], times, holds), None)
-    if point is None and shut:
-        wins, point = False, next(space.find(both, times, holds), None)
-    if point is None:
-        return
-    stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
-    at_once = stay <= 1 and not entry.is_time_out and wins
-    held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
-    rival = "; an exit listed earlier would win then, unless its own debounce or time holds it"
-    reason = (
-        f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: "
-        f"{held}{'' if wins else rival}"
-    )
-    suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
-    severity = Severity.WARNING if at_once else Severity.NOTE
-    yield about(leave, severity, reason, suggestion, counterexample=space.counterexample(point))
+    point = next(space.find([space.requirement(into), Requirement(at_entry)], times, holds), None)
+    if point is not None:
+        stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
+        held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
+        reason = f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: {held}"
+        suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
+        severity = Severity.NOTE if stay > 1 or entry.is_time_out else Severity.WARNING
+        yield about(leave, severity, reason, suggestion, counterexample=space.counterexample(point))
 
 
 def _lasting(space: SignalSpace) -> Callable[[PhaseMembership], bool] | None:

@@ -91,13 +91,9 @@ def about(item: Transition, severity: Severity, reason: str, suggestion: str, **
 def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
     """The table waives a rule that does not exist."""
     suggestion = "correct the id under waive; twin-gait check --rules lists them"
-    return [
-        Finding(
-            Severity.ERROR, f"the table waives {name!r}, which is no rule", suggestion, rule="unknown_rule"
-        )
-        for name in (waiver.rule for waiver in case.table.waivers)
-        if name not in rules
-    ]
+    unknown = [waiver.rule for waiver in case.table.waivers if waiver.rule not in rules]
+    reasons = [f"the table waives {name!r}, which is no rule" for name in unknown]
+    return [Finding(Severity.ERROR, reason, suggestion, rule="unknown_rule") for reason in reasons]
 
 
 def unused_waiver(case: CheckCase, findings: Sequence[Finding], rules: Collection[str]) -> list[Finding]:
@@ -122,8 +118,8 @@ def waive(table: StateTable, findings: Sequence[Finding]) -> list[Finding]:
     result = []
     for finding in findings:
         reasons = [item.reason for item in table.waivers if _matches(table, item, finding)]
-        live = finding.severity is not Severity.WARNING or not reasons
-        result.append(finding if live else replace(finding, waived=reasons[0]))
+        waived = reasons[0] if reasons and finding.severity is Severity.WARNING else ""
+        result.append(replace(finding, waived=waived))
     return result
 
 

@@ -1,17 +1,19 @@
 """One leg of an experiment as the physical rules see it: hanging from a pelvis that is held."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, once
+from twin_gait.checking.finding import CheckCase, Finding, Severity, once
 from twin_gait.checking.linear_loop import LinearLoop, leg_motion
 from twin_gait.core import friction as core
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.experiment import Experiment
+from twin_gait.gait.signals import ANGLE, VELOCITY
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import FrictionLaw
 from twin_gait.simulation.problem import Problem, build_problem
@@ -102,6 +104,19 @@ class HangingLeg:
         indices = [model.index(self.side, joint) for joint in self.joints]
         q[indices] = angles
         return q, indices
+
+    def finding(self, phase: str, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
+        """A finding about a phase of this leg."""
+        return Finding(severity, reason, suggestion, phase=phase, side=self.shown_side, **more)
+
+    def signals(self, angles: np.ndarray, velocities: Sequence[float] | np.ndarray = ()) -> dict[str, float]:
+        """A posture in [rad], and velocities in [rad] / [s], in the units and digits of a counterexample."""
+        moving = zip(self.joints, np.degrees(velocities).tolist(), strict=False)
+        found = {
+            ANGLE.of(joint): round(math.degrees(angle), 2)
+            for joint, angle in zip(self.joints, angles, strict=True)
+        }
+        return found | {VELOCITY.of(joint): round(velocity, 1) for joint, velocity in moving}
 
     def limits(self) -> np.ndarray:
         """Stops of the joints in [rad], shape ``(n_joints, 2)``."""

@@ -36,10 +36,8 @@ class _Leaving(NamedTuple):
 
     def finding(self, severity: Severity, reason: str, suggestion: str) -> Finding:
         """A finding with the posture in which the leg rests."""
-        pairs = zip(self.leg.joints, np.degrees(self.rest.middle).tolist(), strict=True)
-        middle = {ANGLE.of(joint): round(angle, 2) for joint, angle in pairs}
-        side = self.leg.shown_side
-        return Finding(severity, reason, suggestion, phase=self.phase, side=side, counterexample=middle)
+        middle = self.leg.signals(self.rest.middle)
+        return self.leg.finding(self.phase, severity, reason, suggestion, counterexample=middle)
 
 
 def _leaving(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) -> _Leaving:
@@ -57,8 +55,8 @@ def _leaving(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) 
         still = np.zeros((len(start), 2))
         corners = [np.array([corner - _POINT, corner + _POINT]).T for corner in rest.corners]
         moving = np.sort(np.array([np.zeros(len(start)), rest.velocities]).T, axis=1)
-        at_rest = all(_some_exit_opens(space, leg, phase, corner, still) for corner in corners)
-        in_motion = at_rest or _some_exit_opens(space, leg, phase, rest.path(), moving)
+        at_rest = all(_some_exit_opens(space, leg, exits, corner, still) for corner in corners)
+        in_motion = at_rest or _some_exit_opens(space, leg, exits, rest.path(), moving)
         ways.append((in_motion, at_rest, rest))
     in_motion, at_rest, rest = min(ways, key=lambda way: way[:2])
     ends = any(space.transition(index).is_time_out for index in space.exits(phase))
@@ -67,19 +65,16 @@ def _leaving(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) 
     return _Leaving(leg, phase, in_motion, at_rest, in_contact(leg, phase), rest, causes, remains)
 
 
-def _guarded_exits(space: SignalSpace, phase: str) -> list[int]:
-    return [index for index in space.exits(phase) if not space.transition(index).is_time_out]
-
-
 def _some_exit_opens(
-    space: SignalSpace, leg: HangingLeg, phase: str, angles: np.ndarray, velocities: np.ndarray
+    space: SignalSpace, leg: HangingLeg, exits: list[int], angles: np.ndarray, velocities: np.ndarray
 ) -> bool:
-    """Whether a guarded exit can be open with angles and velocities of the joints in some ranges, in SI."""
+    """Whether one of some exits can be open with angles and velocities of joints in some ranges, in SI."""
+    phase = space.transition(exits[0]).source
     ranges = {TIME: (TICK, space.time_out(phase)), OTHER_TIME: (0.0, LONGEST_STAY)}
     for joint, angle, velocity in zip(leg.joints, angles, velocities, strict=True):
         for signal, (low, high) in ((ANGLE, angle.tolist()), (VELOCITY, velocity.tolist())):
             ranges[signal.of(joint)] = (low / signal.unit.factor, high / signal.unit.factor)
-    for index in _guarded_exits(space, phase):
+    for index in exits:
         loaded = in_contact(leg, phase) or _is_driven_by_contact(space, leg, index)
         load = space.range(LOAD.name) if loaded else (0.0, 0.0)
         if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
@@ -96,7 +91,7 @@ def _leavings(case: CheckCase) -> list[_Leaving]:
     space, found = signal_space(case), []
     for leg in hanging_legs(case):
         for phase in leg.phases if leg.problem.controller.by_phases else ():
-            exits = _guarded_exits(space, phase)
+            exits = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
             declared = any(_is_driven_by_contact(space, leg, index) for index in exits)
             if not exits or (declared and in_contact(leg, phase)):
                 continue

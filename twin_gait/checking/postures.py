@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -11,7 +11,6 @@ import numpy as np
 
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque
 from twin_gait.checking.signals import Point, SignalSpace
-from twin_gait.core.actuator import saturate
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.guards import Comparison, atoms
@@ -91,12 +90,9 @@ def _carried(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
 
 def command_at_rest(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
     """Torques that the controller asks for while the joints are still, in [N m], shape ``(n_joints,)``."""
-    stiffness, equilibrium = leg.column(STIFFNESS)[phase], leg.column(EQUILIBRIUM)[phase]
-    springs = [
-        impedance_torque(angle, 0.0, k, 0.0, zero)
-        for angle, k, zero in zip(angles, stiffness, equilibrium, strict=True)
-    ]
-    return np.asarray(np.array(springs) + _feed_forward(leg, phase, angles))
+    # The law is linear: arrays of joints pass as numbers do.
+    springs = impedance_torque(angles, 0.0, leg.column(STIFFNESS)[phase], 0.0, leg.column(EQUILIBRIUM)[phase])  # type: ignore[arg-type]
+    return np.asarray(springs + _feed_forward(leg, phase, angles))
 
 
 def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
@@ -104,9 +100,9 @@ def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarra
 
     In the air the motors have to carry the leg; a foot in contact carries it itself.
     """
-    command, limits = command_at_rest(leg, phase, angles), leg.torque_limits()
-    given = [saturate(torque, limit) for torque, limit in zip(command, limits, strict=True)]
-    return np.asarray(np.array(given) - _carried(leg, phase, angles))
+    limits = leg.torque_limits()
+    given = np.clip(command_at_rest(leg, phase, angles), -limits, limits)
+    return np.asarray(given - _carried(leg, phase, angles))
 
 
 def rest_posture(leg: HangingLeg, phase: int, start: np.ndarray, hold: np.ndarray) -> np.ndarray:
@@ -146,14 +142,11 @@ def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
     If nothing leads into it, its own equilibrium.
     """
     table = leg.problem.table
-    sources = dict.fromkeys(
-        table.phase_index(item.source)
-        for item in table.transitions
-        if table.phase_index(item.target) == phase
-    )
+    leading = [item.source for item in table.transitions if table.phase_index(item.target) == phase]
     equilibria = leg.column(EQUILIBRIUM)
     found = [
-        rest_posture(leg, source, equilibria[source], np.zeros(equilibria.shape[1])) for source in sources
+        rest_posture(leg, source, equilibria[source], np.zeros(equilibria.shape[1]))
+        for source in dict.fromkeys(map(table.phase_index, leading))
     ]
     return found or [np.clip(equilibria[phase], *leg.limits().T)]
 
@@ -191,17 +184,13 @@ def _candidates(
         values.append([0.0] if waits else [0.0, math.degrees(speed), *_thresholds(space, index, names[-1])])
     choices = [list(dict.fromkeys(several)) for several in values]
     lengths = [len(several) for several in choices]
-    for number in _some(math.prod(lengths)):
+    count = math.prod(lengths)
+    # A fixed choice among too many of them.
+    few = count <= _MOST
+    chosen = np.arange(count) if few else np.random.default_rng(0).choice(count, size=_MOST, replace=False)
+    for number in chosen.tolist():
         picked = zip(choices, np.unravel_index(number, lengths), strict=True)
         yield dict(zip(names, (several[place] for several, place in picked), strict=True))
-
-
-def _some(count: int) -> Iterable[int]:
-    """All numbers below a count, or a fixed choice among too many of them."""
-    if count <= _MOST:
-        return range(count)
-    chosen: list[int] = np.random.default_rng(0).choice(count, size=_MOST, replace=False).tolist()
-    return chosen
 
 
 def _backgrounds(space: SignalSpace, index: int) -> list[Point]:

@@ -56,10 +56,6 @@ def _phases(case: CheckCase) -> list[_Phase]:
     return found
 
 
-def _finding(phase: _Phase, severity: Severity, reason: str, suggestion: str) -> Finding:
-    return Finding(severity, reason, suggestion, phase=phase.name, side=phase.leg.shown_side)
-
-
 def _about(velocity: float) -> str:
     return f"±{velocity:g} rad/s" if velocity else "rest"
 
@@ -82,7 +78,7 @@ def unstable(case: CheckCase) -> Iterator[Finding]:
             f"{1e3 * phase.loops[0].frame:g} ms (spectral radius {radius:.4f})"
         )
         suggestion = f"move the equilibrium, lower the stiffness, or stay below the largest {_margins(phase)}"
-        yield _finding(phase, Severity.ERROR, reason, suggestion)
+        yield phase.leg.finding(phase.name, Severity.ERROR, reason, suggestion)
 
 
 @rule
@@ -97,7 +93,7 @@ def effective_damping(case: CheckCase) -> Iterator[Finding]:
             f"about {_about(VELOCITIES[worst])}, below {LEAST_DAMPING_RATIO:g}"
         )
         suggestion = "raise the damping, or lower the friction compensation gain"
-        yield _finding(phase, Severity.WARNING, reason, suggestion)
+        yield phase.leg.finding(phase.name, Severity.WARNING, reason, suggestion)
 
 
 @rule
@@ -110,7 +106,7 @@ def stability_margin(case: CheckCase) -> Iterator[Finding]:
                 f"the loop is unstable beyond {_margins(phase)}"
             )
             suggestion = "keep these distances when you change k, b or G"
-            yield _finding(phase, Severity.NOTE, reason, suggestion)
+            yield phase.leg.finding(phase.name, Severity.NOTE, reason, suggestion)
 
 
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:

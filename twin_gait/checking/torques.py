@@ -14,7 +14,6 @@ from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_ratio_of, impedance_torque
-from twin_gait.gait.signals import ANGLE, VELOCITY
 from twin_gait.gait.table import TICK, Transition
 
 # A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
@@ -69,16 +68,9 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) ->
         whole = np.abs(commands[-1] - commands[0])
         tick = np.abs(np.diff(commands, axis=0) / np.diff(ticks)[:, None]).max(axis=0)
         worst = int(np.argmax(np.maximum(whole, tick / KNOCK)))
-        at = _signals(leg, samples.angles[worst], samples.velocities[worst])
+        at = leg.signals(samples.angles[worst], samples.velocities[worst])
         jumps.append(Jump(name, limit, float(whole.max()), float(tick.max()), at))
     return jumps
-
-
-def _signals(leg: HangingLeg, angles: np.ndarray, velocities: np.ndarray) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for joint, angle, velocity in zip(leg.joints, np.degrees(angles), np.degrees(velocities), strict=True):
-        found |= {ANGLE.of(joint): round(float(angle), 2), VELOCITY.of(joint): round(float(velocity), 1)}
-    return found
 
 
 @rule
@@ -152,7 +144,7 @@ def stiffness_not_served(case: CheckCase) -> Iterator[Finding]:
             starts = [rest.start for rest in first_rests(space, leg, phase)]
             text = "; ".join(_not_served(leg, number, starts))
             if text:
-                yield Finding(Severity.WARNING, text, suggestion, phase=phase, side=leg.shown_side)
+                yield leg.finding(phase, Severity.WARNING, text, suggestion)
 
 
 def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterator[str]:
