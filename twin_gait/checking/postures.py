@@ -236,37 +236,21 @@ def postures(
 
 
 @lru_cache(maxsize=64)  # rules follow each other, and ways into a phase share what comes before
-def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DEPTH) -> list[np.ndarray]:
-    """Postures at which the exits into a phase open first.
+def first_rests(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DEPTH) -> list[Rest]:
+    """Rests of a phase, one for each posture at which the exits into it open first.
 
     A machine switches as soon as it may: of the postures of each guard that leads into the phase, the one
     nearest to the entry of the phase before is taken. Time-outs count only where no guard leads into the
     phase. So many phases before this one are followed; the first of them is entered at rest.
-
-    Returns postures in [rad], each once, of all ways into the phase.
     """
     number = space.table.phase_index(phase)
-    found: dict[bytes, np.ndarray] = {}  # ways that meet again have one end
+    starts: dict[bytes, np.ndarray] = {}  # ways that meet again have one end
     for index, item in enumerate(space.table.transitions):
         if item.target != phase or item.is_time_out or depth == 0:
             continue
-        source = space.table.phase_index(item.source)
-        for start in first_entries(space, leg, item.source, depth - 1):
-            rest = _rest_after(leg, source, tuple(start.tolist()))
+        for rest in first_rests(space, leg, item.source, depth - 1):
             opened = postures(space, index, leg, rest, _ENTRY_SAMPLES)
             if opened is not None:
-                angles = opened.angles[np.abs(opened.angles - start).sum(axis=1).argmin()]
-                found[angles.tobytes()] = angles
-    return list(found.values()) or entries(leg, number)
-
-
-def first_rests(space: SignalSpace, leg: HangingLeg, phase: str) -> list[Rest]:
-    """Rests of a phase, one for each of its first entries."""
-    number = space.table.phase_index(phase)
-    return [_rest_after(leg, number, tuple(start.tolist())) for start in first_entries(space, leg, phase)]
-
-
-@lru_cache(maxsize=256)
-def _rest_after(leg: HangingLeg, phase: int, start: tuple[float, ...]) -> Rest:
-    """Rest of a leg in a phase, found once for all rules and ways."""
-    return find_rest(leg, phase, np.array(start))
+                angles = opened.angles[np.abs(opened.angles - rest.start).sum(axis=1).argmin()]
+                starts[angles.tobytes()] = angles
+    return [find_rest(leg, number, start) for start in starts.values() or entries(leg, number)]

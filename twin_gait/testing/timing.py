@@ -23,9 +23,10 @@ def debounce(leave: Exit) -> Iterator[Scenario]:
 
 def waiting(leave: Exit) -> Iterator[Scenario]:
     """A guard that is open long before waits for the minimum duration or the time, and fires in its tick."""
-    if leave.minimum > 1 and leave.gate == leave.minimum:
-        what = f"minimum duration: open before, fires after {leave.minimum} ticks"
-        yield leave.scenario(what, _waits(leave, leave.minimum))
+    minimum = leave.table.phases[leave.phase].minimum_ticks
+    if minimum > 1 and leave.gate == minimum:
+        what = f"minimum duration: open before, fires after {minimum} ticks"
+        yield leave.scenario(what, _waits(leave, minimum))
     time = leave.item.time_out_ticks
     if time is not None:
         yield leave.scenario(f"time: open before, fires after {time * TICK:g} s", _waits(leave, time))
