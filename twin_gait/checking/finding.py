@@ -98,18 +98,16 @@ def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
 
 def unused_waiver(case: CheckCase, findings: Sequence[Finding], rules: Collection[str]) -> list[Finding]:
     """The table waives something that is not found, or that cannot be waived."""
+    warnings = [item for item in findings if item.severity is Severity.WARNING]
+    suggestion = "take it out of the table, or correct its phase or transition"
     result = []
     for waiver in case.table.waivers:
-        matching = [item for item in findings if _matches(case.table, waiver, item)]
-        if waiver.rule not in rules or any(item.severity is Severity.WARNING for item in matching):
-            continue
-        why = "nothing that it matches was found"
-        if matching:
-            why = f"only warnings can be waived, and it matches {matching[0].severity}s"
-        reason = f"the waiver of {waiver.rule} has no effect: {why}"
-        suggestion = "take it out of the table, or correct its phase or transition"
-        note = Finding(Severity.NOTE, reason, suggestion, phase=waiver.phase, rule="unused_waiver")
-        result.append(note)
+        if waiver.rule in rules and not any(_matches(case.table, waiver, item) for item in warnings):
+            reason = (
+                f"the waiver of {waiver.rule} has no effect: it matches no warning, and only they are waived"
+            )
+            note = Finding(Severity.NOTE, reason, suggestion, phase=waiver.phase, rule="unused_waiver")
+            result.append(note)
     return result
 
 

@@ -206,13 +206,13 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
     """
     if not case.has_other_leg:
         return
-    if not any(map(case.gait.is_swing, case.table.phases)):
+    swings = [phase for phase in case.table.phase_names if case.gait.is_swing(phase)]
+    if not swings:
         reason = "no phase is swing by its name, so whether both legs can swing at once is not known"
         yield Finding(Severity.NOTE, reason, "let the names of the phases of swing contain the word")
         return
     space, pairs, items = signal_space(case), pairs_of(case), case.table.transitions
     sure = case.experiment is not None or any(OTHER in str(item.guard) for item in items)
-    swings = [phase for phase in case.table.phase_names if case.gait.is_swing(phase)]
     lifting = [
         index for index, item in enumerate(items) if item.source not in swings and item.target in swings
     ]

@@ -75,7 +75,10 @@ def _some_exit_opens(
         for signal, (low, high) in ((ANGLE, angle.tolist()), (VELOCITY, velocity.tolist())):
             ranges[signal.of(joint)] = (low / signal.unit.factor, high / signal.unit.factor)
     for index in exits:
-        loaded = in_contact(leg, phase) or _is_driven_by_contact(space, leg, index)
+        grounded = leg.problem.experiment.scenario.grounded
+        loaded = in_contact(leg, phase) or (
+            grounded and space.transition(index).driven_by is DrivenBy.CONTACT
+        )
         load = space.range(LOAD.name) if loaded else (0.0, 0.0)
         if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
             return True
@@ -92,17 +95,12 @@ def _leavings(case: CheckCase) -> list[_Leaving]:
     for leg in hanging_legs(case):
         for phase in leg.phases if leg.problem.controller.by_phases else ():
             exits = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
-            declared = any(_is_driven_by_contact(space, leg, index) for index in exits)
-            if not exits or (declared and in_contact(leg, phase)):
-                continue
-            found.append(_leaving(space, leg, phase, exits))
+            declared = in_contact(leg, phase) and any(
+                space.transition(index).driven_by is DrivenBy.CONTACT for index in exits
+            )
+            if exits and not declared:
+                found.append(_leaving(space, leg, phase, exits))
     return found
-
-
-def _is_driven_by_contact(space: SignalSpace, leg: HangingLeg, index: int) -> bool:
-    """Whether an exit is declared so, in a world that has ground and another leg."""
-    grounded = leg.problem.experiment.scenario.grounded
-    return grounded and space.transition(index).driven_by is DrivenBy.CONTACT
 
 
 @rule

@@ -71,8 +71,7 @@ class SignalSpace:
         modes, members = isinstance(case.table, ModeTable), case.table.members
         self.others = (None, *members) if modes else members if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
-        self.names = self.table.signals
-        self._scales = {name: signal_scale(name) for name in self.names}
+        self._scales = {name: signal_scale(name) for name in self.table.signals}
         self._known = Known(case.limits, case.velocity_limits)
         self.opening, self.can_fire = cache(self._opening), cache(self._can_fire)
 
@@ -208,7 +207,7 @@ class SignalSpace:
     def counterexample(self, point: Point) -> dict[str, float | str]:
         """Signals of a point that decide, for a finding; the rest may have any value."""
         found: dict[str, float | str] = {
-            name: point.signals[name] for name in self.names if name in point.signals
+            name: point.signals[name] for name in self._scales if name in point.signals
         }
         if point.other is not None and point.phase_decides:
             found[self.table.words.of] = point.other
