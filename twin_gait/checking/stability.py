@@ -17,6 +17,7 @@ from twin_gait.checking.linear_loop import (
 
 # Friction is linearised at rest and at 1 rad/s, in the direction in which it rises less.
 VELOCITIES = (0.0, 1.0)  # [rad] / [s]
+_ABOUT = ("rest", "±1 rad/s")
 LEAST_DAMPING_RATIO = 0.5
 # A joint without a spring has a mode at exactly 1, which rounding moves; this much is 1 % in 17 minutes.
 NEUTRAL = 1e-7
@@ -56,10 +57,6 @@ def _phases(case: CheckCase) -> list[_Phase]:
     return found
 
 
-def _about(velocity: float) -> str:
-    return f"±{velocity:g} rad/s" if velocity else "rest"
-
-
 @rule
 def unstable(case: CheckCase) -> Iterator[Finding]:
     """The sampled loop of the joints is unstable in a phase: its spectral radius is above 1.
@@ -74,7 +71,7 @@ def unstable(case: CheckCase) -> Iterator[Finding]:
         worst = int(np.argmax(phase.radii))
         radius = phase.radii[worst]
         reason = (
-            f"a small motion about {_about(VELOCITIES[worst])} is amplified by {radius - 1.0:.2%} in every "
+            f"a small motion about {_ABOUT[worst]} is amplified by {radius - 1.0:.2%} in every "
             f"{1e3 * phase.loops[0].frame:g} ms (spectral radius {radius:.4f})"
         )
         suggestion = f"move the equilibrium, lower the stiffness, or stay below the largest {_margins(phase)}"
@@ -90,7 +87,7 @@ def effective_damping(case: CheckCase) -> Iterator[Finding]:
             continue
         reason = (
             f"delays and friction compensation leave an effective damping ratio of {phase.ratios[worst]:.2f} "
-            f"about {_about(VELOCITIES[worst])}, below {LEAST_DAMPING_RATIO:g}"
+            f"about {_ABOUT[worst]}, below {LEAST_DAMPING_RATIO:g}"
         )
         suggestion = "raise the damping, or lower the friction compensation gain"
         yield phase.leg.finding(phase.name, Severity.WARNING, reason, suggestion)
