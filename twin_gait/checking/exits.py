@@ -45,18 +45,15 @@ def _both(space: SignalSpace, first: int, second: int) -> Point | None:
 
 @rule
 def never_opens(case: CheckCase) -> Iterator[Finding]:
-    """The guard of an exit never opens inside the limits of the signals and the time-out, or too briefly.
-
-    Too briefly for its debounce.
-    """
+    """The guard of an exit never opens inside limits and time-out, or not as long as its debounce asks."""
     space = signal_space(case)
     for index, item in enumerate(space.table.transitions):
         opens = space.opening(index) is not None
         if space.can_fire(index) or (item.is_time_out and not opens):
             continue
         earliest, latest = space.window(index)
-        what = f"the debounce of {item.debounce_ticks} ms cannot be over"
-        what = what if opens else f"no signals inside the limits open {_short(item.guard)}"
+        too_long = f"the debounce of {item.debounce_ticks} ms cannot be over"
+        what = too_long if opens else f"no signals inside the limits open {_short(item.guard)}"
         reason = f"{what} from {earliest:g} to {latest:g} s in the phase"
         suggestion = "correct thresholds, debounce or time-out, or take the transition out"
         yield about(item, Severity.ERROR, reason, suggestion)

@@ -74,12 +74,10 @@ def _some_exit_opens(
     for joint, angle, velocity in zip(leg.joints, angles, velocities, strict=True):
         for signal, (low, high) in ((ANGLE, angle.tolist()), (VELOCITY, velocity.tolist())):
             ranges[signal.of(joint)] = (low / signal.unit.factor, high / signal.unit.factor)
+    grounded = leg.problem.experiment.scenario.grounded
     for index in exits:
-        grounded = leg.problem.experiment.scenario.grounded
-        loaded = in_contact(leg, phase) or (
-            grounded and space.transition(index).driven_by is DrivenBy.CONTACT
-        )
-        load = space.range(LOAD.name) if loaded else (0.0, 0.0)
+        landing = grounded and space.transition(index).driven_by is DrivenBy.CONTACT
+        load = space.range(LOAD.name) if landing or in_contact(leg, phase) else (0.0, 0.0)
         if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
             return True
     return False

@@ -91,7 +91,8 @@ def _carried(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
 def command_at_rest(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
     """Torques that the controller asks for while the joints are still, in [N m], shape ``(n_joints,)``."""
     # The law is linear: arrays of joints pass as numbers do.
-    springs = impedance_torque(angles, 0.0, leg.column(STIFFNESS)[phase], 0.0, leg.column(EQUILIBRIUM)[phase])  # type: ignore[arg-type]
+    stiffness, equilibrium = (leg.column(which)[phase] for which in (STIFFNESS, EQUILIBRIUM))
+    springs = impedance_torque(angles, 0.0, stiffness, 0.0, equilibrium)  # type: ignore[arg-type]
     return np.asarray(springs + _feed_forward(leg, phase, angles))
 
 
