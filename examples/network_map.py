@@ -44,10 +44,10 @@ def bus_loads() -> list[dict]:
     rows = []
     for rate in (1000, 500):
         bus = load_experiment("treadmill", [f"network={{bit_rate_kbit_per_s: {rate}}}"]).experiment
-        traffic = traffic_of(bus)
-        times = list(traffic.responses.values())
-        latest = "never" if None in times else f"{1e3 * max(times):.2f} ms after it is due"
-        rows.append({"bit rate": f"{rate} kbit/s", "load": f"{traffic.load:.0%}", "the last frame": latest})
+        load, times = traffic_of(bus.network)
+        last = max(times.values())
+        latest = "never" if last == math.inf else f"{1e3 * last:.2f} ms after it is due"
+        rows.append({"bit rate": f"{rate} kbit/s", "load": f"{load:.0%}", "the last frame": latest})
     return rows
 
 

@@ -426,7 +426,7 @@ def test_a_phase_is_entered_where_its_guard_opens_first_not_by_its_time_out():
 
 def test_a_torque_limit_below_the_spring_is_a_warning():
     (phase,) = of_phase(torques.stiffness_not_served(case_of("bench_leg")), "swing_flexion")
-    assert "torque limit gives 60 Nm, 24° of its 2.5 Nm/deg" in phase.reason
+    assert "torque limit gives 60 Nm" in phase.reason
     soft = [
         f"table.phases.{name}.{joint}.stiffness_Nm_per_deg=0.5"
         for name in ("swing_flexion", "swing_extension")

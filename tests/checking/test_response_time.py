@@ -13,8 +13,8 @@ from twin_gait.checking.network import (
     CyclicFrame,
     bus_load,
     response_times,
+    traffic_of,
     traffic_on_the_bus,
-    worst_traffic,
 )
 from twin_gait.core import can_bus
 from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, Frame, Node, Outage, advance
@@ -155,10 +155,10 @@ def test_no_simulated_response_exceeds_the_bound() -> None:
 @pytest.mark.usefixtures("longest_frames")
 def test_the_eight_frames_of_the_device_meet_their_bounds() -> None:
     network, messages = NetworkParameters(), cyclic_messages(load_messages())
-    traffic = worst_traffic(network, messages)
-    assert traffic.load == 0.54
+    load, times = traffic_of(network)
+    assert load == 0.54
     expected = [270, 405, 540, 675, 810, 945, 1080, 1080]  # 135 bits each, the last one is not blocked
-    assert [round(1e6 * (time or 0.0)) for time in traffic.responses.values()] == expected
+    assert [round(1e6 * time) for time in times.values()] == expected
     for number in range(8):
         bus = new_bus(network, messages, 0, 1e-3)
         if number < 7:
@@ -169,7 +169,7 @@ def test_the_eight_frames_of_the_device_meet_their_bounds() -> None:
                 made.event = made.release = NEVER
         for tick in range(4):
             advance(bus, tick)
-        bound = round(1e12 * (traffic.responses[messages[number].name] or 0.0))
+        bound = round(1e12 * times[messages[number].name])
         assert bus.frames[number].worst_response == bound - (number < 7)
 
 
@@ -178,17 +178,17 @@ def test_frames_with_their_own_stuff_bits_stay_below_the_bounds() -> None:
         NetworkParameters(jitter=2e-4, clock_drift={"left_hip": 1e-3}),
         cyclic_messages(load_messages()),
     )
-    bus, traffic = new_bus(network, messages, 3, 1e-3), worst_traffic(network, messages)
+    bus, (load, times) = new_bus(network, messages, 3, 1e-3), traffic_of(network)
     random = np.random.default_rng(8)
     for tick in range(4000):
         for made in bus.frames:
             made.outgoing.halves[:] = random.integers(0, 1 << 31, 2).tolist()
         advance(bus, tick)
     assert bus.loss_share == 0 < EVERYTHING
-    for made, time in zip(bus.frames, traffic.responses.values(), strict=True):
+    for made, time in zip(bus.frames, times.values(), strict=True):
         assert made.lost == made.replaced == 0
-        assert 0 < made.worst_response <= round(1e12 * (time or 0.0))
-    assert 0.4 < bus.busy / (4000 * MS) < traffic.load
+        assert 0 < made.worst_response <= round(1e12 * time)
+    assert 0.4 < bus.busy / (4000 * MS) < load
 
 
 # ------------------------------------------------------------------ the rule

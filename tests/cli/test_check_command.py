@@ -50,7 +50,10 @@ def test_error_fails_the_check_and_shows_where_why_and_the_way_out(
     lines = capsys.readouterr().out.splitlines()
     place = lines.index("error never_opens: early_swing → late_swing (knee_flexed)")
     assert "no signals inside the limits open" in lines[place + 1]
-    assert "    → correct the thresholds, or take the transition out" in lines[place + 1 : place + 5]
+    assert (
+        "    → correct thresholds, debounce or time-out, or take the transition out"
+        in lines[place + 1 : place + 5]
+    )
     assert [line.split()[0] for line in lines if line.startswith(("error", "warning"))] == sorted(
         line.split()[0] for line in lines if line.startswith(("error", "warning"))
     )

@@ -101,6 +101,10 @@ def test_approved_text_is_written_compared_and_its_difference_shown(folder: Path
     assert missing.returncode == 1
     assert "there is no approved text yet" in missing.stdout
     assert not (folder / "approved").exists()
+    (folder / "bytes.md").write_bytes(b"\xff\xfe\x00")
+    for path, *more in (["bytes.md"], ["bytes.md/inside.md", "--approve"]):
+        broken = run(folder, "--gait-table", "walk.yaml", "--approved", path, "-q", "-k", "approved", *more)
+        assert broken.returncode == 1 and f"{path}: " in broken.stdout and "Traceback" not in broken.stdout
     assert run(folder, *options, "--approve").returncode == 0
     assert run(folder, *options).returncode == 0
     edit(folder / "walk.yaml", "hip.angle_deg < 9.2", "hip.angle_deg < 9.3")
@@ -125,10 +129,10 @@ def test_condition_that_never_decides_is_skipped_with_the_reason(folder: Path) -
     [
         (["--gait-table", "none.yaml"], "no gait table 'none.yaml': neither a file"),
         (["--gait-table", "broken.yaml"], "broken.yaml: transitions[0]"),
-        (["--gait-table", "walk.yaml", "--gait-table", "walk.yaml"], "named twice"),
-        (["--approved", "walk.md"], "one for each --gait-table, got 1 for 0"),
-        (["--gait-table", "walk.yaml", "--approve"], "--approve: expected"),
-        (["--machine", "c"], "--machine c: expected --gait-table FILE with it"),
+        (["--gait-table", "walk.yaml", "--gait-table", "walk.yaml"], "each once"),
+        (["--approved", "walk.md"], "one --approved FILE for each"),
+        (["--gait-table", "walk.yaml", "--approve"], "one --approved FILE for each with --approve"),
+        (["--machine", "c"], "--gait-table FILE, each once, with --machine"),
     ],
     ids=["missing", "malformed", "twice", "approved alone", "approve alone", "machine alone"],
 )

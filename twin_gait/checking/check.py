@@ -54,17 +54,15 @@ def load_case(
     """
     if experiment is None and source in presets() and source not in packaged_gait_tables():
         source, experiment = None, source
-    if source is None:
-        own = load_experiment(experiment or DEFAULT_PRESET, settings).experiment
-        return build_case(own.table, own)
-    table = load_state_table(source, draft=True)
+    table = None if source is None else load_state_table(source, draft=True)
     if isinstance(table, ModeTable):
         return build_case(table)
-    if experiment is None:
-        preset = table.name if table.name in presets() else DEFAULT_PRESET
-        own = load_experiment(preset, settings).experiment
-        return build_case(table, own if set(table.joints) == set(own.table.joints) else None)
-    return build_case(table, load_experiment(experiment, settings).experiment)
+    preset = table.name if table is not None and table.name in presets() else DEFAULT_PRESET
+    own = load_experiment(experiment or preset, settings).experiment
+    if table is None:
+        table = own.table
+    drives = experiment is not None or set(table.joints) == set(own.table.joints)
+    return build_case(table, own if drives else None)
 
 
 def build_case(table: StateTable, experiment: Experiment | None = None) -> CheckCase:

@@ -9,8 +9,8 @@ from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, 
 from twin_gait.gait.feasibility import Bound, Requirement, translated
 from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared
 from twin_gait.gait.modes import ModeTable
-from twin_gait.gait.signals import ANGLE, LOAD, OTHER_TIME, TIME, VELOCITY, signal_of
-from twin_gait.gait.table import TICK, Transition
+from twin_gait.gait.signals import ANGLE, LOAD, TIME, VELOCITY, signal_of
+from twin_gait.gait.table import TICK
 
 _NOISY, _ENTRY = "noisy.", (TICK, TICK)
 
@@ -19,58 +19,44 @@ _NOISY, _ENTRY = "noisy.", (TICK, TICK)
 def ambiguity(case: CheckCase) -> Iterator[Finding]:
     """Two exits of a phase with different targets can be open at once; time-outs are exempt."""
     space = signal_space(case)
-    for phase in space.table.phase_names:
-        guarded = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
-        for first, second in itertools.combinations(guarded, 2):
-            if space.transition(first).target != space.transition(second).target:
-                yield from _open_at_once(space, first, second)
+    for first, second in itertools.combinations(range(len(space.table.transitions)), 2):
+        one, other = space.transition(first), space.transition(second)
+        contend = one.source == other.source and one.target != other.target
+        point = None if one.is_time_out or other.is_time_out or not contend else _both(space, first, second)
+        if point is not None:
+            reason = (
+                f"{label(one)} and {label(other)} can be open at once; when both are due {label(one)} wins"
+            )
+            suggestion = "let a condition of one exclude the other, or waive it if the order is meant"
+            shown = space.counterexample(point)
+            yield about(other, Severity.WARNING, reason, suggestion, counterexample=shown)
 
 
-def _open_at_once(space: SignalSpace, first: int, second: int) -> Iterator[Finding]:
-    earliest = max(space.window(first)[0], space.window(second)[0])
+def _both(space: SignalSpace, first: int, second: int) -> Point | None:
+    """Signals that open two exits of a phase at once."""
 
     def holds(point: Point) -> bool:
         return space.is_open(first, point) and space.is_open(second, point)
 
-    times = {TIME: (earliest, space.window(first)[1])}
-    point = next(space.find([space.requirement(first), space.requirement(second)], times, holds), None)
-    if point is None:
-        return
-    one, other = space.transition(first), space.transition(second)
-    winner = space.winner(one.source, point, point.signals.get(TIME, earliest))
-    wins = label(one if winner is None else space.transition(winner))
-    ticks = one.debounce_ticks, other.debounce_ticks
-    waits = f"; debounce {ticks[0]} and {ticks[1]} ms, so the order of opening counts"
-    waits = waits if ticks[0] != ticks[1] else ""
-    reason = f"{label(one)} and {label(other)} can be open at once; when both are due {wins} wins{waits}"
-    suggestion = "let a condition of one exclude the other, or waive it if the order is meant"
-    shown = space.counterexample(point)
-    yield about(other, Severity.WARNING, reason, suggestion, counterexample=shown)
+    windows = space.window(first), space.window(second)
+    times = {TIME: (max(earliest for earliest, _ in windows), windows[0][1])}
+    return next(space.find([space.requirement(first), space.requirement(second)], times, holds), None)
 
 
 @rule
 def never_opens(case: CheckCase) -> Iterator[Finding]:
-    """The guard of an exit contradicts itself inside the limits of the signals and the time-out."""
+    """The guard of an exit never opens inside limits and time-out, or not as long as its debounce asks."""
     space = signal_space(case)
     for index, item in enumerate(space.table.transitions):
-        if not item.is_time_out and space.opening(index) is None:
-            reason = f"no signals inside the limits open {_short(item.guard)} {_in_time(space, index)}"
-            yield about(item, Severity.ERROR, reason, "correct the thresholds, or take the transition out")
-
-
-def _in_time(space: SignalSpace, index: int) -> str:
-    earliest, latest = space.window(index)
-    return f"from {earliest:g} to {latest:g} s in the phase"
-
-
-@rule
-def debounce_beyond_time_out(case: CheckCase) -> Iterator[Finding]:
-    """The debounce of an exit is longer than the time for which its guard can stay open."""
-    space = signal_space(case)
-    for index, item in enumerate(space.table.transitions):
-        if space.opening(index) is not None and not space.can_fire(index):
-            reason = f"the debounce of {item.debounce_ticks} ms cannot be over {_in_time(space, index)}"
-            yield about(item, Severity.ERROR, reason, "shorten the debounce, or let the time-out come later")
+        opens = space.opening(index) is not None
+        if space.can_fire(index) or (item.is_time_out and not opens):
+            continue
+        earliest, latest = space.window(index)
+        too_long = f"the debounce of {item.debounce_ticks} ms cannot be over"
+        what = too_long if opens else f"no signals inside the limits open {_short(item.guard)}"
+        reason = f"{what} from {earliest:g} to {latest:g} s in the phase"
+        suggestion = "correct thresholds, debounce or time-out, or take the transition out"
+        yield about(item, Severity.ERROR, reason, suggestion)
 
 
 @rule
@@ -78,38 +64,23 @@ def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
     """A threshold lies outside what its signal can measure: the condition is always or never true."""
     space = signal_space(case)
     for item in space.table.transitions:
+        times = {TIME: (TICK, space.time_out(item.source))}
         for atom in dict.fromkeys(atoms(item.guard)):
-            if not isinstance(atom, Comparison):
-                continue
-            low, high = _range_of(space, item, atom)
-            # At the very end of the range that the condition excludes it still decides.
-            end = low if atom.operator == ">" else high
-            if low < atom.threshold < high or atom.threshold == end:
-                continue
-            side = atom.signal if atom.minus is None else f"{atom.signal} - {atom.minus}"
-            truth = "always" if (atom.threshold <= low) == (atom.operator == ">") else "never"
-            reason = f"{_short(atom)} is {truth} true: {side} lies in {low:.4g} … {high:.4g}"
-            suggestion = "move the threshold inside the range, or take the condition out"
-            yield about(item, Severity.WARNING, reason, suggestion)
+            missing = [
+                truth for truth in (True, False) if not space.possible([Requirement(atom, truth)], times)
+            ]
+            if missing and isinstance(atom, Comparison):
+                ranges = {name: space.range(name) for name in compared(atom) if not name.endswith(TIME)}
+                lies = [f"{name} lies in {low:.4g} … {high:.4g}" for name, (low, high) in ranges.items()]
+                truth = "never" if True in missing else "always"
+                reason = "; ".join([f"{_short(atom)} is {truth} true", *lies])
+                suggestion = "move the threshold inside the range, or take the condition out"
+                yield about(item, Severity.WARNING, reason, suggestion)
 
 
 def _short(guard: Guard) -> str:
     """A guard whose scaled thresholds have no more digits than anybody writes."""
     return re.sub(r"\d+\.\d{6,}", lambda number: f"{float(number[0]):.6g}", str(guard))
-
-
-def _range_of(space: SignalSpace, item: Transition, atom: Comparison) -> tuple[float, float]:
-    """Least and largest left side of a comparison in the units of the table."""
-
-    def one(name: str) -> tuple[float, float]:
-        if name == TIME:
-            return TICK, space.time_out(item.source)
-        if name == OTHER_TIME:
-            return 0.0, max(space.time_out(phase) for phase in space.others)
-        return space.range(name)
-
-    (low, high), (least, most) = one(atom.signal), (0.0, 0.0) if atom.minus is None else one(atom.minus)
-    return (0.0, 0.0) if atom.minus == atom.signal else (low - most, high - least)
 
 
 @rule
@@ -128,15 +99,7 @@ def cascade(case: CheckCase) -> Iterator[Finding]:
 
 
 def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Finding]:
-    """The finding, with signals at which the entry also wins where there are any."""
     entry, leave = space.transition(into), space.transition(out)
-    earlier = [
-        index
-        for index in space.exits(entry.source)
-        if index < into
-        and space.transition(index).debounce_ticks == 1
-        and space.transition(index).time_out_ticks is None
-    ]
     earliest, latest = space.window(into)
     times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
     at_entry = translated(leave.guard, lambda name: ENTRY_TIME if name == TIME else name, _lasting(space))
@@ -144,24 +107,14 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Findi
     def holds(point: Point) -> bool:
         return space.is_open(into, point) and space.is_open(out, entered(point))
 
-    both = [space.requirement(into), Requirement(at_entry)]
-    shut = [space.requirement(index, False) for index in earlier]
-    wins, point = True, next(space.find([*both, *shut], times, holds), None)
-    if point is None and shut:
-        wins, point = False, next(space.find(both, times, holds), None)
-    if point is None:
-        return
-    stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
-    at_once = stay <= 1 and not entry.is_time_out and wins
-    held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
-    rival = "; an exit listed earlier would win then, unless its own debounce or time holds it"
-    reason = (
-        f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: "
-        f"{held}{'' if wins else rival}"
-    )
-    suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
-    severity = Severity.WARNING if at_once else Severity.NOTE
-    yield about(leave, severity, reason, suggestion, counterexample=space.counterexample(point))
+    point = next(space.find([space.requirement(into), Requirement(at_entry)], times, holds), None)
+    if point is not None:
+        stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
+        held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
+        reason = f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: {held}"
+        suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
+        severity = Severity.NOTE if stay > 1 or entry.is_time_out else Severity.WARNING
+        yield about(leave, severity, reason, suggestion, counterexample=space.counterexample(point))
 
 
 def _lasting(space: SignalSpace) -> Callable[[PhaseMembership], bool] | None:
@@ -216,4 +169,4 @@ def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
     yield about(second, Severity.WARNING, reason, suggestion, counterexample=space.counterexample(point))
 
 
-RULES = (ambiguity, never_opens, debounce_beyond_time_out, cascade, hysteresis, threshold_beyond_limits)
+RULES = (ambiguity, never_opens, cascade, hysteresis, threshold_beyond_limits)

@@ -91,29 +91,23 @@ def about(item: Transition, severity: Severity, reason: str, suggestion: str, **
 def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
     """The table waives a rule that does not exist."""
     suggestion = "correct the id under waive; twin-gait check --rules lists them"
-    return [
-        Finding(
-            Severity.ERROR, f"the table waives {name!r}, which is no rule", suggestion, rule="unknown_rule"
-        )
-        for name in (waiver.rule for waiver in case.table.waivers)
-        if name not in rules
-    ]
+    unknown = [waiver.rule for waiver in case.table.waivers if waiver.rule not in rules]
+    reasons = [f"the table waives {name!r}, which is no rule" for name in unknown]
+    return [Finding(Severity.ERROR, reason, suggestion, rule="unknown_rule") for reason in reasons]
 
 
 def unused_waiver(case: CheckCase, findings: Sequence[Finding], rules: Collection[str]) -> list[Finding]:
     """The table waives something that is not found, or that cannot be waived."""
+    warnings = [item for item in findings if item.severity is Severity.WARNING]
+    suggestion = "take it out of the table, or correct its phase or transition"
     result = []
     for waiver in case.table.waivers:
-        matching = [item for item in findings if _matches(case.table, waiver, item)]
-        if waiver.rule not in rules or any(item.severity is Severity.WARNING for item in matching):
-            continue
-        why = "nothing that it matches was found"
-        if matching:
-            why = f"only warnings can be waived, and it matches {matching[0].severity}s"
-        reason = f"the waiver of {waiver.rule} has no effect: {why}"
-        suggestion = "take it out of the table, or correct its phase or transition"
-        note = Finding(Severity.NOTE, reason, suggestion, phase=waiver.phase, rule="unused_waiver")
-        result.append(note)
+        if waiver.rule in rules and not any(_matches(case.table, waiver, item) for item in warnings):
+            reason = (
+                f"the waiver of {waiver.rule} has no effect: it matches no warning, and only they are waived"
+            )
+            note = Finding(Severity.NOTE, reason, suggestion, phase=waiver.phase, rule="unused_waiver")
+            result.append(note)
     return result
 
 
@@ -122,8 +116,8 @@ def waive(table: StateTable, findings: Sequence[Finding]) -> list[Finding]:
     result = []
     for finding in findings:
         reasons = [item.reason for item in table.waivers if _matches(table, item, finding)]
-        live = finding.severity is not Severity.WARNING or not reasons
-        result.append(finding if live else replace(finding, waived=reasons[0]))
+        waived = reasons[0] if reasons and finding.severity is Severity.WARNING else ""
+        result.append(replace(finding, waived=waived))
     return result
 
 

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
@@ -74,12 +74,11 @@ def missing_time_out(case: CheckCase) -> Iterator[Finding]:
         items = [item for item in case.table.transitions if item.source == phase]
         ticks = min((item.time_out_ticks or 0 for item in items if item.is_time_out), default=math.inf)
         if items and ticks * TICK > LATEST_TIME_OUT:
-            lacks = "no time-out" if ticks == math.inf else f"no time-out before {ticks * TICK:g} s"
-            reason = f"{phase} has {lacks}: if none of its exits opens, the leg stays in it for ever"
-            suggestion = (
-                f"add a transition from {phase} with after_s but neither all nor any, or waive it if the "
-                "leg is to wait"
+            reason = (
+                f"{phase} has no time-out within {LATEST_TIME_OUT:g} s: if none of its exits opens, the leg "
+                "stays in it for ever"
             )
+            suggestion = "add a transition with after_s but neither all nor any, or waive it if it is to wait"
             yield Finding(Severity.WARNING, reason, suggestion, phase=phase)
 
 
@@ -94,20 +93,12 @@ def _edges(cycle: Sequence[str]) -> Iterator[Pair]:
 
 @rule
 def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
-    """Phases can be passed in a cycle that is not meant, or a declared cycle lacks a transition.
+    """Phases can be passed in a cycle that is not meant.
 
     Meant are the ``cycles`` of the table; without them its phases in their order.
     """
     table = case.gait
     transitions = firing(case)
-    listed = {(item.source, item.target) for item in transitions}
-    for cycle in table.cycles:
-        for source, target in _edges(cycle):
-            if (source, target) not in listed:
-                named = " → ".join(cycle)
-                reason = f"the declared cycle {named} lacks a transition from {source} to {target}"
-                suggestion = "add the transition, or correct the cycle under cycles"
-                yield Finding(Severity.ERROR, reason, suggestion, phase=source)
     meant = {edge for cycle in meant_cycles(table) for edge in _edges(cycle)}
     for item in transitions:
         before = path(transitions, item.target, item.source)
@@ -215,41 +206,34 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
     """
     if not case.has_other_leg:
         return
-    if not any(map(case.gait.is_swing, case.table.phases)):
+    swings = [phase for phase in case.table.phase_names if case.gait.is_swing(phase)]
+    if not swings:
         reason = "no phase is swing by its name, so whether both legs can swing at once is not known"
         yield Finding(Severity.NOTE, reason, "let the names of the phases of swing contain the word")
         return
-    space, pairs = signal_space(case), pairs_of(case)
+    space, pairs, items = signal_space(case), pairs_of(case), case.table.transitions
+    sure = case.experiment is not None or any(OTHER in str(item.guard) for item in items)
     lifting = [
-        index
-        for index, item in enumerate(case.table.transitions)
-        if not case.gait.is_swing(item.source) and case.gait.is_swing(item.target)
+        index for index, item in enumerate(items) if item.source not in swings and item.target in swings
     ]
     for index in lifting:
-        for step in _lifts(case, index, lifting):
-            found = signals_for(space, step) if _sorted((step.own, step.other)) in pairs else None
+        own = items[index].source
+        # The other leg swings already, or begins to in the same tick.
+        steps = [Step(own, other, index) for other in swings]
+        steps += [Step(own, items[second].source, index, second) for second in lifting]
+        for step in steps:
+            found = signals_for(space, step) if _sorted((own, step.other)) in pairs else None
             if found is not None:
-                yield _both_lifted(case, step, found)
+                taken = {label(items[number]): None for number in (index, step.second) if number is not None}
+                together = "" if step.second is None else " in the same tick"
+                reason = (
+                    f"with one leg in {own} and the other in {step.other}, {' and '.join(taken)} can bring "
+                    f"both into swing{together}"
+                )
+                suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
+                severity = Severity.ERROR if sure else Severity.WARNING
+                yield about(items[index], severity, reason, suggestion, counterexample=found)
                 break
-
-
-def _lifts(case: CheckCase, index: int, lifting: Sequence[int]) -> Iterator[Step]:
-    """Steps by which a transition into swing brings both legs there: after the other leg, or with it."""
-    own = case.table.transitions[index].source
-    yield from (Step(own, other, index) for other in filter(case.gait.is_swing, case.table.phase_names))
-    yield from (Step(own, case.table.transitions[second].source, index, second) for second in lifting)
-
-
-def _both_lifted(case: CheckCase, step: Step, signals: Mapping[str, float | str]) -> Finding:
-    own, other, *indices = step
-    taken = [case.table.transitions[index] for index in indices if index is not None]
-    sure = case.experiment is not None or any(OTHER in str(item.guard) for item in case.table.transitions)
-    names = " and ".join(dict.fromkeys(label(item) for item in taken))
-    together = " in the same tick" if len(taken) > 1 else ""
-    severity = Severity.ERROR if sure else Severity.WARNING
-    reason = f"with one leg in {own} and the other in {other}, {names} can bring both into swing{together}"
-    suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
-    return about(taken[0], severity, reason, suggestion, counterexample=signals)
 
 
 @rule
@@ -266,8 +250,7 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
         goes_on = any(signals_for(space, step) is not None for step in alone)
         if not goes_on and not {first, second} <= set(case.gait.postures):
             reason = f"with one leg in {first} and the other in {second} no signals ever let either go on"
-            either, one = (first, "it") if first == second else (f"{first} or {second}", "one")
-            suggestion = f"let {either} be left in this case too, or give {one} a time-out"
+            suggestion = "let one of them be left in this case too, or give it a time-out"
             yield Finding(Severity.ERROR, reason, suggestion, phase=first)
 
 

@@ -1,19 +1,21 @@
 """One leg of an experiment as the physical rules see it: hanging from a pelvis that is held."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, once
+from twin_gait.checking.finding import CheckCase, Finding, Severity, once
 from twin_gait.checking.linear_loop import LinearLoop, leg_motion
 from twin_gait.core import friction as core
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.experiment import Experiment
+from twin_gait.gait.signals import ANGLE, VELOCITY
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import ActuatorParameters, FrictionLaw
+from twin_gait.parameters import FrictionLaw
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
@@ -82,32 +84,39 @@ class HangingLeg:
         """``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
-    def actuator(self, joint: JointName) -> ActuatorParameters:
-        """Motor and gear of a joint."""
-        return self.problem.experiment.plant.actuators[joint]
-
-    def current_limited_torque(self, joint: JointName) -> float:
-        """Torque at the joint at the current limit, in [N m]."""
-        motor = self.actuator(joint)
-        return current_to_torque(
-            self.problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio
-        )
-
     def torque_limits(self) -> np.ndarray:
         """Largest torque of each joint by torque and current limit in [N m], shape ``(n_joints,)``."""
-        limit = self.problem.experiment.control.limits.torque
-        return np.array([min(limit, self.current_limited_torque(joint)) for joint in self.joints])
+        limits = self.problem.experiment.control.limits
+        motors = [self.problem.experiment.plant.actuators[joint] for joint in self.joints]
+        by_current = [
+            current_to_torque(limits.current, motor.torque_constant, motor.gear_ratio) for motor in motors
+        ]
+        return np.minimum(by_current, limits.torque)
 
     def no_load_speed(self, joint: JointName) -> float:
         """Speed in [rad] / [s] at which the back-EMF takes up the whole battery voltage."""
-        motor = self.actuator(joint)
-        return self.problem.experiment.plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
+        plant = self.problem.experiment.plant
+        motor = plant.actuators[joint]
+        return plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
 
     def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
         q = np.zeros(model.nv)
         indices = [model.index(self.side, joint) for joint in self.joints]
         q[indices] = angles
         return q, indices
+
+    def finding(self, phase: str, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
+        """A finding about a phase of this leg."""
+        return Finding(severity, reason, suggestion, phase=phase, side=self.shown_side, **more)
+
+    def signals(self, angles: np.ndarray, velocities: Sequence[float] | np.ndarray = ()) -> dict[str, float]:
+        """A posture in [rad], and velocities in [rad] / [s], in the units and digits of a counterexample."""
+        moving = zip(self.joints, np.degrees(velocities).tolist(), strict=False)
+        found = {
+            ANGLE.of(joint): round(math.degrees(angle), 2)
+            for joint, angle in zip(self.joints, angles, strict=True)
+        }
+        return found | {VELOCITY.of(joint): round(velocity, 1) for joint, velocity in moving}
 
     def limits(self) -> np.ndarray:
         """Stops of the joints in [rad], shape ``(n_joints, 2)``."""

@@ -1,7 +1,6 @@
 """Can a leg leave a phase by its own motors, or does only the time-out take it on?"""
 
 from collections.abc import Iterator
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -11,47 +10,22 @@ from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
 from twin_gait.gait.signals import ANGLE, LOAD, LONGEST_STAY, OTHER_TIME, TIME, VELOCITY
-from twin_gait.gait.table import TICK, DrivenBy, Transition
+from twin_gait.gait.table import TICK, DrivenBy
 
 _POINT = 1e-7  # [rad]; half the width of a range that stands for one angle, beyond the rounding of sums
 
 
-class Way(IntEnum):
-    """How a phase can be left, from worst to best."""
-
-    NONE = 0
-    IN_MOTION = 1
-    AT_REST = 2
-
-
 class _Leaving(NamedTuple):
-    """A phase of a leg, the rest that it leads to from one entry, and how it can be left on the way there."""
+    """How a phase of a leg can be left at best on the way to its rest, from the worst entry."""
 
     leg: HangingLeg
     phase: str
+    in_motion: bool  # whether an exit with a guard opens on the way at all
+    at_rest: bool  # whether one is open once the leg rests
+    contact: bool  # whether ground and other leg can move the leg
     rest: Rest
-    way: Way
-
-    @property
-    def contact(self) -> bool:
-        """Whether ground and other leg can move the leg."""
-        return in_contact(self.leg, self.phase)
-
-    @property
-    def exits(self) -> list[Transition]:
-        """All exits of the phase."""
-        return [item for item in self.leg.problem.table.transitions if item.source == self.phase]
-
-    @property
-    def causes(self) -> str:
-        """Causes of the guarded exits, in words."""
-        return " or ".join(dict.fromkeys(item.cause for item in self.exits if not item.is_time_out))
-
-    @property
-    def remains(self) -> str:
-        """What is left where none of them opens, in words."""
-        ends = any(item.is_time_out for item in self.exits)
-        return "only the time-out remains" if ends else "there is no time-out"
+    causes: str  # of the exits with a guard, in words
+    remains: str  # what is left where none of them opens, in words
 
     @property
     def posture(self) -> str:
@@ -62,14 +36,12 @@ class _Leaving(NamedTuple):
 
     def finding(self, severity: Severity, reason: str, suggestion: str) -> Finding:
         """A finding with the posture in which the leg rests."""
-        pairs = zip(self.leg.joints, np.degrees(self.rest.middle).tolist(), strict=True)
-        middle = {ANGLE.of(joint): round(angle, 2) for joint, angle in pairs}
-        side = self.leg.shown_side
-        return Finding(severity, reason, suggestion, phase=self.phase, side=side, counterexample=middle)
+        middle = self.leg.signals(self.rest.middle)
+        return self.leg.finding(self.phase, severity, reason, suggestion, counterexample=middle)
 
 
-def _ways_out(space: SignalSpace, leg: HangingLeg, phase: str) -> Iterator[_Leaving]:
-    """How a phase can be left at best, for each phase that leads into it.
+def _leaving(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) -> _Leaving:
+    """How a phase can be left at best, from the worst of the phases that lead into it.
 
     Only exits with a guard count. At rest one of them has to be open with all joints still, wherever between
     its extremes the left-over friction stops the leg. In motion one has to be open somewhere between entry
@@ -77,36 +49,35 @@ def _ways_out(space: SignalSpace, leg: HangingLeg, phase: str) -> Iterator[_Leav
     leg are free; the foot carries a load in stance on a belt, and for exits that are declared to be driven by
     contact there.
     """
-    index = leg.problem.table.phase_index(phase)
+    index, ways = leg.problem.table.phase_index(phase), []
     for start in entries(leg, index):
         rest = find_rest(leg, index, start)
         still = np.zeros((len(start), 2))
         corners = [np.array([corner - _POINT, corner + _POINT]).T for corner in rest.corners]
         moving = np.sort(np.array([np.zeros(len(start)), rest.velocities]).T, axis=1)
-        if all(_some_exit_opens(space, leg, phase, corner, still) for corner in corners):
-            way = Way.AT_REST
-        elif _some_exit_opens(space, leg, phase, rest.path(), moving):
-            way = Way.IN_MOTION
-        else:
-            way = Way.NONE
-        yield _Leaving(leg, phase, rest, way)
-
-
-def _guarded_exits(space: SignalSpace, phase: str) -> list[int]:
-    return [index for index in space.exits(phase) if not space.transition(index).is_time_out]
+        at_rest = all(_some_exit_opens(space, leg, exits, corner, still) for corner in corners)
+        in_motion = at_rest or _some_exit_opens(space, leg, exits, rest.path(), moving)
+        ways.append((in_motion, at_rest, rest))
+    in_motion, at_rest, rest = min(ways, key=lambda way: way[:2])
+    ends = any(space.transition(index).is_time_out for index in space.exits(phase))
+    causes = " or ".join(dict.fromkeys(space.transition(index).cause for index in exits))
+    remains = "only the time-out remains" if ends else "there is no time-out"
+    return _Leaving(leg, phase, in_motion, at_rest, in_contact(leg, phase), rest, causes, remains)
 
 
 def _some_exit_opens(
-    space: SignalSpace, leg: HangingLeg, phase: str, angles: np.ndarray, velocities: np.ndarray
+    space: SignalSpace, leg: HangingLeg, exits: list[int], angles: np.ndarray, velocities: np.ndarray
 ) -> bool:
-    """Whether a guarded exit can be open with angles and velocities of the joints in some ranges, in SI."""
+    """Whether one of some exits can be open with angles and velocities of joints in some ranges, in SI."""
+    phase = space.transition(exits[0]).source
     ranges = {TIME: (TICK, space.time_out(phase)), OTHER_TIME: (0.0, LONGEST_STAY)}
     for joint, angle, velocity in zip(leg.joints, angles, velocities, strict=True):
         for signal, (low, high) in ((ANGLE, angle.tolist()), (VELOCITY, velocity.tolist())):
             ranges[signal.of(joint)] = (low / signal.unit.factor, high / signal.unit.factor)
-    for index in _guarded_exits(space, phase):
-        loaded = in_contact(leg, phase) or _is_driven_by_contact(space, leg, index)
-        load = space.range(LOAD.name) if loaded else (0.0, 0.0)
+    grounded = leg.problem.experiment.scenario.grounded
+    for index in exits:
+        landing = grounded and space.transition(index).driven_by is DrivenBy.CONTACT
+        load = space.range(LOAD.name) if landing or in_contact(leg, phase) else (0.0, 0.0)
         if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
             return True
     return False
@@ -121,18 +92,13 @@ def _leavings(case: CheckCase) -> list[_Leaving]:
     space, found = signal_space(case), []
     for leg in hanging_legs(case):
         for phase in leg.phases if leg.problem.controller.by_phases else ():
-            exits = _guarded_exits(space, phase)
-            declared = any(_is_driven_by_contact(space, leg, index) for index in exits)
-            if not exits or (declared and in_contact(leg, phase)):
-                continue
-            found.append(min(_ways_out(space, leg, phase), key=lambda leaving: leaving.way))
+            exits = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
+            declared = in_contact(leg, phase) and any(
+                space.transition(index).driven_by is DrivenBy.CONTACT for index in exits
+            )
+            if exits and not declared:
+                found.append(_leaving(space, leg, phase, exits))
     return found
-
-
-def _is_driven_by_contact(space: SignalSpace, leg: HangingLeg, index: int) -> bool:
-    """Whether an exit is declared so, in a world that has ground and another leg."""
-    grounded = leg.problem.experiment.scenario.grounded
-    return grounded and space.transition(index).driven_by is DrivenBy.CONTACT
 
 
 @rule
@@ -146,13 +112,13 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     """
     for found in _leavings(case):
         stops = f"by its motors the leg stops at {found.posture}, where {found.causes} is not open"
-        if found.contact and found.way is not Way.AT_REST:
+        if found.contact and not found.at_rest:
             suggestion = (
                 "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
                 "equilibrium beyond the threshold"
             )
             yield found.finding(Severity.WARNING, f"{stops}; {found.remains}", suggestion)
-        elif found.way is Way.NONE:
+        elif not found.in_motion:
             reason = f"{stops}, nor was it on the way; {found.remains}"
             suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
             yield found.finding(Severity.ERROR, reason, suggestion)
@@ -162,7 +128,7 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
 def leaves_in_motion_only(case: CheckCase) -> Iterator[Finding]:
     """The exits of a swing open only on the way: once the leg rests, only the time-out is left."""
     for found in _leavings(case):
-        if found.way is Way.IN_MOTION and not found.contact:
+        if found.in_motion and not found.at_rest and not found.contact:
             reason = (
                 f"{found.causes} can open on the way only: once the leg rests at {found.posture}, "
                 f"{found.remains}"

@@ -92,43 +92,37 @@ class LinearLoop:
         return self.decimation * TICK
 
 
-def _block(n: int, row: int) -> slice:
-    return slice(row * n, (row + 1) * n)
-
-
-def _states(loop: LinearLoop) -> int:
-    return (RING + loop.window + loop.delay) * len(loop.stiffness)
+def _rows(loop: LinearLoop) -> int:
+    return RING + loop.window + loop.delay
 
 
 def _measurement(loop: LinearLoop, decimates: bool) -> np.ndarray:
     """What the sensors of one tick do to the state; angle and velocity stay."""
-    n, eye = len(loop.stiffness), np.eye(len(loop.stiffness))
-    angle, fast, last, decimated = (_block(n, row) for row in (ANGLE, FAST, LAST, DECIMATED))
-    measures = np.eye(_states(loop))
-    measures[fast, fast] = (1.0 - loop.fast_gain) * eye
-    measures[fast, angle] = loop.fast_gain / TICK * eye
-    measures[fast, last] = -loop.fast_gain / TICK * eye
-    measures[last] = measures[angle]
+    n, rows = len(loop.stiffness), _rows(loop)
+    eye = np.eye(n)
+    measures = np.eye(rows * n).reshape(rows, n, rows, n)  # block by block
+    measures[FAST, :, FAST] = (1.0 - loop.fast_gain) * eye
+    measures[FAST, :, ANGLE] = loop.fast_gain / TICK * eye
+    measures[FAST, :, LAST] = -loop.fast_gain / TICK * eye
+    measures[LAST] = measures[ANGLE]
     if decimates:
-        for sample in range(loop.window - 1, 0, -1):
-            measures[_block(n, RING + sample)] = measures[_block(n, RING + sample - 1)]
-        newest = _block(n, RING)
-        measures[newest] = 0.0
-        measures[newest, angle] = eye / loop.frame
-        measures[newest, decimated] = -eye / loop.frame
-        measures[decimated] = measures[angle]
-    return measures
+        measures[RING + 1 : RING + loop.window] = measures[RING : RING + loop.window - 1].copy()
+        measures[RING] = 0.0
+        measures[RING, :, ANGLE] = eye / loop.frame
+        measures[RING, :, DECIMATED] = -eye / loop.frame
+        measures[DECIMATED] = measures[ANGLE]
+    return measures.reshape(rows * n, rows * n)
 
 
 def _response(loop: LinearLoop) -> np.ndarray:
     """Torque of the controller on the measured state, shape ``(n, n_states)``."""
-    n = len(loop.stiffness)
-    response = np.zeros((n, _states(loop)))
-    response[:, _block(n, LAST)] = loop.feed_forward - np.diag(loop.stiffness)
-    response[:, _block(n, FAST)] = -np.diag(loop.damping)
-    for sample in range(loop.window):
-        response[:, _block(n, RING + sample)] = np.diag(loop.gain * loop.modelled_friction) / loop.window
-    return response
+    n, rows = len(loop.stiffness), _rows(loop)
+    response = np.zeros((n, rows, n))
+    response[:, LAST] = loop.feed_forward - np.diag(loop.stiffness)
+    response[:, FAST] = -np.diag(loop.damping)
+    for sample in range(RING, RING + loop.window):
+        response[:, sample] = np.diag(loop.gain * loop.modelled_friction) / loop.window
+    return response.reshape(n, rows * n)
 
 
 def transition_matrix(loop: LinearLoop) -> np.ndarray:
@@ -136,9 +130,9 @@ def transition_matrix(loop: LinearLoop) -> np.ndarray:
 
     The first tick of the frame takes a slow sample, the others do not.
     """
-    n, states = len(loop.stiffness), _states(loop)
-    leg, on_the_way = np.eye(states), RING + loop.window
-    torques = np.vstack((_response(loop), np.eye(states)[on_the_way * n :]))  # newest first
+    n = len(loop.stiffness)
+    leg, on_the_way = np.eye(_rows(loop) * n), RING + loop.window
+    torques = np.vstack((_response(loop), leg[on_the_way * n :]))  # newest first
     leg[on_the_way * n :] = torques[: loop.delay * n]
     leg[: 2 * n, : 2 * n] = loop.motion.free
     leg[: 2 * n] += loop.motion.driven @ torques[loop.delay * n :]

@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.core.can_frame import most_frame_bits
-from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
-from twin_gait.network.dbc import Message, load_messages
+from twin_gait.network.dbc import load_messages
 from twin_gait.parameters import BOARDS, NetworkParameters
 from twin_gait.simulation.bus_ranges import values_out_of_range
 from twin_gait.simulation.problem import build_problem
@@ -58,9 +56,8 @@ def _response_time(frames: Sequence[CyclicFrame], number: int, bit: int) -> int 
     if bus_load(frames[: number + 1]) >= 1:
         return None
     busy = _settled(frame.transmission, blocking, [*higher, frame], 0)
-    instances = -(-(busy + frame.jitter) // frame.period)
     longest, waiting = 0, 0
-    for instance in range(instances):
+    for instance in range(-(-(busy + frame.jitter) // frame.period)):
         waiting = _settled(waiting, blocking + instance * frame.transmission, higher, bit)
         longest = max(longest, frame.jitter + waiting - instance * frame.period + frame.transmission)
     return longest
@@ -77,37 +74,21 @@ def _settled(start: int, constant: int, frames: Sequence[CyclicFrame], bit: int)
     return time
 
 
-class Traffic(NamedTuple):
-    """What a bus has to carry in the worst case."""
+def traffic_of(network: NetworkParameters, boards: Sequence[str] = BOARDS) -> tuple[float, dict[str, float]]:
+    """What a healthy bus carries of the frames of some boards at most, with all possible stuff bits.
 
-    load: float  # share of its time in which it is in use
-    # longest time in [s] from the instant at which a frame is due to its arrival, by its name; None where the
-    # bus is full
-    responses: dict[str, float | None]
-
-
-def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Traffic:
-    """What a healthy bus carries of messages, lowest identifier first, with all possible stuff bits."""
+    Returns the share of its time in which it is in use, and of each frame by its name the longest time in [s]
+    from the instant at which it is due to its arrival; infinite where the bus is full.
+    """
+    messages = cyclic_messages(load_messages(network.dbc), boards)
     bus = new_bus(network, messages, 0, TICK)
     frames = [
         CyclicFrame(most_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
         for frame in bus.frames
     ]
-    times = response_times(frames, bus.bit)
+    times = [math.inf if time is None else 1e-12 * time for time in response_times(frames, bus.bit)]
     names = [message.name for message in messages]
-    responses = {
-        name: None if time is None else 1e-12 * time for name, time in zip(names, times, strict=True)
-    }
-    return Traffic(float(bus_load(frames)), responses)
-
-
-def traffic_of(experiment: Experiment) -> Traffic:
-    """Worst traffic of an experiment's bus, see :func:`worst_traffic`; a ParameterError if it has none."""
-    if experiment.network is None:
-        raise ParameterError("network: ideal has no bus; set network to can")
-    boards = [board for board in BOARDS if board.partition("_")[0] in experiment.leg.legs]
-    messages = cyclic_messages(load_messages(experiment.network.dbc), boards)
-    return worst_traffic(experiment.network, messages)
+    return float(bus_load(frames)), dict(zip(names, times, strict=True))
 
 
 @rule
@@ -117,18 +98,16 @@ def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     A note on load and response times where it carries all. The bounds are those of Davis, Burns, Bril and
     Lukkien (2007), for a healthy bus.
     """
-    network = None if case.experiment is None else case.experiment.network
-    if network is None or case.experiment is None:
+    if case.experiment is None or case.experiment.network is None:
         return
-    traffic = traffic_of(case.experiment)
-    reason = (
-        f"network.bit_rate_kbit_per_s {1e-3 * network.bit_rate:g}: {len(traffic.responses)} frames every "
-        f"{1e3 * network.cycle:g} ms are {traffic.load:.0%} of what the bus carries"
-    )
-    times = {name: math.inf if time is None else time for name, time in traffic.responses.items()}
+    network, legs = case.experiment.network, case.experiment.leg.legs
+    load, times = traffic_of(network, [board for board in BOARDS if board.partition("_")[0] in legs])
     last = max(times, key=lambda name: times[name])
-    if times[last] < math.inf:
-        reason += f"; the last one, {last}, arrives up to {1e3 * times[last]:.3f} ms after it is due"
+    reason = (
+        f"network.bit_rate_kbit_per_s {1e-3 * network.bit_rate:g}: {len(times)} frames every "
+        f"{1e3 * network.cycle:g} ms are {load:.0%} of what the bus carries; the last, {last}, arrives up "
+        f"to {1e3 * times[last]:.3f} ms after it is due"
+    )
     if times[last] <= network.cycle:
         yield Finding(Severity.NOTE, reason, "")
     else:

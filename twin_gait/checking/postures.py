@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -11,7 +11,6 @@ import numpy as np
 
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque
 from twin_gait.checking.signals import Point, SignalSpace
-from twin_gait.core.actuator import saturate
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.guards import Comparison, atoms
@@ -91,12 +90,10 @@ def _carried(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
 
 def command_at_rest(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
     """Torques that the controller asks for while the joints are still, in [N m], shape ``(n_joints,)``."""
-    stiffness, equilibrium = leg.column(STIFFNESS)[phase], leg.column(EQUILIBRIUM)[phase]
-    springs = [
-        impedance_torque(angle, 0.0, k, 0.0, zero)
-        for angle, k, zero in zip(angles, stiffness, equilibrium, strict=True)
-    ]
-    return np.asarray(np.array(springs) + _feed_forward(leg, phase, angles))
+    # The law is linear: arrays of joints pass as numbers do.
+    stiffness, equilibrium = (leg.column(which)[phase] for which in (STIFFNESS, EQUILIBRIUM))
+    springs = impedance_torque(angles, 0.0, stiffness, 0.0, equilibrium)  # type: ignore[arg-type]
+    return np.asarray(springs + _feed_forward(leg, phase, angles))
 
 
 def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
@@ -104,9 +101,9 @@ def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarra
 
     In the air the motors have to carry the leg; a foot in contact carries it itself.
     """
-    command, limits = command_at_rest(leg, phase, angles), leg.torque_limits()
-    given = [saturate(torque, limit) for torque, limit in zip(command, limits, strict=True)]
-    return np.asarray(np.array(given) - _carried(leg, phase, angles))
+    limits = leg.torque_limits()
+    given = np.clip(command_at_rest(leg, phase, angles), -limits, limits)
+    return np.asarray(given - _carried(leg, phase, angles))
 
 
 def rest_posture(leg: HangingLeg, phase: int, start: np.ndarray, hold: np.ndarray) -> np.ndarray:
@@ -146,14 +143,11 @@ def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
     If nothing leads into it, its own equilibrium.
     """
     table = leg.problem.table
-    sources = dict.fromkeys(
-        table.phase_index(item.source)
-        for item in table.transitions
-        if table.phase_index(item.target) == phase
-    )
+    leading = [item.source for item in table.transitions if table.phase_index(item.target) == phase]
     equilibria = leg.column(EQUILIBRIUM)
     found = [
-        rest_posture(leg, source, equilibria[source], np.zeros(equilibria.shape[1])) for source in sources
+        rest_posture(leg, source, equilibria[source], np.zeros(equilibria.shape[1]))
+        for source in dict.fromkeys(map(table.phase_index, leading))
     ]
     return found or [np.clip(equilibria[phase], *leg.limits().T)]
 
@@ -191,17 +185,13 @@ def _candidates(
         values.append([0.0] if waits else [0.0, math.degrees(speed), *_thresholds(space, index, names[-1])])
     choices = [list(dict.fromkeys(several)) for several in values]
     lengths = [len(several) for several in choices]
-    for number in _some(math.prod(lengths)):
+    count = math.prod(lengths)
+    # A fixed choice among too many of them.
+    few = count <= _MOST
+    chosen = np.arange(count) if few else np.random.default_rng(0).choice(count, size=_MOST, replace=False)
+    for number in chosen.tolist():
         picked = zip(choices, np.unravel_index(number, lengths), strict=True)
         yield dict(zip(names, (several[place] for several, place in picked), strict=True))
-
-
-def _some(count: int) -> Iterable[int]:
-    """All numbers below a count, or a fixed choice among too many of them."""
-    if count <= _MOST:
-        return range(count)
-    chosen: list[int] = np.random.default_rng(0).choice(count, size=_MOST, replace=False).tolist()
-    return chosen
 
 
 def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
@@ -247,37 +237,21 @@ def postures(
 
 
 @lru_cache(maxsize=64)  # rules follow each other, and ways into a phase share what comes before
-def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DEPTH) -> list[np.ndarray]:
-    """Postures at which the exits into a phase open first.
+def first_rests(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DEPTH) -> list[Rest]:
+    """Rests of a phase, one for each posture at which the exits into it open first.
 
     A machine switches as soon as it may: of the postures of each guard that leads into the phase, the one
     nearest to the entry of the phase before is taken. Time-outs count only where no guard leads into the
     phase. So many phases before this one are followed; the first of them is entered at rest.
-
-    Returns postures in [rad], each once, of all ways into the phase.
     """
     number = space.table.phase_index(phase)
-    found: dict[bytes, np.ndarray] = {}  # ways that meet again have one end
+    starts: dict[bytes, np.ndarray] = {}  # ways that meet again have one end
     for index, item in enumerate(space.table.transitions):
         if item.target != phase or item.is_time_out or depth == 0:
             continue
-        source = space.table.phase_index(item.source)
-        for start in first_entries(space, leg, item.source, depth - 1):
-            rest = _rest_after(leg, source, tuple(start.tolist()))
+        for rest in first_rests(space, leg, item.source, depth - 1):
             opened = postures(space, index, leg, rest, _ENTRY_SAMPLES)
             if opened is not None:
-                angles = opened.angles[np.abs(opened.angles - start).sum(axis=1).argmin()]
-                found[angles.tobytes()] = angles
-    return list(found.values()) or entries(leg, number)
-
-
-def first_rests(space: SignalSpace, leg: HangingLeg, phase: str) -> list[Rest]:
-    """Rests of a phase, one for each of its first entries."""
-    number = space.table.phase_index(phase)
-    return [_rest_after(leg, number, tuple(start.tolist())) for start in first_entries(space, leg, phase)]
-
-
-@lru_cache(maxsize=256)
-def _rest_after(leg: HangingLeg, phase: int, start: tuple[float, ...]) -> Rest:
-    """Rest of a leg in a phase, found once for all rules and ways."""
-    return find_rest(leg, phase, np.array(start))
+                angles = opened.angles[np.abs(opened.angles - rest.start).sum(axis=1).argmin()]
+                starts[angles.tobytes()] = angles
+    return [find_rest(leg, number, start) for start in starts.values() or entries(leg, number)]

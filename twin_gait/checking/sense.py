@@ -109,30 +109,23 @@ def unusual_damping_ratio(case: CheckCase) -> Iterator[Finding]:
     Where the table gives b, ζ = b / (2 √(k I)) takes the inertia of the leg in the air; without a leg model
     or a spring it is left out.
     """
-    resolved = _resolved_ratios(case)
+    legs = hanging_legs(case)
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         ratio = joint.damping_ratio
-        ratio = resolved.get((side, phase, name)) if ratio is None else ratio
+        own = case.gait.side_phases
+        # What both sides share is that of a leg that has nothing of its own there.
+        sharing = (
+            leg for leg in legs if side in (None, leg.side) and (side or phase not in own.get(leg.side, {}))
+        )
+        leg = next(sharing, None)
+        if ratio is None and leg is not None and joint.stiffness > 0.0:
+            index, place = leg.phases.index(phase), leg.joints.index(JointName(name))
+            k, b, zero = (leg.column(which)[index] for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
+            ratio = damping_ratio_of(float(b[place]), float(k[place]), leg.mass(zero)[place, place])
         return _out_of(f"{name} ζ", ratio, DAMPING_RATIO_RANGE)
 
     return _find(case, "take a damping ratio from 0.4 to 0.8", look)
-
-
-def _resolved_ratios(case: CheckCase) -> dict[tuple[Side | None, str, str], float]:
-    """Damping ratio of every phase and joint with a spring, for both sides and for each of its own."""
-    ratios: dict[tuple[Side | None, str, str], float] = {}
-    for leg in hanging_legs(case):
-        side = leg.shown_side
-        for phase, name in enumerate(leg.phases):
-            inertia = leg.mass(leg.column(EQUILIBRIUM)[phase]).diagonal().tolist()
-            columns = (leg.column(which)[phase].tolist() for which in (STIFFNESS, DAMPING))
-            for joint, k, b, mass in zip(leg.joints, *columns, inertia, strict=True):
-                if k > 0.0:
-                    ratio = ratios[side, name, joint] = damping_ratio_of(b, k, mass)
-                    if side is not None and name not in case.gait.side_phases.get(side, {}):
-                        ratios[None, name, joint] = ratio
-    return ratios
 
 
 RULES = (unusual_gain, equilibrium_beyond_limits, unusual_stiffness, unusual_damping_ratio)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from twin_gait.checking.finding import CheckCase, once
-from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
+from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
 from twin_gait.gait.guards import Comparison, compared
@@ -68,10 +68,10 @@ class SignalSpace:
         """Lay out the ranges and compile the guards."""
         self.case = case
         self.table = case.table
-        self.others = _others(case)
+        modes, members = isinstance(case.table, ModeTable), case.table.members
+        self.others = (None, *members) if modes else members if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
-        self.names = self.table.signals
-        self._scales = {name: signal_scale(name) for name in self.names}
+        self._scales = {name: signal_scale(name) for name in self.table.signals}
         self._known = Known(case.limits, case.velocity_limits)
         self.opening, self.can_fire = cache(self._opening), cache(self._can_fire)
 
@@ -89,12 +89,8 @@ class SignalSpace:
 
     def time_out(self, phase: str | None) -> float:
         """Time in [s] at which the first pure time-out ends a phase, an hour without one."""
-        ticks = [
-            item.time_out_ticks
-            for item in self.table.transitions
-            if item.source == phase and item.is_time_out and item.time_out_ticks is not None
-        ]
-        return min([tick * TICK for tick in ticks], default=LONGEST_STAY)
+        exits = [item for item in self.table.transitions if item.source == phase and item.is_time_out]
+        return min([(item.time_out_ticks or 0) * TICK for item in exits], default=LONGEST_STAY)
 
     def window(self, index: int) -> tuple[float, float]:
         """Times in the phase in [s] at which a transition could fire without a debounce."""
@@ -198,45 +194,24 @@ class SignalSpace:
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
         return self.possible([self.requirement(index), last], times, equal(_END + TIME, TIME, stay))
 
-    def measured(self, point: Point) -> list[float]:
-        """Signals of a point as the evaluator reads them; those that it leaves open are 0."""
-        alone = point.other is None
-        return [
-            math.nan if alone and name.startswith(OTHER) else point.signals.get(name, 0.0) * scale
+    def is_open(self, index: int, point: Point) -> bool:
+        """Whether the guard of a transition is open at a point; signals that it leaves open are 0."""
+        absent = OTHER if point.other is None else ()
+        measured = [
+            math.nan if name.startswith(absent) else point.signals.get(name, 0.0) * scale
             for name, scale in self._scales.items()
         ]
-
-    def is_open(self, index: int, point: Point) -> bool:
-        """Whether the guard of a transition is open at a point."""
         rule, other = self.program.transitions[index], self.table.member_index(point.other)
-        return guard_holds(self.program, rule.first_node, rule.end_node, self.measured(point), other)
-
-    def winner(self, phase: str, point: Point, time: float) -> int | None:
-        """Transition that a leg takes after a time in [s] in a phase, the debounce of all exits over."""
-        index = next_transition(
-            self.program,
-            self.table.phase_index(phase),
-            round(time / TICK),
-            self.measured(point),
-            self.table.member_index(point.other),
-            [item.debounce_ticks - 1 for item in self.table.transitions],
-        )
-        return None if index == NO_TRANSITION else index
+        return guard_holds(self.program, rule.first_node, rule.end_node, measured, other)
 
     def counterexample(self, point: Point) -> dict[str, float | str]:
         """Signals of a point that decide, for a finding; the rest may have any value."""
         found: dict[str, float | str] = {
-            name: point.signals[name] for name in self.names if name in point.signals
+            name: point.signals[name] for name in self._scales if name in point.signals
         }
         if point.other is not None and point.phase_decides:
             found[self.table.words.of] = point.other
         return found
-
-
-def _others(case: CheckCase) -> tuple[str | None, ...]:
-    if isinstance(case.table, ModeTable):
-        return (None, *case.table.members)
-    return case.table.members if case.has_other_leg else (None,)
 
 
 @once
@@ -265,14 +240,7 @@ def swapped(name: str) -> str:
 
 
 def _rounded(point: Point, holds: Callable[[Point], bool]) -> Point | None:
-    """The point with as few decimals as keep it true."""
-    for decimals in range(1, 7):
-        signals = {
-            # Adding 0 turns -0 into 0.
-            name: round(value, max(decimals, 3) if name.endswith(TIME) else decimals) + 0.0
-            for name, value in point.signals.items()
-        }
-        rounded = replace(point, signals=signals)
-        if holds(rounded):
-            return rounded
-    return point if holds(point) else None
+    """The point with three decimals if that keeps it true."""
+    # Adding 0 turns -0 into 0.
+    rounded = replace(point, signals={name: round(value, 3) + 0.0 for name, value in point.signals.items()})
+    return next(filter(holds, (rounded, point)), None)

@@ -17,6 +17,7 @@ from twin_gait.checking.linear_loop import (
 
 # Friction is linearised at rest and at 1 rad/s, in the direction in which it rises less.
 VELOCITIES = (0.0, 1.0)  # [rad] / [s]
+_ABOUT = ("rest", "±1 rad/s")
 LEAST_DAMPING_RATIO = 0.5
 # A joint without a spring has a mode at exactly 1, which rounding moves; this much is 1 % in 17 minutes.
 NEUTRAL = 1e-7
@@ -39,10 +40,6 @@ class _Phase(NamedTuple):
         """Whether a small motion does not die away."""
         return max(self.radii) > 1.0 + NEUTRAL
 
-    def finding(self, severity: Severity, reason: str, suggestion: str) -> Finding:
-        """A finding about the phase."""
-        return Finding(severity, reason, suggestion, phase=self.name, side=self.leg.shown_side)
-
 
 @once
 def _phases(case: CheckCase) -> list[_Phase]:
@@ -60,10 +57,6 @@ def _phases(case: CheckCase) -> list[_Phase]:
     return found
 
 
-def _about(velocity: float) -> str:
-    return f"±{velocity:g} rad/s" if velocity else "rest"
-
-
 @rule
 def unstable(case: CheckCase) -> Iterator[Finding]:
     """The sampled loop of the joints is unstable in a phase: its spectral radius is above 1.
@@ -72,17 +65,17 @@ def unstable(case: CheckCase) -> Iterator[Finding]:
     held, at the equilibrium angles of the phase and under the plant's stated friction; ground and belt are
     not in it.
     """
-    for phase in filter(lambda phase: phase.is_unstable, _phases(case)):
+    for phase in _phases(case):
+        if not phase.is_unstable:
+            continue
         worst = int(np.argmax(phase.radii))
         radius = phase.radii[worst]
         reason = (
-            f"a small motion about {_about(VELOCITIES[worst])} is amplified by {radius - 1.0:.2%} in every "
+            f"a small motion about {_ABOUT[worst]} is amplified by {radius - 1.0:.2%} in every "
             f"{1e3 * phase.loops[0].frame:g} ms (spectral radius {radius:.4f})"
         )
-        margins = _margins(phase)
-        helps = margins.count(" none (") < 2 * len(phase.leg.joints)
-        other = "move the equilibrium or change the stiffness: no b or G of one joint alone makes it stable"
-        yield phase.finding(Severity.ERROR, reason, f"stay below the largest {margins}" if helps else other)
+        suggestion = f"move the equilibrium, lower the stiffness, or stay below the largest {_margins(phase)}"
+        yield phase.leg.finding(phase.name, Severity.ERROR, reason, suggestion)
 
 
 @rule
@@ -94,10 +87,10 @@ def effective_damping(case: CheckCase) -> Iterator[Finding]:
             continue
         reason = (
             f"delays and friction compensation leave an effective damping ratio of {phase.ratios[worst]:.2f} "
-            f"about {_about(VELOCITIES[worst])}, below {LEAST_DAMPING_RATIO:g}"
+            f"about {_ABOUT[worst]}, below {LEAST_DAMPING_RATIO:g}"
         )
         suggestion = "raise the damping, or lower the friction compensation gain"
-        yield phase.finding(Severity.WARNING, reason, suggestion)
+        yield phase.leg.finding(phase.name, Severity.WARNING, reason, suggestion)
 
 
 @rule
@@ -110,7 +103,7 @@ def stability_margin(case: CheckCase) -> Iterator[Finding]:
                 f"the loop is unstable beyond {_margins(phase)}"
             )
             suggestion = "keep these distances when you change k, b or G"
-            yield phase.finding(Severity.NOTE, reason, suggestion)
+            yield phase.leg.finding(phase.name, Severity.NOTE, reason, suggestion)
 
 
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:

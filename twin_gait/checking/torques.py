@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_ratio_of, impedance_torque
-from twin_gait.gait.signals import ANGLE, VELOCITY
 from twin_gait.gait.table import TICK, Transition
 
 # A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
@@ -24,60 +24,52 @@ _MOST_TICKS = 500
 class Jump(NamedTuple):
     """Largest change of the commanded torque of one joint over the postures of a switch."""
 
-    joint: int  # position of the joint
+    joint: str
+    limit: float  # of its torque in [N m]
     whole: float  # change from the old phase to the new one, without blending, in [N m]
     tick: float  # largest change in one tick with blending, the posture held, in [N m]
-    # posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``
-    angles: np.ndarray
-    velocities: np.ndarray  # its velocities in [rad] / [s], shape ``(n_joints,)``
+    at: dict[str, float]  # signals of the posture of the larger of the two, each measured against its bound
+
+    @property
+    def excess(self) -> float:
+        """The larger of the two, as a share of what is allowed."""
+        return max(self.whole, self.tick / KNOCK) / self.limit
 
 
-def _length(leg: HangingLeg, phase: int) -> int:
-    table = leg.problem.table
-    return table.blend_ticks(table.phases_of(leg.side)[table.phase_names[phase]])
-
-
-def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, np.ndarray]:
+def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, list[float]]:
     """Ticks of the blend into a phase, from the one before the switch on, and its share in each."""
-    length = _length(leg, phase)
+    table = leg.problem.table
+    length = table.blend_ticks(table.phases_of(leg.side)[table.phase_names[phase]])
     # Long blends are sampled: their steps are small and change slowly.
     ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())
-    shares = [
-        blend_share(tick / length if length else 1.0, leg.problem.table.blending.law.code)
-        for tick in ticks.tolist()
-    ]
-    return np.array([-1.0, *ticks]), np.array([0.0, *shares])
-
-
-def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures) -> np.ndarray:
-    """Commanded torque of a joint through a blend, postures held, in [N m], ``(n_samples, n_ticks)``."""
-    law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
-    gravity = np.array([leg.modelled_gravity(posture)[joint] for posture in samples.angles])
-    angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
-    friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
-    columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
-    commands = []
-    for share in _blend(leg, new)[1].tolist():
-        k, b, zero, gain = (blend(column[old], column[new], share) for column in columns)
-        carried = blend(leg.gravity_shares[old], leg.gravity_shares[new], share)
-        # The law is linear: arrays of postures pass as numbers do.
-        impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
-        commands.append(impedance + gain * friction + carried * gravity)
-    return np.array(commands).T
+    law = table.blending.law.code
+    shares = [blend_share(tick / length if length else 1.0, law) for tick in ticks.tolist()]
+    return np.array([-1.0, *ticks]), [0.0, *shares]
 
 
 def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) -> list[Jump]:
     """Largest change of the commanded torque (impedance, gravity and friction compensation), per joint."""
-    table = leg.problem.table
+    table, laws = leg.problem.table, leg.problem.experiment.control.friction_model
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
+    ticks, shares = _blend(leg, new)
+    gravity = np.array([leg.modelled_gravity(posture) for posture in samples.angles])
     jumps = []
-    for joint, limit in enumerate(leg.torque_limits().tolist()):
-        commands = _commands(leg, old, new, joint, samples)
-        whole = np.abs(commands[:, -1] - commands[:, 0])
-        tick = np.abs(np.diff(commands, axis=1) / np.diff(_blend(leg, new)[0])).max(axis=1)
-        worst = int(np.argmax(np.maximum(whole / limit, tick / (KNOCK * limit))))
-        angles, velocities = samples.angles[worst], samples.velocities[worst]
-        jumps.append(Jump(joint, float(whole.max()), float(tick.max()), angles, velocities))
+    for joint, (name, limit) in enumerate(zip(leg.joints, leg.torque_limits().tolist(), strict=True)):
+        angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
+        friction = np.array([friction_torque(laws[name], velocity) for velocity in velocities.tolist()])
+        columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
+        columns.append(leg.gravity_shares)
+        commands = []
+        for share in shares:
+            k, b, zero, gain, carried = (blend(column[old], column[new], share) for column in columns)
+            # The law is linear: arrays of postures pass as numbers do.
+            impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
+            commands.append(impedance + gain * friction + carried * gravity[:, joint])
+        whole = np.abs(commands[-1] - commands[0])
+        tick = np.abs(np.diff(commands, axis=0) / np.diff(ticks)[:, None]).max(axis=0)
+        worst = int(np.argmax(np.maximum(whole, tick / KNOCK)))
+        at = leg.signals(samples.angles[worst], samples.velocities[worst])
+        jumps.append(Jump(name, limit, float(whole.max()), float(tick.max()), at))
     return jumps
 
 
@@ -98,29 +90,19 @@ def torque_jump(case: CheckCase) -> Iterator[Finding]:
                 if (samples := postures(space, index, leg, rest)) is not None
                 for jump in largest_jumps(leg, item, samples)
             ]
-            yield from _too_large(leg, item, jumps)
-
-
-def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> Iterator[Finding]:
-    limits = leg.torque_limits()
-    worst = max(jumps, key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint], default=None)
-    if worst is None:
-        return
-    limit = float(limits[worst.joint])
-    if worst.whole <= limit and worst.tick <= KNOCK * limit:
-        return
-    length = _length(leg, leg.problem.table.phase_index(item.target))
-    reason = (
-        f"the commanded {leg.joints[worst.joint]} torque changes by up to {worst.whole:.0f} Nm, with a blend "
-        f"of {1e3 * TICK * length:g} ms by up to {worst.tick:.1f} Nm in a tick; the limit is {limit:.0f} Nm"
-    )
-    suggestion = "bring stiffness and equilibrium of the two phases closer, or blend for longer"
-    severity = Severity.ERROR if worst.tick > limit else Severity.WARNING
-    found: dict[str, float] = {}
-    for joint, angle, velocity in zip(leg.joints, worst.angles, worst.velocities, strict=True):
-        found[ANGLE.of(joint)] = round(math.degrees(angle), 2)
-        found[VELOCITY.of(joint)] = round(math.degrees(velocity), 1)
-    yield about(item, severity, reason, suggestion, side=leg.shown_side, counterexample=found)
+            worst = max(jumps, key=lambda jump: jump.excess, default=None)
+            if worst is None or worst.excess <= 1.0:
+                continue
+            length = _blend(leg, space.table.phase_index(item.target))[0][-1]
+            reason = (
+                f"the commanded {worst.joint} torque changes by up to {worst.whole:.0f} Nm, with a blend of "
+                f"{1e3 * TICK * length:g} ms by up to {worst.tick:.1f} Nm in a tick; the limit is "
+                f"{worst.limit:.0f} Nm"
+            )
+            suggestion = "bring stiffness and equilibrium of the two phases closer, or blend for longer"
+            severity = Severity.ERROR if worst.tick > worst.limit else Severity.WARNING
+            shown = {"side": leg.shown_side, "counterexample": worst.at}
+            yield about(item, severity, reason, suggestion, **shown)
 
 
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
@@ -160,47 +142,32 @@ def stiffness_not_served(case: CheckCase) -> Iterator[Finding]:
     for leg in hanging_legs(case):
         for number, phase in enumerate(leg.phases):
             starts = [rest.start for rest in first_rests(space, leg, phase)]
-            reasons = [
-                reason
-                for joint in range(len(leg.joints))
-                for look in (_too_much_torque, _too_fast)
-                if (reason := look(leg, number, joint, starts))
-            ]
-            if reasons:
-                text = "; ".join(reasons)
-                yield Finding(Severity.WARNING, text, suggestion, phase=phase, side=leg.shown_side)
+            text = "; ".join(_not_served(leg, number, starts))
+            if text:
+                yield leg.finding(phase, Severity.WARNING, text, suggestion)
 
 
-def _too_much_torque(leg: HangingLeg, phase: int, joint: int, starts: list[np.ndarray]) -> str:
-    """What a spring asks for at the worst of some postures of entry in [rad], if that is too much."""
-    asked = [(float(command_at_rest(leg, phase, start)[joint]), float(start[joint])) for start in starts]
-    torque, angle = max(asked, key=lambda pair: abs(pair[0]))
-    name = leg.joints[joint]
+def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterator[str]:
+    """What the springs of a phase ask for beyond the limits, from the worst of some postures in [rad]."""
+    commands = np.array([command_at_rest(leg, phase, start) for start in starts])
     torque_limit = leg.problem.experiment.control.limits.torque
-    current_limit = leg.current_limited_torque(name)
-    limit = min(torque_limit, current_limit)
-    if abs(torque) <= limit:
-        return ""
-    named = "torque limit" if torque_limit <= current_limit else "current limit"
-    stiffness = math.radians(leg.column(STIFFNESS)[phase, joint])
-    serves = f", {limit / stiffness:.0f}° of its {stiffness:.3g} Nm/deg" if stiffness > 0.0 else ""
-    return (
-        f"the {name} asks for {torque:.0f} Nm where it enters at {math.degrees(angle):.1f}°; the {named} "
-        f"gives {limit:.0f} Nm{serves}"
-    )
-
-
-def _too_fast(leg: HangingLeg, phase: int, joint: int, starts: list[np.ndarray]) -> str:
-    """The speed that a spring would reach from the worst of some postures, if that is too fast."""
-    k, b, zero = (float(leg.column(which)[phase, joint]) for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
-    speed = max(release_speed(start[joint] - zero, k, b, leg.mass(start)[joint, joint]) for start in starts)
-    fastest = leg.no_load_speed(leg.joints[joint])
-    if speed <= fastest:
-        return ""
-    return (
-        f"the {leg.joints[joint]} would reach {math.degrees(speed):.0f} deg/s; the voltage allows "
-        f"{math.degrees(fastest):.0f} deg/s without load"
-    )
+    for joint, (name, limit) in enumerate(zip(leg.joints, leg.torque_limits().tolist(), strict=True)):
+        worst = int(np.argmax(np.abs(commands[:, joint])))
+        if abs(commands[worst, joint]) > limit:
+            yield (
+                f"the {name} asks for {commands[worst, joint]:.0f} Nm where it enters at "
+                f"{math.degrees(starts[worst][joint]):.1f}°; the "
+                f"{'torque' if limit == torque_limit else 'current'} limit gives {limit:.0f} Nm"
+            )
+        k, b, zero = (float(leg.column(which)[phase, joint]) for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
+        inertias = [leg.mass(start)[joint, joint] for start in starts]
+        speeds = map(release_speed, [start[joint] - zero for start in starts], repeat(k), repeat(b), inertias)
+        speed, fastest = max(speeds), leg.no_load_speed(name)
+        if speed > fastest:
+            yield (
+                f"the {name} would reach {math.degrees(speed):.0f} deg/s; the voltage allows "
+                f"{math.degrees(fastest):.0f} deg/s without load"
+            )
 
 
 RULES = (torque_jump, stiffness_not_served)

@@ -5,18 +5,15 @@ approved by a person, can.
 """
 
 import difflib
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.files import write_atomically
 from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.table import StateTable
 from twin_gait.testing import edges, timing
-from twin_gait.testing.driver import MachineFactory, machine_of, play, refuse_broken, refuse_missing
+from twin_gait.testing.driver import MachineFactory, machine_of, play, refuse
 from twin_gait.testing.exits import Exit, Scenario, decisive
 
 Check = Callable[[MachineFactory], None]
@@ -95,7 +92,6 @@ def _scenarios(leave: Exit) -> Iterator[Scenario]:
             yield from edges.groups(leave, entry)
         yield from timing.debounce(leave)
         yield from timing.waiting(leave)
-        yield from timing.from_entry(leave)
     for second in leave.siblings:
         if second.index > leave.index:
             yield from edges.priority(leave, second)
@@ -105,19 +101,15 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
     """Tests that start from measurements with which the exit is taken."""
     table = leave.table
     last = taking.steps[-leave.debounce - 1 :]
-    away = (phase for phase in table.phase_names if phase != leave.phase)
-    for item in itertools.chain(
-        timing.clock(leave, last), timing.again(leave), *(timing.elsewhere(leave, phase) for phase in away)
-    ):
+    for item in (*timing.clock(leave, last), *timing.elsewhere(leave)):
         yield _playing(table, item)
     steps = leave.comfortable([leave.opens], Exit.fires) or last
     alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
     if leave.yields(alone):
         absent = "another leg" if table.words.member == "phase" else f"a {table.words.member}"
         yield _playing(table, leave.scenario(f"holds without {absent}", alone))
-    given, spoilt = (table, leave.phase, steps), len(steps) * len(table.joints)
-    yield "refuses signals that are NaN or infinite", partial(refuse_broken, *given), 12 * spoilt
-    yield "refuses missing signals", partial(refuse_missing, *given), 5 * spoilt
+    check = partial(refuse, table, leave.phase, steps)
+    yield "refuses signals that are NaN, infinite or missing", check, 17 * len(steps) * len(table.joints)
 
 
 def _playing(table: StateTable, item: Scenario) -> Shown:
@@ -131,26 +123,9 @@ def approval_text(table: StateTable) -> str:
 
 
 def check_approved(path: Path, present: str) -> str | None:
-    """None if the approved text is the present one, else what is wrong, such as a unified diff.
-
-    Raises ParameterFileError if the file cannot be read.
-    """
+    """None if the approved text is the present one, else what is wrong, such as a unified diff."""
     if not path.exists():
         return f"{path}: there is no approved text yet"
-    try:
-        approved = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParameterFileError(path, "", f"cannot be read as text ({error})") from error
-    lines = difflib.unified_diff(
-        approved.splitlines(), present.splitlines(), fromfile=str(path), tofile="the table", lineterm=""
-    )
+    approved = path.read_text(encoding="utf-8").splitlines()
+    lines = difflib.unified_diff(approved, present.splitlines(), str(path), "the table", lineterm="")
     return "\n".join(lines) or None
-
-
-def write_approved(path: Path, text: str) -> None:
-    """Approve a text: write it, whole or not at all; raises RunDirectoryError if it cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunDirectoryError(f"{path.parent}: cannot be made ({error.strerror})") from error
-    write_atomically(path, text)

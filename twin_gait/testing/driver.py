@@ -1,7 +1,7 @@
 """Drive a machine under test: through a scenario, and with measurements that it has to refuse."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from twin_gait.exceptions import MeasurementError
@@ -41,9 +41,6 @@ def machine_of(table: StateTable) -> MachineFactory:
     return lambda phase: GaitStateMachine(table, initial_phase=phase, program=program)
 
 
-Signals = Mapping[str, float]
-
-
 def _told(table: StateTable, vector: Vector) -> dict[str, float]:
     """What a machine is told: 0 of what a vector does not name, nothing of a leg that is not there."""
     untold = (TIME, OTHER) if vector.other_phase is None else TIME
@@ -53,7 +50,7 @@ def _told(table: StateTable, vector: Vector) -> dict[str, float]:
 def play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
     """Drive a machine through a scenario; AssertionError at the first tick that is not as expected."""
     machine, phase = factory(scenario.phase), scenario.phase
-    told: dict[int, Signals] = {}
+    told: dict[int, dict[str, float]] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
         if id(vector) not in told:
             told[id(vector)] = _told(table, vector)
@@ -78,40 +75,25 @@ def _measured(vector: Vector) -> str:
     return ", ".join([*values, other])
 
 
-def refuse_broken(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
-    """Each signal in turn is NaN or infinite in the last of some steps; AssertionError if that is accepted.
+def refuse(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
+    """A machine about to take an exit is given one bad measurement instead; AssertionError if it accepts.
 
-    ``phase``: phase that the leg has entered at tick 0. ``steps``: good ones that take an exit.
+    Each signal in turn is NaN or infinite, or is missing if it has to be measured. ``phase``: phase that the
+    leg has entered at tick 0. ``steps``: good ones that take an exit.
     """
-    told = _told(table, steps[-1].vector)
-    cases = [(name, value) for name in told if name != OTHER_TIME for value in _BROKEN]
-    spoilt = ((f"{name} = {value}", {**told, name: value}) for name, value in cases)
-    _refuse(table, phase, steps, factory, spoilt)
-
-
-def refuse_missing(table: StateTable, phase: str, steps: Steps, factory: MachineFactory) -> None:
-    """Each signal that has to be measured is missing in turn; as :func:`refuse_broken`."""
-    told = _told(table, steps[-1].vector)
-    measured = [name for name in told if name != OTHER_TIME and math.isnan(signal_of(name).first)]
-    spoilt = ((f"{name} is missing", {key: told[key] for key in told if key != name}) for name in measured)
-    _refuse(table, phase, steps, factory, spoilt)
-
-
-def _refuse(
-    table: StateTable,
-    phase: str,
-    steps: Steps,
-    factory: MachineFactory,
-    spoilt: Iterable[tuple[str, Signals]],
-) -> None:
-    """A machine that is about to take an exit is given one bad measurement instead."""
     *before, last = steps
-    for text, signals in spoilt:
+    told = _told(table, last.vector)
+    signals = [name for name in told if name != OTHER_TIME]
+    spoilt = {f"{name} = {value}": {**told, name: value} for name in signals for value in _BROKEN}
+    for name in signals:
+        if math.isnan(signal_of(name).first):
+            spoilt[f"{name} is missing"] = {key: told[key] for key in told if key != name}
+    for text, bad in spoilt.items():
         machine = factory(phase)
         for tick, vector in before:
             machine.step(tick, _told(table, vector), vector.other_phase)
         try:
-            machine.step(last.tick, signals, last.vector.other_phase)
+            machine.step(last.tick, bad, last.vector.other_phase)
         except MeasurementError:
             assert machine.phase == phase, f"{text}: refused, but the phase is now {machine.phase}"
         else:

@@ -32,34 +32,31 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
     if isinstance(entry.atom, PhaseMembership):
         yield from _memberships(leave, entry, entry.atom)
         return
-    past = _edge(leave, entry, entry.atom, MARGIN, Exit.fires)
-    yield leave.scenario(f"fires just past {entry.atom}", past)
-    yield leave.scenario(f"holds just below {entry.atom}", _below(leave, entry, entry.atom, past))
-    if not reads_own_time(entry.atom):
-        on = _on(leave, entry, entry.atom, past)
+    atom = entry.atom
+    past = _edge(leave, entry, atom, MARGIN, Exit.fires)
+    yield leave.scenario(f"fires just past {atom}", past)
+    yield leave.scenario(f"holds just below {atom}", _below(leave, entry, atom, past))
+    if not reads_own_time(atom):
+        on = _on(leave, entry, atom)
         if on:
-            yield leave.scenario(f"holds on the threshold of {entry.atom}", on)
+            yield leave.scenario(f"holds on the threshold of {atom}", on)
 
 
 def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
     """The same measurements with that one signal moved, or others if a rival opens there."""
     if past and not reads_own_time(atom):
-        present = past[0].vector.signals.get(atom.signal, 0.0)
-        moved = _placed(past, atom.signal, present - _distance(atom, MARGIN) * 2.0)
+        signals = past[0].vector.signals
+        below = {**signals, atom.signal: signals.get(atom.signal, 0.0) - 2.0 * _distance(atom, MARGIN)}
+        moved = tuple(step._replace(vector=step.vector._replace(signals=below)) for step in past)
         if leave.stays(moved):
             return moved
-    return _edge(leave, entry, atom, -MARGIN, Exit.stays) or _edge(leave, entry, atom, -MARGIN, Exit.yields)
+    return first_of(_edge(leave, entry, atom, -MARGIN, accept) for accept in (Exit.stays, Exit.yields))
 
 
 def _distance(atom: Comparison, margin: float) -> float:
     """Distance above the threshold, negative below, for a margin into the open side."""
     sign = 1.0 if atom.operator == ">" else -1.0
     return sign * margin * max(1.0, abs(atom.threshold))
-
-
-def _placed(steps: Steps, signal: str, value: float) -> Steps:
-    vector = steps[0].vector._replace(signals={**steps[0].vector.signals, signal: value})
-    return tuple(step._replace(vector=vector) for step in steps)
 
 
 def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, accept: Accept) -> Steps:
@@ -93,12 +90,8 @@ def _pinned(atom: Comparison, margin: float, window: Window) -> list[Bound]:
     return [item.at(TIME, tick * TICK) for item in pins]
 
 
-def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
+def _on(leave: Exit, entry: Decisive, atom: Comparison) -> Steps:
     """Steps exactly on a threshold; of a difference one signal is zero, so that no digit is lost."""
-    if past and atom.minus is None:
-        exact = _placed(past, atom.signal, atom.threshold)
-        if leave.stays(exact):
-            return exact
 
     def on(leave: Exit, steps: Steps) -> bool:
         signals = steps[0].vector.signals

@@ -119,11 +119,6 @@ class Exit:
         return self.item.debounce_ticks
 
     @property
-    def minimum(self) -> int:
-        """Minimum duration in the phase in ticks."""
-        return self.table.phases[self.phase].minimum_ticks
-
-    @property
     def opens(self) -> Requirement:
         """That its guard is open."""
         return Requirement(self.item.guard)
@@ -136,7 +131,7 @@ class Exit:
     @property
     def gate(self) -> int:
         """First tick in the phase in which it may be taken, its debounce apart."""
-        return max(1, self.minimum, self.item.time_out_ticks or 0)
+        return max(1, self.table.phases[self.phase].minimum_ticks, self.item.time_out_ticks or 0)
 
     @cached_property
     def siblings(self) -> tuple[Exit, ...]:

@@ -64,17 +64,12 @@ def pytest_configure(config: pytest.Config) -> None:
     if not (tables or approved or approve or in_c):
         return
     paths = [Path(name).resolve() for name in tables]
-    mistakes = {
-        "--machine c: expected --gait-table FILE with it": in_c and not tables,
-        f"--approved: expected one for each --gait-table, got {len(approved)} for {len(tables)}": (
-            approved and len(approved) != len(tables)
-        ),
-        "--approve: expected --gait-table FILE --approved FILE with it": approve and not approved,
-        "--gait-table: a file is named twice; name each once": len(set(paths)) < len(paths),
-    }
-    for problem, made in mistakes.items():
-        if made:
-            raise pytest.UsageError(problem)
+    wanted = len(tables) if approved or approve else 0
+    if not tables or len(approved) != wanted or len(set(paths)) < len(paths):
+        raise pytest.UsageError(
+            "expected --gait-table FILE, each once, with --machine, and one --approved FILE for each with "
+            "--approve"
+        )
     texts: list[Path | None] = [Path(name) for name in approved]
     loaded = [_load(name, in_c) for name in tables]
     requests = {
@@ -107,45 +102,40 @@ def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GaitTableTests | None:
     """Take the files that were named as gait tables."""
-    request = parent.config.stash.get(_REQUESTS, {}).get(file_path.resolve())
-    if request is None:
+    if file_path.resolve() not in parent.config.stash.get(_REQUESTS, {}):
         return None
-    collected: GaitTableTests = GaitTableTests.from_parent(parent, path=file_path, request=request)
+    collected: GaitTableTests = GaitTableTests.from_parent(parent, path=file_path)
     return collected
 
 
 class GaitTableTests(pytest.File):
     """The tests of one gait table."""
 
-    def __init__(self, *, request: Request, **rest: Any) -> None:
-        """Keep the table."""
-        super().__init__(**rest)
-        self.request = request
-
     def collect(self) -> Iterator[pytest.Item]:
         """The tests of its transitions, then the approval."""
         from twin_gait.testing.cases import transition_tests
 
-        for test in transition_tests(self.request.table, machine=self.request.machine):
+        request = self.config.stash[_REQUESTS][self.path.resolve()]
+        for test in transition_tests(request.table, machine=request.machine):
             yield KitItem.from_parent(self, name=test.name, check=partial(_drive, test))
-        if self.request.approved is not None:
-            yield KitItem.from_parent(self, name="approved text", check=self._approve)
+        if request.approved is not None:
+            check = partial(self._approve, request.table, request.approved, request.approve)
+            yield KitItem.from_parent(self, name="approved text", check=check)
 
-    def _approve(self) -> None:
+    def _approve(self, table: StateTable, path: Path, approve: bool) -> None:
         """Compare the text of the table with the one that was approved, or write it."""
         from twin_gait.exceptions import TwinGaitError
-        from twin_gait.testing.cases import approval_text, check_approved, write_approved
+        from twin_gait.files import write_atomically
+        from twin_gait.testing.cases import approval_text, check_approved
 
-        path = self.request.approved
-        assert path is not None  # else there is no such test
-        text = approval_text(self.request.table)
+        text = approval_text(table)
         try:
-            if self.request.approve:
-                write_approved(path, text)
-                return
+            if approve:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_atomically(path, text)
             problem = check_approved(path, text)
-        except TwinGaitError as error:
-            raise AssertionError(str(error)) from error
+        except (OSError, UnicodeDecodeError, TwinGaitError) as error:
+            raise AssertionError(f"{path}: {error}") from error
         if problem is not None:
             how = f"approve it with: pytest --gait-table {self.path} --approved {path} --approve"
             raise AssertionError(f"{problem}\n{how}")
