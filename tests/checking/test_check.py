@@ -136,6 +136,10 @@ PLANTED: dict[str, tuple[str, str | None, str, Callable[[Mapping], None]]] = {
     "phase left out": (
         "undeclared_cycle", FLEXION, "error", lambda d: add(d, FLEXION, "early_stance", "foot.load_bw > 0.5"),
     ),
+    "declared cycle with a gap": (
+        "undeclared_cycle", EXTENSION, "error",
+        lambda d: d.update(cycles=[list(d["phases"]), [EXTENSION, FLEXION]]),
+    ),
     "two exits open at once": (
         "ambiguity", FLEXION, "warning", lambda d: add(d, FLEXION, "early_stance", "knee.angle_deg > 60"),
     ),

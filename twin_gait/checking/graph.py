@@ -93,12 +93,20 @@ def _edges(cycle: Sequence[str]) -> Iterator[Pair]:
 
 @rule
 def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
-    """Phases can be passed in a cycle that is not meant.
+    """Phases can be passed in a cycle that is not meant, or a declared cycle lacks a transition.
 
     Meant are the ``cycles`` of the table; without them its phases in their order.
     """
     table = case.gait
     transitions = firing(case)
+    listed = {(item.source, item.target) for item in transitions}
+    for cycle in table.cycles:
+        for source, target in _edges(cycle):
+            if (source, target) not in listed:
+                named = " → ".join(cycle)
+                reason = f"the declared cycle {named} lacks a transition from {source} to {target}"
+                suggestion = "add the transition, or correct the cycle under cycles"
+                yield Finding(Severity.ERROR, reason, suggestion, phase=source)
     meant = {edge for cycle in meant_cycles(table) for edge in _edges(cycle)}
     for item in transitions:
         before = path(transitions, item.target, item.source)
