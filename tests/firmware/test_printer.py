@@ -215,7 +215,7 @@ def scrambled(record: Any, draw: random.Random) -> Any:
             return numbers(draw, 1)[0]
         for name in getattr(value, "__slots__", ()):
             before = getattr(value, name)
-            other = draw.randrange(3) if name.endswith("cause") else scramble(before)
+            other = draw.randrange(3) if name.endswith(("cause", "chosen")) else scramble(before)
             setattr(value, name, draw.randrange(-1, 50) if name in ("tick", "entry_tick") else other)
         return value
 
