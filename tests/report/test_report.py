@@ -265,7 +265,7 @@ def test_phases_are_grey_after_the_trip(tripped: Run, draw: Callable) -> None:
     *before, last = strips(figure)
     assert last == (pytest.approx(TRIPPED), HELD_COLOUR)
     assert before and HELD_COLOUR not in {strip.colour for strip in before}
-    assert legend_labels(figure)[-1] == "held after the trip"
+    assert "held after the trip" in legend_labels(figure)
 
 
 def test_the_window_goes_back_to_the_event(tripped: Run) -> None:

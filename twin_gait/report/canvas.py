@@ -117,7 +117,9 @@ def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist]
     """
     entries = list({str(item.get_label()): item for item in (*lines, *phases)}.values())
     columns = min(len(entries), int(figure.get_figwidth() / LEGEND_COLUMN))
-    figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+    # matplotlib fills a legend column by column.
+    handles = [item for column in range(columns) for item in entries[column::columns]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
 
 
 def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTION) -> bytes:

@@ -55,26 +55,24 @@ def world_of(kind: str) -> type[Scenario]:
 
 def built(scenario: Scenario, model: LegModel, **surroundings: Any) -> World:
     """What a world builds, see :meth:`Scenario.build`; ParameterError where another package has a mistake."""
-    name = f"world {scenario.kind!r}"
+    name, shipped = f"world {scenario.kind!r}", type(scenario).__module__.startswith("twin_gait.")
     try:
         world: Any = scenario.build(model, **surroundings)
     except Exception as error:
-        if isinstance(error, TwinGaitError) or type(scenario).__module__.startswith("twin_gait."):
+        if shipped or isinstance(error, TwinGaitError):
             raise
         line = traceback.extract_tb(error.__traceback__)[-1]
         problem = f"{type(error).__name__}: {error}, {line.filename}, line {line.lineno}"
         raise ParameterError(f"{name} cannot be built ({problem}); repair its package") from error
-    size = len(world.plant) if isinstance(world, World) else 0
-    fits = (
-        size >= model.nv
-        and all(getattr(start, "shape", None) == (size,) for start in (world.start_q, world.start_v))
-        and {*world.initial_phases} == {*model.sides}
-    )
+    if not isinstance(world, World):
+        raise ParameterError(f"{name}: build: expected a World, got {world!r}")
+    shapes = [getattr(start, "shape", None) for start in (world.start_q, world.start_v)]
+    sides, own = [str(side) for side in world.initial_phases], [str(side) for side in model.sides]
+    fit = shapes == 2 * [(len(world.plant),)] and len(world.plant) >= model.nv
     lengths = f"start_q, start_v and plant of one length, {model.nv} or more"
-    expected = f"a World with arrays {lengths}, and initial_phases of {', '.join(model.sides)}"
-    require(fits, f"{name}: build", expected, world if size == 0 else "others")
-    found: World = world
-    return found
+    require(fit, f"{name}: build", f"arrays {lengths}", (*shapes, len(world.plant)))
+    require({*sides} == {*own}, f"{name}: initial_phases", ", ".join(own), ", ".join(sides))
+    return world
 
 
 def load_plugin(entry: EntryPoint) -> Any:
