@@ -201,7 +201,8 @@ def _wait_reason(before: Exit, after: Transition) -> str | None:
     if waits[0] == waits[1] and item.is_time_out:
         return LONG_OPEN
     if item.debounce_ticks == after.debounce_ticks:
-        gates = [max(wait, before.minimum, 1) for wait in waits]
+        shortest = before.table.phases[before.phase].minimum_ticks
+        gates = [max(wait, shortest, 1) for wait in waits]
         return OTHER_WAIT if gates[0] == gates[1] else None
     return None
 
