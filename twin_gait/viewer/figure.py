@@ -123,7 +123,8 @@ class Figure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        middle = before.translation + (0.575 * radius + _ARC_GAP) * face
+        thick = shapes.packaged("motor_cap", np.eye(4)).vertices[:, 2].max()  # of a radius of 1
+        middle = before.translation + (thick * radius + _ARC_GAP) * face
         placement = shapes.frame(axis, up, at=middle)
         paths = {}
         for number in (n for n in range(-LEVELS, LEVELS + 1) if n):

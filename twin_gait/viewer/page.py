@@ -7,6 +7,7 @@ import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Required, TypedDict
@@ -39,8 +40,7 @@ RECORDED_POLICY = (
 )
 LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
-_LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
-_BRIGHT = 0.216  # luminance of a ground from which the dark ink has the larger contrast ratio of WCAG 2
+_INKS = "#ffffff", "#1b2430"
 _ARCS = (
     {"label": "Flexion torque", "colour": palette.FLEXION_COLOUR},
     {
@@ -150,13 +150,19 @@ def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     entries = []
     for code, (name, short) in enumerate(zip(names, shorts, strict=True)):
         colour = palette.phase_colour(name, code)
-        ink = _DARK_INK if _luminance(colour) > _BRIGHT else _LIGHT_INK
+        ink = max(_INKS, key=partial(_contrast, colour))
         entries.append({"name": name, "label": _words(name), "short": short, "colour": colour, "ink": ink})
     return entries
 
 
 def _words(name: str) -> str:
     return name.replace("_", " ").capitalize()
+
+
+def _contrast(one: str, other: str) -> float:
+    """The contrast ratio of two colours, as WCAG 2 defines it."""
+    darker, lighter = sorted(_luminance(colour) + 0.05 for colour in (one, other))
+    return lighter / darker
 
 
 def _luminance(colour: str) -> float:

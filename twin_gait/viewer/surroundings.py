@@ -29,16 +29,16 @@ CHAIR = f"{ROOT}/chair"
 METRES = f"{ROOT}/metres"
 SEAT = "seat_forward_m"  # column of the front edge of a chair
 BELT_MARK_SPACING = 0.20  # [m]
-BELT_TOP = -0.014  # [m]: as deep as the soles of the shipped walks press into the soft ground of the model
-
 _DRAWN = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
 MATERIALS = {name: Material(**look) for name, look in _DRAWN["materials"].items()}
 _EDGE = 0.006  # [m]
+_BELT = _DRAWN["places"]["treadmill"]["belt_surface"]["boxes"][0]
+_STRIP = _DRAWN["places"]["floor"]["walkway"]["boxes"][0]
 
 _FIRST_MARK, _LAST_MARK = -0.705, 0.80  # [m]: under the covers of the ends wherever the belt is
-_BELT_WIDTH, _DECK_HEIGHT = 0.70, 0.085  # [m]
+_DECK_HEIGHT = 0.085  # [m]
 _FLOOR_HEIGHT = -0.02  # [m] of a walkway's
-_BEHIND, _MARKED, _STRIP_WIDTH = 8, 60, 1.30  # [m] of it that have marks, and their width
+_BEHIND, _MARKED = 8, 60  # [m] of it that have marks
 _MAST_HEIGHT = 1.83  # of the bar of its mesh [m]
 
 
@@ -102,9 +102,8 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
     """
     window.send(set_transform(TREADMILL, tilted(slope)))
     draw_place(window, "treadmill")
-    lines = [
-        _line(x, 0.012, _BELT_WIDTH - 0.04) for x in np.arange(_FIRST_MARK, _LAST_MARK, BELT_MARK_SPACING)
-    ]
+    marks, width = np.arange(_FIRST_MARK, _LAST_MARK, BELT_MARK_SPACING), _BELT[3] - _BELT[2] - 0.04
+    lines = [_line(x, 0.012, width) for x in marks]
     draw_mesh(window, f"{BELT}/marks", shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
     draw_floor(window, -_DECK_HEIGHT - 0.9 * abs(np.sin(slope)))
 
@@ -158,7 +157,7 @@ class DrawnWalkway:
         draw_place(window, "floor")
         # A line each metre, every fifth twice as thick.
         metres = range(-_BEHIND, _MARKED + 1)
-        lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP_WIDTH) for metre in metres]
+        lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP[3] - _STRIP[2]) for metre in metres]
         draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
 
     def state(self, figure: Figure, motion: Motion, frame: int) -> State:
@@ -184,7 +183,7 @@ def belt_offset(way: float) -> float:
 def _line(x: float, length: float, width: float) -> Shape:
     """A line across the ground, a hair above it: its middle, length along x, width along y in [m]."""
     corners = np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
-    middle = np.array([x, 0.0, BELT_TOP + 0.0016])
+    middle = np.array([x, 0.0, _BELT[5] + 0.0016])
     return Shape(
         middle + 0.5 * np.insert(corners, 2, 0.0, axis=1),
         np.tile([0.0, 0.0, 1.0], (4, 1)),

@@ -23,7 +23,7 @@ from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
-from twin_gait.studies.tune.parts import AIM, ERRORS, EXCESS, WORST, Rating, nominal_cost, part_costs
+from twin_gait.studies.tune.parts import AIM, EXCESS, HELD_TO, WORST, Rating, nominal_cost, part_costs
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
 from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, check_walker, standing, table_of, walker
 from twin_gait.studies.workers import Workers
@@ -120,7 +120,7 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
         "walk_s": settings.robust_duration,
         "worst_cost": WORST,
         "nominal_weight": NOMINAL_WEIGHT,
-        "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": ERRORS[experiment.joints[0]].excess},
+        "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": HELD_TO},
         "cost": {"before": before.cost, "after": after.cost},
         "robust_set": [
             {"case": name, "before": _walk(first, number), "after": _walk(second, number)}

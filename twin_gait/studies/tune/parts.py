@@ -31,9 +31,8 @@ from twin_gait.vocabulary import JointName, PelvisGuide
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
-# Without the excess the search trades one goal for the other; the tool is held to those of the errors, whose
-# weight is larger.
-EXCESS = 6.0  # weight
+# Without the excess the search trades one goal for the other; the tool is held to those of the errors.
+HELD_TO, EXCESS = 20.0, 6.0  # weights
 AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
 
@@ -52,7 +51,10 @@ class Part:
 
 SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
 _ROWS = yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
-ERRORS = {JointName(joint): Part(f"{joint}_error_deg", **row) for joint, row in _ROWS["errors"].items()}
+ERRORS = {
+    JointName(joint): Part(f"{joint}_error_deg", excess=HELD_TO, **row)
+    for joint, row in _ROWS["errors"].items()
+}
 _CARRIED_ANKLE = replace(ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
 _OTHERS, _FREE = ([Part(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk"))
 
