@@ -16,6 +16,7 @@ from table_builder import JOINTS, guard, impedance, phase, transition, two_phase
 
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.core import blending
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.exceptions import GaitTableError, ParameterError, TwinGaitError
 from twin_gait.gait import Blending, BlendingLaw, GaitTable, Scaling
@@ -225,8 +226,8 @@ def test_a_minimum_duration_beyond_64_bits_is_refused_with_a_reason() -> None:
         compile_guards(two_phase_table(phases={"stance": phase(minimum_ticks=10**30), "swing": phase()}))
 
 
-def test_blending_laws_have_different_codes() -> None:
-    assert len({law.code for law in BlendingLaw}) == len(BlendingLaw)
+def test_blending_laws_have_the_codes_of_the_core() -> None:
+    assert all(law.code == getattr(blending, f"BLEND_{law.name}") for law in BlendingLaw)
 
 
 def test_foot_is_in_the_air_in_the_phases_that_are_called_swing_but_for_that_before_it() -> None:

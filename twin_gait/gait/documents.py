@@ -6,7 +6,6 @@ time-out, debounce). Guards are read here in three values, true, false and not y
 :mod:`twin_gait.core.guards` is not asked, so that each can be tested against the other.
 """
 
-import math
 import string
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -15,11 +14,11 @@ from twin_gait.gait.feasibility import ZERO, Bound, bound_of, solve
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
 from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.signals import TIME
-from twin_gait.gait.table import TICK, Blending, GaitTable, JointImpedance, Scaling, StateTable
+from twin_gait.gait.table import TICK, GaitTable, Scaling, StateTable
+from twin_gait.parameters.quantities import AsInFile, Parameters, declarations
 
-# A truth table with more conditions or rows is not read by anyone: the exits are listed in order instead.
+# A truth table with more conditions or rows is not read by anyone.
 MOST_CONDITIONS, MOST_ROWS = 12, 64
-_DEGREES = math.degrees(1.0)  # in a radian
 
 
 class Stay(NamedTuple):
@@ -183,10 +182,10 @@ def truth_table(table: StateTable) -> str:
         f"# Truth tables of {_text(table.name)}\n",
         "T is true, F is false, – either. The rows of a phase exclude each other and cover every "
         "combination\nthat measurements can have.\n",
-        *(_laws(table.blending, table.scaling) if isinstance(table, GaitTable) else _asks(table)),
+        *_laws(table),
     ]
     for phase in table.phases:
-        parts += [f"## {_text(phase)}\n", _settings(table, phase), _exits(table, phase)]
+        parts += [f"## {_text(phase)}\n", *_settings(table, phase), _exits(table, phase)]
     return "\n".join(parts)
 
 
@@ -197,17 +196,15 @@ def _exits(table: StateTable, phase: str) -> str:
     names = dict(zip(logic.conditions, _letters(len(logic.conditions)), strict=True))
     legend = [f"- {letter}: {_condition(table, item)}" for item, letter in names.items()]
     rows = logic.rows() if len(names) <= MOST_CONDITIONS else []
-    few = 0 < len(rows) <= MOST_ROWS
-    body = _truth_grid(table, names, rows) if few else _priority_list(table, logic, names)
+    body = "Too many combinations for a table; the first transition that is due is taken.\n"
+    if 0 < len(rows) <= MOST_ROWS:
+        marks = {True: "T", False: "F", None: "–"}
+        cells = [
+            (*(marks[row.truths.get(item)] for item in names), *_result(table, row.transition))
+            for row in rows
+        ]
+        body = _grid((*names.values(), "next phase", "cause"), cells)
     return "\n".join(legend) + f"\n\n{body}"
-
-
-def _truth_grid(table: StateTable, names: Mapping[Condition, str], rows: Iterable[TruthRow]) -> str:
-    marks = {True: "T", False: "F", None: "–"}
-    cells = [
-        (*(marks[row.truths.get(item)] for item in names), *_result(table, row.transition)) for row in rows
-    ]
-    return _grid((*names.values(), "next phase", "cause"), cells)
 
 
 def _result(table: StateTable, transition: int | None) -> tuple[str, str]:
@@ -215,25 +212,6 @@ def _result(table: StateTable, transition: int | None) -> tuple[str, str]:
         return "stays", ""
     item = table.transitions[transition]
     return item.target, item.cause
-
-
-def _priority_list(table: StateTable, logic: PhaseLogic, names: Mapping[Condition, str]) -> str:
-    """The exits in order of priority, for a phase with too many conditions for a table."""
-    rows = []
-    for index, needs in logic.needs.items():
-        item = table.transitions[index]
-        parts = [names[need] for need in needs if isinstance(need, (Held, Stay))]
-        parts += [] if item.is_time_out else [_formula(item.guard, names)]
-        rows.append((" and ".join(parts), *_result(table, index)))
-    grid = _grid(("condition", "next phase", "cause"), [*rows, ("otherwise", *_result(table, None))])
-    return f"Too many combinations for a table; the first row that holds decides.\n\n{grid}"
-
-
-def _formula(guard: Guard, names: Mapping[Condition, str]) -> str:
-    if isinstance(guard, (AllOf, AnyOf)):
-        joiner = " and " if isinstance(guard, AllOf) else " or "
-        return f"({joiner.join(_formula(inner, names) for inner in guard.guards)})"
-    return names[guard]
 
 
 def _condition(table: StateTable, condition: Condition) -> str:
@@ -253,14 +231,6 @@ def _letters(count: int) -> list[str]:
     return [f"{letter}{turn or ''}" for turn in turns for letter in alphabet][:count]
 
 
-def _asks(table: StateTable) -> list[str]:
-    """What can be asked for, and what becomes of a trip."""
-    if not isinstance(table, ModeTable):
-        return []
-    asks = f"Requests: {', '.join(table.requests)}. " if table.requests else ""
-    return [f"{asks}After a trip of the safety monitor: {table.hold}.\n"]
-
-
 def mode_words(mode: Mode) -> list[str]:
     """What a mode sets, in words."""
     told = f"the legs are told to {'walk' if mode.walk else 'stand'}"
@@ -268,50 +238,48 @@ def mode_words(mode: Mode) -> list[str]:
     return [told, *([] if mode.posture is None else [f"both legs enter {mode.posture}"])]
 
 
-def _settings(table: StateTable, phase: str) -> str:
-    """What a phase sets, with the rows of a side where it differs."""
+def _given(parameters: Parameters) -> dict[str, str]:
+    """What parameters set, by the keys of a file, in the units that people type."""
+    found = {}
+    for item in declarations(type(parameters)):
+        *_, (key, unit) = item.keys.items()
+        value = getattr(parameters, item.name)
+        if isinstance(value, tuple):
+            value = f"[{', '.join(value)}]"
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            value = number(value / unit)
+        if value is not None and not item.mark(AsInFile):
+            found[key] = str(value)
+    return found
+
+
+def _sentence(front: str, parameters: Parameters) -> str:
+    said = ", ".join(" ".join(given) for given in _given(parameters).items())
+    return f"{_text(f'{front}: {said}')}.\n"
+
+
+def _settings(table: StateTable, phase: str) -> list[str]:
+    """What a phase sets, then what it sets on a side where it differs."""
+    sides = table.side_phases if isinstance(table, GaitTable) else {}
+    there = {"": table.phases[phase]} | {str(side): own[phase] for side, own in sides.items() if phase in own}
+    rows = {
+        f"{side} {name}": _given(joint)
+        for side, parameters in there.items()
+        for name, joint in getattr(parameters, "joints", {}).items()
+    }
+    keys = list(dict.fromkeys(key for row in rows.values() for key in row))
+    cells = [(name, *(row.get(key, "") for key in keys)) for name, row in rows.items()]
+    grid = [_grid(("joint", *keys), cells)] if cells else []
+    return [*grid, *(_sentence(f"{side} phase".strip(), item) for side, item in there.items())]
+
+
+def _laws(table: StateTable) -> list[str]:
+    """What holds for the whole table."""
     if isinstance(table, ModeTable):
-        mode = table.phases[phase]
-        stays = f"minimum duration {mode.minimum_ticks} ms"
-        return f"{_text('; '.join([*mode_words(mode), stays])).capitalize()}.\n"
+        return [_text(f"Requests: {', '.join(table.requests)}; after a trip: {table.hold}.") + "\n"]
     assert isinstance(table, GaitTable)  # there is no third kind
-    common, rows, shares = table.phases[phase], [], []
-    sides = [(f"{side} ", own[phase]) for side, own in table.side_phases.items() if phase in own]
-    for prefix, parameters in [("", common), *sides]:
-        rows += [(f"{prefix}{name}", *_impedance(joint)) for name, joint in parameters.joints.items()]
-        shares.append(f"{prefix}{number(parameters.gravity_compensation)}")
-    stay = f", minimum duration {common.minimum_ticks} ms"
-    stay += "" if common.blending_ticks is None else f", blending {common.blending_ticks} ms"
-    heading = ("joint", "k [Nm/°]", "θ0 [°]", "ζ", "b [Nms/rad]", "G")
-    return f"{_grid(heading, rows)}\nGravity share {', '.join(shares)}{stay}.\n"
-
-
-def _impedance(joint: JointImpedance) -> tuple[str, ...]:
-    optional = ["" if value is None else number(value) for value in (joint.damping_ratio, joint.damping)]
-    return (
-        number(joint.stiffness / _DEGREES),
-        number(joint.equilibrium_angle * _DEGREES),
-        *optional,
-        number(joint.friction_compensation_gain),
-    )
-
-
-def _laws(blending: Blending, scaling: Scaling) -> list[str]:
-    lines = [f"Blending at a switch: {blending.law}, {blending.duration_ticks} ms."]
-    if scaling.carried_mass is not None:
-        phases = ", ".join(_text(name) for name in scaling.stance_phases) or "no phase"
-        exponent = scaling.carried_mass_exponent
-        power = "" if exponent == 1.0 else f", exponent {number(exponent)}"
-        lines.append(f"Stiffness of {phases} as for {number(scaling.carried_mass)} kg carried{power}.")
-    centre = number(scaling.hip_centre * _DEGREES)
-    for reference, unit, exponent in (
-        (scaling.speed, "at {} m/s", scaling.speed_exponent),
-        (scaling.height, "for {} m of height", scaling.height_exponent),
-    ):
-        if reference is not None:
-            place = unit.format(number(reference))
-            lines.append(f"Hip angles about {centre}° as {place}, exponent {number(exponent)}.")
-    return [*lines[:-1], f"{lines[-1]}\n"]
+    laws = {"Blending at a switch": table.blending, "Scaling": table.scaling}
+    return [_sentence(name, law) for name, law in laws.items() if law != Scaling()]
 
 
 def _grid(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

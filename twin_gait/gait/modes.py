@@ -9,18 +9,17 @@ phase is the request: of a schedule, a live panel or the therapist's tablet, mad
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait import guards
 from twin_gait.gait.program import guard_is_open
 from twin_gait.gait.signals import TIME, signal_scale
-from twin_gait.gait.table import LONGEST, MOST_PHASES, TICK, StateTable, Transition, refuse
-from twin_gait.parameters.quantities import Key, Parameters, Range
+from twin_gait.gait.table import MOST_PHASES, TICK, State, StateTable, Transition, refuse
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mode(Parameters):
+class Mode(State):
     """What one mode sets.
 
     Attributes:
@@ -28,13 +27,11 @@ class Mode(Parameters):
             it; None where they go on by their own guards.
         walk: Whether the legs are told to walk, signal ``walk``, or to stand.
         step: Whether they are told to take a step, signal ``step``, or to wait for one.
-        minimum_ticks: The mode is not left before so many ticks.
     """
 
     posture: str | None = None
     walk: bool = False
     step: bool = False
-    minimum_ticks: Annotated[int, Range(0, LONGEST), Key("minimum_duration_ms")] = 0
 
 
 @dataclass(frozen=True, kw_only=True)

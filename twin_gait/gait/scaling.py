@@ -17,7 +17,18 @@ InertiaAt = Callable[[Side, Mapping[str, float], str], float]
 def scale_table(
     table: GaitTable, *, carried_mass: float | None, speed: float | None, height: float | None = None
 ) -> GaitTable:
-    """Apply the scaling laws of a table, see :class:`twin_gait.gait.table.Scaling`.
+    r"""Apply the scaling laws of a table.
+
+    With carried mass m, wearer's height h, belt speed v, the references of
+    :class:`~twin_gait.gait.table.Scaling` with index 0 and its exponents:
+
+    .. math::
+
+        k_{stance} \to k \left(\frac{m}{m_0}\right)^{\alpha}, \qquad
+        \theta_{hip} \to \theta_c + (\theta_{hip} - \theta_c)
+        \left(\frac{v}{v_0}\right)^{\beta}\left(\frac{h}{h_0}\right)^{\gamma}
+
+    for the stiffness of the stance phases, hip equilibria and hip thresholds.
 
     ``carried_mass``: mass of wearer and device times (1 - support) in [kg]; None switches its law off.
     ``speed``: belt speed in [m] / [s]; None switches its law off. ``height``: of the wearer in [m], as the

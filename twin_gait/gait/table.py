@@ -9,14 +9,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated, ClassVar, Protocol
+from typing import Annotated, ClassVar
 
-from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import LEG_WORDS, AllOf, Guard, GuardWords, atoms
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_of
 from twin_gait.parameters import quantities, require
-from twin_gait.vocabulary import PRE_SWING, Side
+from twin_gait.vocabulary import PRE_SWING, Coded, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
@@ -30,17 +29,12 @@ def refuse(wrong: object, text: str) -> None:
         raise GaitTableError(text)
 
 
-class BlendingLaw(StrEnum):
-    """How parameters fade from one phase to the next."""
+class BlendingLaw(Coded):
+    """How parameters fade from one phase to the next; ``code`` is that of :mod:`twin_gait.core.blending`."""
 
     NONE = "none"
     LINEAR = "linear"
     MINIMUM_JERK = "minimum_jerk"
-
-    @property
-    def code(self) -> int:
-        """Code of the law in :mod:`twin_gait.core.blending`."""
-        return int(getattr(blending, f"BLEND_{self.name}"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,28 +77,34 @@ class JointImpedance(quantities.Parameters):
     def __post_init__(self) -> None:
         """Check the ranges, and that there is one damping."""
         super().__post_init__()
-        require(
-            (self.damping is None) != (self.damping_ratio is None),
-            "damping",
-            "either a damping or a damping_ratio",
-            f"damping {self.damping}, damping_ratio {self.damping_ratio}",
-        )
+        one = (self.damping is None) != (self.damping_ratio is None)
+        given = f"damping {self.damping}, damping_ratio {self.damping_ratio}"
+        require(one, "damping", "either a damping or a damping_ratio", given)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhaseParameters(quantities.Parameters):
+class State(quantities.Parameters):
+    """What every phase of a state machine has.
+
+    Attributes:
+        minimum_ticks: It is not left before so many ticks.
+    """
+
+    minimum_ticks: Annotated[int, quantities.Range(0, LONGEST), quantities.Key("minimum_duration_ms")] = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseParameters(State):
     """What one phase of gait sets.
 
     Attributes:
         joints: Impedance per joint name.
         gravity_compensation: Share of the leg's gravity torque that is fed forward.
-        minimum_ticks: The phase is not left before so many ticks.
         blending_ticks: Length of the fade into it in ticks; None for that of the table.
     """
 
     joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile()]
     gravity_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
-    minimum_ticks: Annotated[int, quantities.Range(0, LONGEST), quantities.Key("minimum_duration_ms")] = 0
     blending_ticks: Annotated[int | None, quantities.Range(0, LONGEST), quantities.Key("blending_ms")] = None
 
 
@@ -154,18 +154,9 @@ class Transition(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling(quantities.Parameters):
-    r"""Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
+    """Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
 
-    With carried mass m (wearer and device, times 1 - support), wearer's height h, belt speed v and the
-    references with index 0:
-
-    .. math::
-
-        k_{stance} \to k \left(\frac{m}{m_0}\right)^{\alpha}, \qquad
-        \theta_{hip} \to \theta_c + (\theta_{hip} - \theta_c)
-        \left(\frac{v}{v_0}\right)^{\beta}\left(\frac{h}{h_0}\right)^{\gamma}
-
-    for the stiffness of the stance phases, hip equilibria and hip thresholds.
+    :func:`twin_gait.gait.scaling.scale_table` applies them.
 
     Attributes:
         carried_mass: Reference in [kg].
@@ -204,19 +195,6 @@ class Waiver(quantities.Parameters):
     phase: str | None = None
     transition: str | None = None
 
-    def __post_init__(self) -> None:
-        """Check that there is a rule and a reason."""
-        require(bool(self.rule.strip()), "waive.rule", "the id of a rule", self.rule)
-        require(bool(self.reason.strip()), "waive.reason", "why the finding is accepted", self.reason)
-
-
-class State(Protocol):
-    """What every phase of a state machine has."""
-
-    @property
-    def minimum_ticks(self) -> int:
-        """Ticks before which it is not left."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class StateTable:
@@ -234,68 +212,46 @@ class StateTable:
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
-        refuse(not self.joints, "joints: expected at least one joint, got none")
         for name in self.joints:
             # Signals are joint.quantity, and those of a certain leg begin with "other." or its side.
             odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." in (OTHER, LEFT, RIGHT)
             refuse(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
-        twice = sorted({name for name in self.joints if self.joints.count(name) > 1})
-        refuse(twice, f"joints: {', '.join(twice)} is named twice")
-        refuse(not self.phases, "phases: expected at least one phase, got none")
+        some = len(set(self.joints)) == len(self.joints) > 0
+        refuse(not some, f"joints: expected one or more, each once, got {', '.join(self.joints) or 'none'}")
         count = len(self.phases)
-        refuse(count > MOST_PHASES, f"phases: at most {MOST_PHASES} fit, got {count}")
+        refuse(not 0 < count <= MOST_PHASES, f"{self.kind}s: expected 1 to {MOST_PHASES}, got {count}")
         self._check_phases()
         for index, transition in enumerate(self.transitions):
             self._check_transition(f"transitions[{index}] ({transition.cause})", transition)
         self._check_closed()
-        for index, waiver in enumerate(self.waivers):
-            self._check_waiver(f"waive[{index}]", waiver)
 
     def _check_phases(self) -> None:
         """What phases set fits together."""
 
     def _check_closed(self) -> None:
         """Every phase is left, and reached from the first one; not those that are entered from outside."""
+        left, reached = {item.source for item in self.transitions}, {self.phase_names[0], *self.entered}
+        for _ in self.phases:
+            reached |= {item.target for item in self.transitions if item.source in reached}
         for phase in self.phases:
-            left = len(self.phases) == 1 or any(item.source == phase for item in self.transitions)
-            left = left or phase in self.entered
-            refuse(not left, f"{self.kind}s.{phase}: no transition leaves it; add one to transitions")
-        reached, grown = {next(iter(self.phases)), *self.entered}, True
-        while grown:
-            targets = {item.target for item in self.transitions if item.source in reached}
-            grown = not targets <= reached
-            reached |= targets
-        for phase in self.phases:
+            stuck = phase not in (*left, *self.entered) and len(self.phases) > 1
+            refuse(stuck, f"{self.kind}s.{phase}: no transition leaves it; add one to transitions")
             refuse(phase not in reached, f"{self.kind}s.{phase}: no chain of transitions reaches it")
 
-    def _check_waiver(self, place: str, waiver: Waiver) -> None:
-        if waiver.phase is not None:
-            self._check_known(f"{place}.phase", waiver.phase)
-        causes = sorted({item.cause for item in self.transitions})
-        refuse(
-            waiver.transition is not None and waiver.transition not in causes,
-            f"{place}.transition: no transition with the cause {waiver.transition!r}; "
-            f"there are {', '.join(causes)}",
-        )
-
-    def _check_known(self, place: str, phase: str) -> None:
-        refuse(
-            phase not in self.phases, f"{place}: no {self.kind} {phase!r}; there are {', '.join(self.phases)}"
-        )
+    def _check_known(self, place: str, *phases: str) -> None:
+        for phase in phases:
+            known = ", ".join(self.phases)
+            refuse(phase not in self.phases, f"{place}: no {self.kind} {phase!r}; there are {known}")
 
     def _check_transition(self, place: str, item: Transition) -> None:
-        self._check_known(place, item.source)
-        self._check_known(place, item.target)
+        self._check_known(place, item.source, item.target)
         refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
         for atom in atoms(item.guard):
             problem = self.words.problem(atom, self.joints, self.members)
             refuse(problem, f"{place}: {problem}")
-        minimum, after = self.phases[item.source].minimum_ticks, item.time_out_ticks
-        refuse(
-            after is not None and after < minimum,
-            f"{place}: after_s {(after or 0) * TICK:g} is below the minimum_duration_ms {minimum} of "
-            f"{item.source}",
-        )
+        after, least = item.time_out_ticks or LONGEST, self.phases[item.source].minimum_ticks
+        early = f"after_s {after * TICK:g} is below the minimum_duration_ms {least} of {item.source}"
+        refuse(after < least, f"{place}: {early}")
 
     @property
     def phase_names(self) -> tuple[str, ...]:
@@ -317,11 +273,6 @@ class StateTable:
         """What a membership in a guard may name: phases of the other leg, or requests."""
         return self.phase_names
 
-    @property
-    def others(self) -> tuple[str | None, ...]:
-        """The :attr:`members` as a choice that is made; None alone where there are none."""
-        return self.members or (None,)
-
     def member_index(self, name: str | None) -> int:
         """Position of one of the :attr:`members`, -1 for none; raises GaitTableError if it is not known."""
         unknown = name is not None and name not in self.members
@@ -330,10 +281,9 @@ class StateTable:
 
     def in_si(self, signals: Mapping[str, float]) -> list[float]:
         """Signals in their order in SI, from those known in the units of names; others as at first."""
-        declared = [(name, signal_of(name)) for name in self.signals]
-        return [
-            item.unit.factor * signals[name] if name in signals else item.first for name, item in declared
-        ]
+        declared = {name: signal_of(name) for name in self.signals}
+        values = ((signals.get(name), item) for name, item in declared.items())
+        return [item.first if value is None else item.unit.factor * value for value, item in values]
 
     @property
     def entered(self) -> tuple[str, ...]:
@@ -355,29 +305,19 @@ class GaitTable(StateTable):
     postures: tuple[str, ...] = ()  # phases into which a supervisor may send both legs
 
     def _check_phases(self) -> None:
-        for mapping in (self.phases, *self.side_phases.values()):
-            for phase, parameters in mapping.items():
-                self._check_phase(phase, parameters)
-        for phase in self.scaling.stance_phases:
-            self._check_known(f"scaling.stance_phases: {phase}", phase)
+        named = {"scaling.stance_phases": self.scaling.stance_phases, "postures": self.postures}
+        named |= {f"cycles[{index}]": cycle for index, cycle in enumerate(self.cycles)}
+        named |= {f"sides.{side}": tuple(phases) for side, phases in self.side_phases.items()}
+        for place, phases in named.items():
+            self._check_known(place, *phases)
         for index, cycle in enumerate(self.cycles):
-            self._check_cycle(f"cycles[{index}]", cycle)
-        for phase in self.postures:
-            self._check_known("postures", phase)
-
-    def _check_cycle(self, place: str, cycle: tuple[str, ...]) -> None:
-        for phase in cycle:
-            self._check_known(place, phase)
-        short = len(cycle) < 2 or len(set(cycle)) < len(cycle)
-        refuse(short, f"{place}: expected two or more different phases, got {', '.join(cycle)}")
-
-    def _check_phase(self, phase: str, parameters: PhaseParameters) -> None:
-        self._check_known("sides", phase)
-        missing = ", ".join(joint for joint in self.joints if joint not in parameters.joints)
-        refuse(missing, f"phases.{phase}: no impedance for {missing}")
-        unknown = ", ".join(joint for joint in parameters.joints if joint not in self.joints)
-        has = ", ".join(self.joints)
-        refuse(unknown, f"phases.{phase}: unknown joint {unknown}; the table has {has}")
+            short = len(set(cycle)) < max(2, len(cycle))
+            refuse(short, f"cycles[{index}]: expected two or more different phases, got {', '.join(cycle)}")
+        joints = ", ".join(self.joints)
+        for side in (self.phases, *self.side_phases.values()):
+            for phase, own in side.items():
+                problem = f"phases.{phase}: expected an impedance of {joints}, got {', '.join(own.joints)}"
+                refuse(set(own.joints) != set(self.joints), problem)
 
     @property
     def entered(self) -> tuple[str, ...]:

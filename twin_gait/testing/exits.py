@@ -180,7 +180,7 @@ class Exit:
         self, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
     ) -> Iterator[Vector]:
         """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg."""
-        for phases in (self.table.others, (None,)):
+        for phases in (self.table.members or (None,), (None,)):
             for closing in self.closings(window):
                 found = find(phases, [*requirements, *closing], window, pinned)
                 if found is not None:

@@ -98,7 +98,7 @@ def _idle(leave: Exit, phase: str) -> Steps:
     gate = max(leave.gate, table.phases[phase].minimum_ticks)
     for first in leave.starts(leave.debounce, gate=gate) or [gate]:
         window = Window(first, first + leave.debounce - 1)
-        found = find(table.others, [leave.opens, *closed], window)
+        found = find(table.members or (None,), [leave.opens, *closed], window)
         steps = () if found is None else constant(found, *window)
         if steps and not any(index is not None for index in outcomes(table, phase, steps)):
             return steps
