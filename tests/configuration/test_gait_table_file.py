@@ -265,11 +265,11 @@ MISTAKES = {
     "list": ("equilibrium_deg: 12", "equilibrium_deg: [12]", "equilibrium_deg", "[12]"),
     "two stiffnesses": (
         "stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg: 2.5, stiffness_Nm_per_rad: 3",
-        HIP_KEY, "exactly one",
+        "line 9", "exactly one",
     ),
     "two dampings": (
         "damping_ratio: 0.7", "damping_ratio: 0.7, damping_Nms_per_rad: 3",
-        HIP_KEY, "exactly one",
+        "line 9", "exactly one",
     ),
     "no damping": (
         "damping_ratio: 0.7, ", "",
@@ -282,7 +282,7 @@ MISTAKES = {
     ),
     "joint unknown": (
         "    minimum_duration_ms: 50", "    ankle: {}",
-        "phases.early_stance.ankle", "allowed: hip, knee",
+        "phases.early_stance.ankle", "hip, knee",
     ),
     "minimum": (
         "minimum_duration_ms: 50", "minimum_duration_ms: -1",
@@ -356,7 +356,7 @@ MISTAKES = {
     "joint twice": ("joints: [hip, knee]", "joints: [hip, hip, knee]", "hip", ""),
     "hip centre twice": (
         "hip_centre_deg: 9", "hip_centre_deg: 9, hip_centre_rad: 0.3",
-        "scaling", "hip_centre",
+        "line 6", "hip_centre_rad",
     ),
     "driven by": ("cause: loaded", "cause: loaded, driven_by: wind", "transitions[0].driven_by", "contact"),
     "waiver without reason": ("sides:", "waive: [{rule: cascade}]\nsides:", "waive[0].reason", "missing"),

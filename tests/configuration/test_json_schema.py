@@ -71,7 +71,6 @@ PLANTED = [
     ("experiment", "scenario.belt_speed_km_per_h=9", "scenario.belt_speed_km_per_h"),
     ("experiment", "scenario.support.share=1.2", "scenario.support.share"),
     ("experiment", "scenario.kind=moon", "scenario"),
-    ("experiment", "scenario.leading_start={hip_deg: 18, hip_rad: 0.3}", "scenario.leading_start"),
     ("experiment", "plant.actuators.hip.gear_efficiency=0.2", "plant.actuators.hip.gear_efficiency"),
     ("experiment", "plant.friction.knee={law: lugr}", "plant.friction.knee"),
     ("experiment", "plant.ankle.rest_deg=40", "plant.ankle.rest_deg"),

@@ -10,7 +10,7 @@ import pytest
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters import (
     ImpedancePlace,
     NetworkParameters,
@@ -111,7 +111,7 @@ def test_an_outage_that_makes_no_sense_is_refused(text: str, problem: str) -> No
     ("setting", "message"),
     [
         ("network=5", "network: expected ideal, can or a mapping with a kind, got 5"),
-        ("network=star", "network.kind: input should be 'ideal' or 'can', got 'star'"),
+        ("network=star", "network: input should be 'ideal' or 'can', got 'star'"),
         ("network={kind: ideal, loss: 0.1}", "ideal has no loss: set kind to can"),
         ("network.los=0.1", "network.los: unknown key; did you mean 'loss'?"),
         ("network.loss=2", "network.loss: expected a number from 0 to 1, got 2"),
@@ -127,11 +127,11 @@ def test_an_outage_that_makes_no_sense_is_refused(text: str, problem: str) -> No
         ("network.dbc=none.dbc", "network.dbc: none.dbc: no such DBC file"),
         ("network.outages=['boot:ccu@3s']", "network.outages[0]: outage 'boot:ccu@3s': no kind"),
         ("network.outages=['silence@30s']", "network outage silence@30.0s: expected a time before the end"),
-        ("network={jitter_us: 5, jitter_s: 0.1}", "expected exactly one of"),
+        ("network={jitter_us: 5, jitter_s: 0.1}", "jitter_us is given twice, here as jitter_s"),
     ],
 )
 def test_mistakes_end_in_one_line_that_helps(setting: str, message: str) -> None:
-    with pytest.raises(ParameterFileError) as caught:
+    with pytest.raises(TwinGaitError) as caught:
         load_experiment("treadmill", [setting])
     assert message in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1

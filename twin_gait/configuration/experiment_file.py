@@ -10,7 +10,7 @@ from pydantic import create_model
 
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, mode_table_from_mapping
 from twin_gait.configuration.readers import section_of, type_of
-from twin_gait.configuration.validation import converting, refuse_two_units, validate
+from twin_gait.configuration.validation import converting, validate
 from twin_gait.exceptions import ModelError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -35,8 +35,6 @@ def experiment_from_mapping(
     ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
     converted again, which takes most of the time.
     """
-    if like is None:  # which would have told, and a change of it replaces what has another unit
-        refuse_two_units(data, source)
     known = {} if like is None else _known(data, like)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = {**entry.values(), "scenario": entry.scenario}

@@ -97,7 +97,6 @@ def gait_table_from_mapping(
 
     ``source``: file name for messages. ``name``: of the table if the file gives none.
     """
-    validation.refuse_two_units(data, source)
     entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
     phases = {phase: _phase_of(entry.phases, phase, joints, source) for phase in entry.phases}

@@ -7,8 +7,7 @@ import copy
 import difflib
 import re
 import reprlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -33,29 +32,13 @@ def quantity_of(key: str) -> str:
     return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
 
 
-def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
-    """Refuse a mapping that gives one quantity in two units: it is ambiguous."""
-    seen: set[int] = set()  # aliases are looked at once
-
-    def visit(node: Any, place: str) -> None:
-        if not isinstance(node, (Mapping, list)) or id(node) in seen:
-            return
-        seen.add(id(node))
-        if isinstance(node, list):
-            for index, item in enumerate(node):
-                visit(item, f"{place}[{index}]")
-            return
-        first: dict[str, str] = {}
-        for key, value in node.items():
-            if not isinstance(key, str):
-                continue  # the schema refuses it
-            other = first.setdefault(quantity_of(key), key)
-            if other != key:
-                problem = f"expected exactly one of {other} or {key}, got both; leave one out"
-                raise ParameterFileError(source, place, problem)
-            visit(value, f"{place}.{key}" if place else key)
-
-    visit(data, "")
+def refuse_two_units(keys: Iterable[Any]) -> None:
+    """Raise a ParameterError if keys give one quantity in two units: it is ambiguous."""
+    said: dict[str, str] = {}
+    for key in keys:
+        other = said.setdefault(quantity_of(str(key)), key)
+        if other != key:
+            raise ParameterError(f"expected exactly one of {other} or {key}, got both; leave one out")
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -64,6 +47,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     Neither is changed; what no change touches is the same object in both. A friction law of a joint that is
     named where none was has other keys and takes the place of the old one.
     """
+    refuse_two_units(changes)
     merged = dict(base)
     for key, value in changes.items():
         if key not in merged:
@@ -81,7 +65,7 @@ def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bo
     return key in _JOINTS and "law" in new and "law" not in old
 
 
-_DIGITS, _SHOWN = 9, 100  # of a list position, no list is longer; of a text in a message
+_DIGITS = 9  # of a list position; no list is longer
 _STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
 
 
@@ -98,17 +82,15 @@ def parse_assignment(text: str) -> tuple[list[str | int], Any]:
         path.append(match.group(1))
         path += [int(number[:_DIGITS]) for number in re.findall(r"\d+", match.group(2))]
     try:
-        return path, yaml.safe_load(value)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        shown = text if len(text) < _SHOWN else f"{text[:_SHOWN]}…"
-        raise ParameterError(f"--set {shown!r}: the value is not valid YAML") from error
+        return path, _loaded(value)
+    except ParameterError as error:
+        raise ParameterError(f"--set {short(text)}: {error}") from error
 
 
 def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
     """Split the assignments of one command line; of those with the same key the last one counts."""
     assignments = [parse_assignment(text) for text in texts]
-    keys = [text.partition("=")[0].strip() for text in texts]
-    refuse_two_units({key: value for key, (_, value) in zip(keys, assignments, strict=True)}, "--set")
+    converting("--set", "", lambda: refuse_two_units(_dotted(path) for path, _ in assignments))
     return assignments
 
 
@@ -147,14 +129,15 @@ class Strict(BaseModel):
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         """Say which key may have been meant; whatever is missing then does not matter."""
-        known = _keys(cls)
+        known = [info.alias or name for name, info in cls.model_fields.items()]
         for name in data if isinstance(data, Mapping) else ():
             if name not in known and name not in cls.model_fields:
-                near = " or ".join(repr(str(key)) for key in _nearest(str(name), cls))
-                problem = (
-                    f"unknown key; {f'did you mean {near}? ' if near else ''}allowed: {', '.join(known)}"
-                )
+                near = " or ".join(repr(str(key)) for key in _nearest(str(name), known, cls))
+                hint = f"did you mean {near}? " if near else ""
+                problem = f"unknown key; {hint}allowed: {', '.join(known)}"
                 raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
+        if isinstance(data, Mapping):
+            refuse_two_units(data)
         return data
 
 
@@ -171,44 +154,46 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _Result = TypeVar("_Result")
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Safe loader that refuses a key given twice."""
+class _Loader(yaml.SafeLoader):
+    """Safe loader that refuses a key given twice, and a quantity given in two units."""
 
 
-def _mapping_without_duplicates(loader: _UniqueKeyLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    seen = set()
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    said: dict[str, str] = {}
     for key_node, _ in node.value:
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, str):
-            raise yaml.constructor.ConstructorError(
-                None, None, f"expected a name as key, got {short(key)}", key_node.start_mark
-            )
-        if key in seen:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"the key {key!r} is given twice", key_node.start_mark
-            )
-        seen.add(key)
+            problem = f"expected a name as key, got {short(key)}"
+        elif quantity_of(key) in said:
+            other = said[quantity_of(key)]
+            problem = f"{other} is given twice, here as {key}; expected exactly one of them, leave one out"
+        else:
+            said[quantity_of(key)] = key
+            continue
+        raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
     return dict(loader.construct_pairs(node, deep=True))
 
 
-_UniqueKeyLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_duplicates)
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def _loaded(text: str) -> Any:
+    try:
+        return yaml.load(text, Loader=_Loader)  # a SafeLoader subclass
+    except yaml.YAMLError as error:
+        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or error
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
+        raise ParameterError(f"{place}not valid YAML: {_one_line(str(problem))}") from error
+    except (RecursionError, ValueError, OverflowError, AttributeError, TypeError) as error:
+        raise ParameterError(f"not valid YAML: {_one_line(str(error))}") from error
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
     """Parse YAML text whose outermost element is a mapping."""
-    try:
-        data = yaml.load(text, Loader=_UniqueKeyLoader)  # a SafeLoader subclass
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or str(error)
-        raise ParameterFileError(source, place, f"not valid YAML: {_one_line(problem)}") from error
-    except (RecursionError, ValueError, OverflowError, AttributeError, TypeError) as error:
-        raise ParameterFileError(source, "", f"not valid YAML: {_one_line(str(error))}") from error
+    data = converting(source, "", lambda: _loaded(text))
     if not isinstance(data, dict):
         got = "nothing" if data is None else short(data)
         raise ParameterFileError(source, "", f"expected keys and values, got {got}")
-    refuse_two_units(data, source)
     return data
 
 
@@ -248,21 +233,20 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
         mistakes = error.errors(include_url=False)
         # A misspelt key is also a missing one: its own message helps more.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
-        location = tuple(part for part in first["loc"] if part != "[key]")  # of a wrong key of a mapping
-        problem = first["msg"]
-        if first["type"] == "unknown_key":
-            location, problem = (*location, first["ctx"]["key"]), first["ctx"]["problem"]
-        elif first["type"] == "missing":
-            problem = "is missing"
-        elif first["type"] in ("model_type", "model_attributes_type", "dict_type"):
-            problem = f"expected keys and values, got {short(first.get('input'))}"
-        elif first["type"] == "value_error":
+        kind, problem, given = first["type"], first["msg"], short(first.get("input"))
+        location = _as_written(first["loc"], data)
+        if kind == "unknown_key":
+            location.append(first["ctx"]["key"])
+        elif kind == "missing":
+            location, problem = [*location, first["loc"][-1]], "is missing"
+        elif kind in ("model_type", "model_attributes_type", "dict_type"):
+            problem = f"expected keys and values, got {given}"
+        elif kind == "value_error":
             problem = problem.removeprefix("Value error, ")
         else:
             problem = problem.replace("valid tuple", "valid list")
-            problem = f"{problem[:1].lower()}{problem[1:]}, got {short(first.get('input'))}"
-        key = f"{place}.{_dotted(_as_written(location, data))}".strip(".")
-        raise ParameterFileError(source, key, problem) from error
+            problem = f"{problem[:1].lower()}{problem[1:]}, got {given}"
+        raise ParameterFileError(source, f"{place}.{_dotted(location)}".strip("."), problem) from error
 
 
 def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
@@ -279,28 +263,23 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
         raise ParameterFileError(source, key, text) from error
 
 
-def _nearest(name: str, model: type[BaseModel]) -> list[str]:
+def _nearest(name: str, known: Sequence[str], model: type[BaseModel]) -> list[str]:
     """Keys that may have been meant: of this place, or below it, where they have the name as a word.
 
     A slip of the pen at this place comes first, then ``scenario.belt_speed_km_per_h`` for ``speed``.
     """
-    known = _keys(model)
     slip = difflib.get_close_matches(name, known, n=1, cutoff=0.9)
     if slip:
         return slip
-    found = {}
-    for path in _paths(model):
-        quantity = quantity_of(path.rpartition(".")[2])
-        if set(name.lower().split("_")) <= set(quantity.lower().split("_")):
-            found[path] = (difflib.SequenceMatcher(None, name, quantity).ratio(), -path.count("."))
-    best = [path for path, rank in found.items() if rank == max(found.values())]
+    quantities = {path: quantity_of(path.rpartition(".")[2]).lower() for path in _paths(model)}
+    words = set(name.lower().split("_"))
+    ranks = {
+        path: (len(quantity), path.count("."))
+        for path, quantity in quantities.items()
+        if words <= set(quantity.split("_"))
+    }
+    best = [path for path, rank in ranks.items() if rank == min(ranks.values())]
     return best[:2] or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-
-
-@cache
-def _keys(model: type[BaseModel]) -> list[str]:
-    own = [name for name in model.__annotations__ if name in model.model_fields]  # before what is inherited
-    return [model.model_fields[name].alias or name for name in dict.fromkeys((*own, *model.model_fields))]
 
 
 def _paths(model: type[BaseModel]) -> Iterator[str]:
@@ -320,18 +299,14 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _models_in(inner)
 
 
-def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
+def _as_written(location: Sequence[Any], data: Any) -> list[Any]:
     """Place of a mistake without the names of the variants of a section, which no file has."""
     kept = []
-    for position, part in enumerate(location):
-        inside = part in (
-            data if isinstance(data, Mapping) else range(len(data) if isinstance(data, list) else 0)
-        )
-        if inside or position == len(location) - 1:
-            kept.append(part)
-        if inside:
+    for part in location:
+        if part in data if isinstance(data, Mapping) else isinstance(data, list) and part in range(len(data)):
             data = data[part]
-    return tuple(kept)
+            kept.append(part)
+    return kept
 
 
 def _dotted(location: Sequence[Any]) -> str:

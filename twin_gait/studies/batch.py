@@ -186,7 +186,7 @@ def changed(
 ) -> Experiment:
     """As :func:`overridden`, for many changes of one experiment; ``known``: what names stand for."""
     document = base.document
-    refuse_two_units(override, source)
+    converting(source, "", lambda: refuse_two_units(override))
     for key, value in sorted(override.items(), key=lambda item: item[0] not in WHOLE):
         plain = value.item() if isinstance(value, np.generic) else value
         if key in WHOLE:
