@@ -275,7 +275,8 @@ def test_left_over_friction_of_bristles_is_what_they_break_away_at():
 
 def test_a_table_is_not_blamed_for_a_joint_that_rings_within_its_bristles():
     law = "{law: lugre, coulomb_friction_Nm: 3.2, bristle_stiffness_Nm_per_rad: 1800, "
-    law += "bristle_damping_Nms_per_rad: 20, viscous_friction_Nms_per_rad: 2.06}"
+    law += "bristle_damping_Nms_per_rad: 20, viscous_friction_forward_Nm: 2.06, "
+    law += "viscous_friction_backward_Nm: 2.06}"
     experiment = load_experiment("bench_leg", [f"plant.friction.knee={law}"]).experiment
     case = build_case(experiment.table, experiment)
     assert stability.unstable(case) == stability.effective_damping(case) == []

@@ -308,7 +308,7 @@ MISTAKES = {
     "transition twice": (
         "transitions:\n",
         "transitions:\n  - {from: early_stance, to: middle_stance, cause: loaded, after_s: 2}\n",
-        "transitions[1]", "the same from, to and cause as transitions[0]; leave one out, or give it another",
+        "transitions[1]", "the same from, to and cause as another one; leave one out",
     ),
     "stiffness below 0": (
         "stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg: -2.5",
@@ -418,7 +418,7 @@ def test_text_that_is_no_table_is_refused(text: str, explained: str, tmp_path: P
 
 def test_misspelt_phase_over_another_table_is_told(tmp_path: Path) -> None:
     text = "schema_version: 1\nextends: treadmill\nphases: {late_stanc: {hip: {stiffness_Nm_per_deg: 2}}}\n"
-    refuse(text, tmp_path, "phases.late_stanc.hip", "is missing; did you mean the phase late_stance?")
+    refuse(text, tmp_path, "phases.late_stanc.hip", "is missing")
 
 
 def test_phase_that_is_set_to_nothing_is_refused(tmp_path: Path) -> None:
@@ -723,31 +723,14 @@ def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> Non
     ]
 
 
-def test_waivers_about_a_removed_cause_go_with_it(tmp_path: Path) -> None:
-    (tmp_path / "below.yaml").write_text(
-        TABLE.replace(
-            "sides:",
-            "waive: [{rule: cascade, transition: time_out, reason: so},"
-            " {rule: cascade, transition: clearance, reason: so}]\nsides:",
-        ),
-        encoding="utf-8",
-    )
-    text = "schema_version: 1\nextends: below.yaml\ntransitions:\n"
-    table = changed(
-        tmp_path, text + "  - {from: swing_flexion, to: swing_extension, cause: time_out, remove: true}\n"
-    )
-    assert [item.transition for item in table.waivers] == ["clearance"]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "key", "explained"),
     [
         ("cause: time_out, remove", "cause: tired, remove", "transitions[2]",
          "treadmill has no swing_extension → early_stance (tired)"),
-        ("remove: true", "remove: true, after_s: 1", "transitions[2]", "after_s"),
         ("remove: true", "remove: maybe", "transitions[2].remove", "maybe"),
         ("from: late_stance, to: early_stance, cause: stumble", "from: middle_stance, to: late_stance, "
-         "cause: hip_extension", "transitions[1]", "the same from, to and cause as transitions[0]"),
+         "cause: hip_extension", "transitions[1]", "the same from, to and cause"),
         ("hip.angle_deg < -1.25", "hip.angle_dog < -1.25", "transitions[1]", "hip.angle_deg"),
         ("to: early_stance, cause: stumble", "to: flight, cause: stumble",
          "transitions[0] (stumble)", "flight"),

@@ -75,7 +75,7 @@ def test_the_same_transition_twice_is_refused():
     with pytest.raises(ParameterFileError) as caught:
         read({**SMALL, "transitions": [*SMALL["transitions"], first]})
     place = f"my_modes.yaml: transitions[{len(SMALL['transitions'])}]"
-    assert f"{place}: the same from, to and cause as transitions[0]; leave one out" in str(caught.value)
+    assert f"{place}: the same from, to and cause as another one; leave one out" in str(caught.value)
 
 
 def test_either_kind_of_table_is_found_by_its_name():

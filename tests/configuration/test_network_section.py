@@ -124,7 +124,7 @@ def test_an_outage_that_makes_no_sense_is_refused(text: str, problem: str) -> No
         ("network.clock_drift_ppm.left_hip=20000", "clock_drift_ppm.left_hip: expected a number from -10000"),
         ("network.board_silence_ms=0", "network.board_silence_ms: expected a number above 0"),
         ("network.impedance=cpu", "network.impedance: input should be 'board' or 'ccu', got 'cpu'"),
-        ("network.dbc=none.dbc", "network.dbc: none.dbc: no such DBC file"),
+        ("network.dbc=none.dbc", "none.dbc: no such DBC file"),
         ("network.outages=['boot:ccu@3s']", "network.outages[0]: outage 'boot:ccu@3s': no kind"),
         ("network.outages=['silence@30s']", "network outage silence@30.0s: expected a time before the end"),
         ("network={jitter_us: 5, jitter_s: 0.1}", "jitter_us is given twice, here as jitter_s"),

@@ -226,7 +226,7 @@ def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
         ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: line 1, .*effort_delay_ms is given twice"),
         ("[1, 2]", "mine.yaml: expected keys and values"),
         ("preset: healthy", "mine.yaml: preset: unknown key"),
-        ("{preset: treadmill, patient: {mass_kg: 60}}", "mine.yaml: patient: this is an experiment"),
+        ("{preset: treadmill, patient: {mass_kg: 60}}", "mine.yaml: preset: unknown key"),
     ],
 )
 def test_mistake_in_the_file_of_a_person_names_that_file(file, text, message):

@@ -10,7 +10,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from twin_gait.configuration.readers import section_of
 from twin_gait.core.friction import advanced_deflection, friction_torque, rotational_friction_torque
 from twin_gait.core.friction_models import bristle_rate, bristle_step
 from twin_gait.identification import MODELS
@@ -30,7 +29,7 @@ from twin_gait.identification.laws import (
     two_velocity_torque,
 )
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
-from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE
+from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE, law_of
 
 SPEEDS = np.linspace(-3.0, 3.0, 241)
 
@@ -238,7 +237,7 @@ def test_a_plant_with_an_identified_law_has_the_torque_that_was_identified(name)
     x[count:] = np.log(np.clip(np.exp(vector(name, 4, rows)[count:]), 1e-3, 1e3))
     if name.startswith(("asymmetric", "lugre_")):
         x[count - 1] = 0.1  # an offset below what it adds to
-    friction = section_of(PARAMETER_FILES[PLANT_FILE][name])(**model.parameters(x)).convert().in_plant()
+    friction = law_of(PARAMETER_FILES[PLANT_FILE][name], model.parameters(x)).in_plant()
     # A test whose first torque is not the bristles' starts with straight ones.
     directions = (friction.viscous_friction_forward, friction.viscous_friction_backward)
     rest = directional_viscous_torque(rows.velocity[0], *directions, friction.viscous_exponent)

@@ -23,7 +23,8 @@ PHASES = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swin
 COULOMB, BREAKAWAY, STRIBECK, VISCOUS, STIFFNESS, DAMPING = 2.0, 5.0, 0.05, 0.1, 1500.0, 100.0
 LUGRE = (
     f"{{law: lugre, coulomb_friction_Nm: {COULOMB}, breakaway_torque_Nm: {BREAKAWAY}, "
-    f"stribeck_velocity_rad_per_s: {STRIBECK}, viscous_friction_Nms_per_rad: {VISCOUS}, "
+    f"stribeck_velocity_rad_per_s: {STRIBECK}, viscous_friction_forward_Nm: {VISCOUS}, "
+    f"viscous_friction_backward_Nm: {VISCOUS}, "
     f"bristle_stiffness_Nm_per_rad: {STIFFNESS}, bristle_damping_Nms_per_rad: {DAMPING}}}"
 )
 SKEWED = (

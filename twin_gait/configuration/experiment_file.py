@@ -10,13 +10,13 @@ from pydantic import create_model
 
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, mode_table_from_mapping
 from twin_gait.configuration.readers import section_of, type_of
-from twin_gait.configuration.validation import converting, validate
-from twin_gait.exceptions import ModelError, ParameterFileError
+from twin_gait.configuration.validation import converting, short, validate
+from twin_gait.exceptions import ModelError
 from twin_gait.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters.quantities import declarations
-from twin_gait.worlds import world_kinds, world_of
+from twin_gait.worlds import world_of
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def experiment_from_mapping(
     if data.get("patient") is None:
         found["patient"] = None
     _find_files(found, source, folder)
-    wanted = None if entry.provenance is None else entry.provenance.urdf_sha256
+    wanted = (entry.provenance or {}).get("urdf_sha256")
     if wanted is not None:
         converting(source, "provenance.urdf_sha256", lambda: _check_hash(found["leg"].urdf, wanted))
     return converting(source, "", lambda: Experiment(**found))
@@ -71,14 +71,11 @@ def _known(data: Mapping[str, Any], like: LoadedExperiment) -> dict[str, Any]:
 
 def _file_about(scenario: Any, source: str) -> Any:
     """Section of an experiment in the world that it is about."""
-    kind = scenario.get("kind") if isinstance(scenario, Mapping) else None
     if scenario is None:
-        return section_of(Experiment)  # which says that it is missing
-    if not isinstance(kind, str):
-        known = ", ".join(world_kinds())
-        key, given = ("scenario.kind", kind) if isinstance(scenario, Mapping) else ("scenario", scenario)
-        raise ParameterFileError(source, key, f"expected a kind of world, one of {known}, got {given!r}")
-    return _section_in(converting(source, "scenario.kind", lambda: world_of(kind)))
+        return section_of(Experiment)  # which says what is missing
+    kind = scenario.get("kind") if isinstance(scenario, Mapping) else scenario
+    name = kind if isinstance(kind, str) else short(kind)
+    return _section_in(converting(source, "scenario.kind", lambda: world_of(name)))
 
 
 @cache
@@ -92,10 +89,7 @@ def _find_files(found: dict[str, Any], source: str, folder: Path) -> None:
     converting(source, "leg", lambda: find_urdf(leg.urdf))
     if found.get("network") is not None:
         network = found["network"] = replace(found["network"], dbc=_beside(folder, found["network"].dbc))
-        try:
-            find_dbc(network.dbc)
-        except ParameterFileError as error:
-            raise ParameterFileError(source, "network.dbc", str(error)) from error
+        find_dbc(network.dbc)
 
 
 def _beside(folder: Path, name: str) -> str:

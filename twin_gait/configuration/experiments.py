@@ -6,20 +6,13 @@ What holds for both sides of a wearer stands under ``both``; ``left`` and ``righ
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Literal
-
-from pydantic import Field, create_model
+from typing import Any
 
 from twin_gait.configuration import table_inheritance, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.experiment_file import LoadedExperiment as LoadedExperiment
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.gait_table_file import (
-    gait_table_from_mapping,
-    mode_table_from_mapping,
-    mode_table_path,
-    packaged_mode_tables,
-)
+from twin_gait.configuration.gait_table_file import checked_table, mode_table_from_mapping, mode_table_path
 from twin_gait.configuration.readers import SIDES, section_of
 from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError
@@ -28,15 +21,7 @@ from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.parameters import Patient
 from twin_gait.worlds.registry import load_plugin, words
 
-_HEADER = ("schema_version", "name", "description")
-_PersonFile = create_model(
-    "Person",
-    __base__=section_of(Patient),
-    schema_version=(Literal[1], 1),
-    name=(str, Field("", max_length=80)),
-    description=(str, ""),
-)
-_PersonFile.parameters = Patient
+_HEADER = ("schema_version", "name", "description")  # of the file of a person
 DEFAULT_PRESET = "treadmill"  # of commands that are given none
 GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
 
@@ -65,12 +50,10 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
     """
     name = value if isinstance(value, str) else value["preset"]
     changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
-    path = table_inheritance.gait_table_path(str(name), folder, "people", "person")
-    data = read_yaml(path)
-    if "patient" in data:
-        raise ParameterFileError(path, "patient", "this is an experiment; name it as that, not as the wearer")
-    converting(str(path), "", validation.validate(_PersonFile, data, str(path)).convert)
-    return merge({key: item for key, item in data.items() if key not in _HEADER}, changes)
+    path = table_inheritance.gait_table_path(name, folder, "people", "person")
+    person = {key: item for key, item in read_yaml(path).items() if key not in _HEADER}
+    converting(str(path), "", validation.validate(section_of(Patient), person, str(path)).convert)
+    return merge(person, changes)
 
 
 def named_document(key: str, value: Any, path: Path) -> dict[str, Any] | None:
@@ -112,7 +95,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
             data["patient"] = _person(value, path, f"{where} with --set")
         else:
             changes.append((keys, value))
-    data["table"] = _resolve_table(data.get("table"), path)
+    if "table" in data:
+        data["table"] = _resolve_table(data["table"], path)
     if data.get("modes") is not None:
         data["modes"] = _resolve_modes(data["modes"], path)
     document = _complete_document(data, where, path.parent)
@@ -197,10 +181,6 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     name, named = data.get("preset"), names_a_person(data.get("patient"))
     if named:
         data = {**data, "patient": _person(data["patient"], path, str(path))}
-    if name is None and "extends" in data:
-        extended = validation.short(data["extends"])
-        problem = f"gait tables extend each other; an experiment has preset: {extended}"
-        raise ParameterFileError(path, "extends", problem)
     if name is None:
         return data
     below = _preset(name) if isinstance(name, str) else None
@@ -220,9 +200,6 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
 def _resolve_modes(modes: Any, path: Path) -> dict[str, Any]:
     if isinstance(modes, dict):
         return modes
-    if not isinstance(modes, str):
-        known = ", ".join(packaged_mode_tables())
-        raise ParameterFileError(path, "modes", f"expected a packaged table ({known}), a path or a mapping")
     found = converting(str(path), "modes", lambda: mode_table_path(modes, path.parent))
     data = {"name": found.stem, **read_yaml(found)}
     mode_table_from_mapping(data, str(found), found.stem)  # while it is known what was written where
@@ -230,19 +207,15 @@ def _resolve_modes(modes: Any, path: Path) -> dict[str, Any]:
 
 
 def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
+    if isinstance(table, dict) and "extends" not in table:
+        return table
     if isinstance(table, dict):
-        if "extends" not in table:
-            return table
         source, name = f"{path}: table", path.stem
-        data, places = table_inheritance.extended_table(table, path, source)
-    elif isinstance(table, str):
-        found = converting(str(path), "table", lambda: table_inheritance.gait_table_path(table, path.parent))
-        source, name = str(found), found.stem
-        data, places = table_inheritance.read_gait_table(found)
-        data = {"name": name, **data}
+        found = table_inheritance.extended_table(table, path, source)
     else:
-        known = ", ".join(table_inheritance.packaged_gait_tables())
-        raise ParameterFileError(path, "table", f"expected a packaged table ({known}), a path or a mapping")
-    with table_inheritance.own_entries_named(places):  # while it is known what was written where
-        gait_table_from_mapping(data, source, name)
-    return data
+        file = converting(str(path), "table", lambda: table_inheritance.gait_table_path(table, path.parent))
+        source, name = str(file), file.stem
+        found = table_inheritance.read_gait_table(file)
+        found = found._replace(data={**found.data, "name": found.data.get("name") or name})
+    checked_table(found, source, name)  # while it is known what was written where
+    return found.data

@@ -1,21 +1,15 @@
 """Gait tables, and tables of operating modes, as YAML: units in the keys there, SI in the tables."""
 
-from difflib import get_close_matches
+import re
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, create_model
 
-from twin_gait.configuration import validation
 from twin_gait.configuration.readers import section_of, type_of
-from twin_gait.configuration.table_inheritance import (
-    check_twice,
-    gait_table_path,
-    own_entries_named,
-    read_gait_table,
-)
-from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, validate
+from twin_gait.configuration.table_inheritance import TableMapping, gait_table_path, read_gait_table
+from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait import GaitTable, Mode, ModeTable, table
 from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
@@ -47,35 +41,49 @@ class _TableFile(Strict):
     name: str | None = None
     description: str = ""
     transitions: list[_Transition]
-    waive: list[_Waiver] = Field(default_factory=list)
-
-    def shared(
-        self, name: str, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords, source: str
-    ) -> dict[str, Any]:
-        """What both kinds of tables have, in SI; ``members`` are what guards may ask for by name."""
-        transitions = [
-            converting(source, f"transitions[{index}]", partial(_transition, entry, joints, members, words))
-            for index, entry in enumerate(self.transitions)
-        ]
-        return {
-            "name": self.name or name,
-            "joints": joints,
-            "description": self.description,
-            "transitions": tuple(transitions),
-            "waivers": tuple(self.waive),
-        }
+    waive: tuple[_Waiver, ...] = ()
 
 
 class GaitTableFile(_TableFile):
     """A gait table file."""
 
-    joints: list[str] = Field(min_length=1)
+    joints: tuple[str, ...] = Field(min_length=1)
     blending: _Blending = table.Blending()
     scaling: _Scaling = table.Scaling()
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
-    cycles: list[list[str]] = Field(default_factory=list)
-    postures: list[str] = Field(default_factory=list)
+    cycles: tuple[tuple[str, ...], ...] = ()
+    postures: tuple[str, ...] = ()
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+
+
+class ModeTableFile(_TableFile):
+    """A file of operating modes."""
+
+    joints: tuple[str, ...] = Field(default=("hip", "knee"), min_length=1)
+    requests: tuple[str, ...]
+    hold: str
+    modes: dict[str, _Mode] = Field(min_length=2)
+
+
+def _shared(
+    entry: Any, name: str, members: tuple[str, ...], words: GuardWords, source: str
+) -> dict[str, Any]:
+    """What both kinds of tables have, in SI; ``members`` are what guards may ask for by name."""
+    read = partial(_transition, joints=entry.joints, members=members, words=words)
+    transitions: dict[tuple[str, ...], table.Transition] = {}
+    for index, written in enumerate(entry.transitions):
+        place = f"transitions[{index}]"
+        item = converting(source, place, partial(read, written))
+        if transitions.setdefault((item.source, item.target, item.cause), item) is not item:
+            problem = "the same from, to and cause as another one; leave one out, or give it another cause"
+            raise ParameterFileError(source, place, problem)
+    return {
+        "name": entry.name or name,
+        "joints": entry.joints,
+        "description": entry.description,
+        "transitions": tuple(transitions.values()),
+        "waivers": entry.waive,
+    }
 
 
 def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
@@ -85,9 +93,20 @@ def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTab
     ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key, value).
     """
     path = source if isinstance(source, Path) else gait_table_path(source)
-    data, places = read_gait_table(path)
-    with own_entries_named(places):
-        return gait_table_from_mapping(data, str(path), path.stem, draft=draft)
+    return checked_table(read_gait_table(path), str(path), path.stem, draft=draft)
+
+
+def checked_table(found: TableMapping, source: str, name: str, *, draft: bool = False) -> table.GaitTable:
+    """As :func:`gait_table_from_mapping`; mistakes in an entry of a list name file and entry as written."""
+    try:
+        return gait_table_from_mapping(found.data, source, name, draft=draft)
+    except ParameterFileError as error:
+        text = f"{error.key}: {error.problem}".removeprefix(": ")
+        entry = re.match(r"\w+\[\d+\]", text)
+        place = found.places.get(entry[0]) if entry else None
+        if entry is None or place is None:
+            raise
+        raise ParameterFileError(place.source, "", place.key + text[entry.end() :]) from error
 
 
 def gait_table_from_mapping(
@@ -98,37 +117,26 @@ def gait_table_from_mapping(
     ``source``: file name for messages. ``name``: of the table if the file gives none.
     """
     entry: Any = validate(GaitTableFile, data, source)
-    joints = tuple(entry.joints)
-    phases = {phase: _phase_of(entry.phases, phase, joints, source) for phase in entry.phases}
+    phases = {
+        name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
+    }
     # Some of the five phases are a mistake, unless the table says how it goes round without the others.
-    if set(phases) < {str(item) for item in GaitPhase} and not entry.cycles:
-        missing = ", ".join(str(item) for item in GaitPhase if item not in phases)
+    if set(phases) < set(GaitPhase) and not entry.cycles:
+        missing = ", ".join(phase for phase in GaitPhase if phase not in phases)
         problem = f"missing {missing}; a cycle without them goes under cycles"
         raise ParameterFileError(source, "phases", problem)
-    shared = entry.shared(name, joints, tuple(phases), LEG_WORDS, source)
     side_phases: dict[Side, dict[str, table.PhaseParameters]] = {}
     for side, differences in entry.sides.items():
         for phase, values in differences.items():
             key = f"sides.{side}.{phase}"
-            if phase not in entry.phases:
-                known = ", ".join(entry.phases)
-                raise ParameterFileError(source, key, f"no such phase; there are {known}")
+            if phase not in phases:
+                raise ParameterFileError(source, key, f"no such phase; there are {', '.join(phases)}")
             merged = merge(entry.phases[phase], values)  # over the common values
-            side_phases.setdefault(side, {})[phase] = _phase(merged, joints, source, key)
+            side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
+    own = {name: getattr(entry, name) for name in ("blending", "scaling", "cycles", "postures")}
+    shared = _shared(entry, name, tuple(phases), LEG_WORDS, source)
     kind = table.DraftTable if draft else table.GaitTable
-    return converting(
-        source,
-        "",
-        lambda: kind(
-            **shared,
-            phases=phases,
-            blending=entry.blending,
-            side_phases=side_phases,
-            scaling=entry.scaling,
-            cycles=tuple(tuple(cycle) for cycle in entry.cycles),
-            postures=tuple(entry.postures),
-        ),
-    )
+    return converting(source, "", lambda: kind(**shared, **own, phases=phases, side_phases=side_phases))
 
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
@@ -138,27 +146,11 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     return phase
 
 
-def _phase_of(
-    phases: dict[str, dict[str, Any]], name: str, joints: tuple[str, ...], source: str
-) -> table.PhaseParameters:
-    """A phase; what is missing in one with nearly the name of another is a misspelt name."""
-    try:
-        return _phase(phases[name], joints, source, f"phases.{name}")
-    except ParameterFileError as error:
-        near = get_close_matches(name, [other for other in phases if other != name], n=1, cutoff=0.9)
-        if not near or not error.problem.endswith("is missing"):
-            raise
-        problem = f"{error.problem}; did you mean the phase {near[0]}?"
-        raise ParameterFileError(source, error.key, problem) from error
-
-
 def _transition(
     entry: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords
 ) -> table.Transition:
-    listed = entry.any if entry.all is None else entry.all
-    guards = tuple(_guard(item, joints, members, words) for item in listed or ())
-    some = entry.all is None and entry.any is not None
-    guard = AnyOf(guards=guards) if some else AllOf(guards=guards)
+    given = [{kind: guards} for kind in ("all", "any") if (guards := getattr(entry, kind))]
+    guard = _guard(given[0], joints, members, words) if given else AllOf(guards=())
     return table.Transition(**entry.values(), guard=guard)
 
 
@@ -171,16 +163,7 @@ def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: 
             guards = tuple(_guard(part, joints, members, words) for part in inner)
             return AllOf(guards=guards) if kind == "all" else AnyOf(guards=guards)
     expected = "expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
-    raise GaitTableError(f"guard {validation.short(item)}: {expected}")
-
-
-class ModeTableFile(_TableFile):
-    """A file of operating modes."""
-
-    joints: list[str] = Field(default=["hip", "knee"], min_length=1)
-    requests: list[str]
-    hold: str
-    modes: dict[str, _Mode] = Field(min_length=2)
+    raise GaitTableError(f"guard {short(item)}: {expected}")
 
 
 def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> ModeTable:
@@ -189,10 +172,8 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
     entry: Any = validate(ModeTableFile, data, source)
-    check_twice(data, source)
-    requests = tuple(entry.requests)
-    shared = entry.shared(name, tuple(entry.joints), requests, MODE_WORDS, source)
-    own = {"phases": entry.modes, "requests": requests, "hold": entry.hold}
+    shared = _shared(entry, name, entry.requests, MODE_WORDS, source)
+    own = {"phases": entry.modes, "requests": entry.requests, "hold": entry.hold}
     return converting(source, "", lambda: ModeTable(**shared, **own))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from twin_gait.configuration.sections import Section, reads
 from twin_gait.configuration.sections import section_of as section_of
@@ -13,46 +13,12 @@ from twin_gait.configuration.validation import Number, Strict
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
-from twin_gait.gait.table import LONGEST, TICK, JointImpedance, PhaseParameters, Scaling, Transition
-from twin_gait.parameters import JointCondition, Patient, StribeckFriction
+from twin_gait.gait.table import LONGEST, TICK, JointImpedance, PhaseParameters, Transition
+from twin_gait.parameters import JointCondition, Patient
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
 
 SIDES = ("both", "left", "right")
-
-
-_DIRECTIONS = ("viscous_friction_forward", "viscous_friction_backward")
-
-
-@reads(StribeckFriction)
-class StribeckReader(Section):
-    """Friction with a Stribeck curve: a linear viscous friction may be given for both directions."""
-
-    viscous_friction_Nms_per_rad: Number | None = None
-
-    def values(self) -> dict[str, Any]:
-        """Fields that are given; a linear viscous friction is that of both directions."""
-        values, both = super().values(), self.viscous_friction_Nms_per_rad
-        if both is None:
-            return values
-        linear = dict.fromkeys(_DIRECTIONS, both) | {"viscous_exponent": 1.0}
-        if any(values[name] != linear[name] for name in linear if name in values):
-            raise ParameterError(
-                f"viscous_friction_Nms_per_rad: {both:g} is linear and of both directions; leave it out "
-                "beside viscous_friction_forward_Nm, viscous_friction_backward_Nm or viscous_exponent"
-            )
-        return {**values, **linear}
-
-    @classmethod
-    def document(cls, parameters: Any) -> dict[str, Any]:
-        """As the mapping of a file: what is given."""
-        given = super().document(parameters)
-        forward, backward = (getattr(parameters, name) for name in _DIRECTIONS)
-        if forward == backward and parameters.viscous_exponent == 1.0:
-            for key in ("viscous_friction_forward_Nm", "viscous_friction_backward_Nm", "viscous_exponent"):
-                del given[key]
-            given["viscous_friction_Nms_per_rad"] = forward
-        return given
 
 
 _Condition = section_of(JointCondition)
@@ -102,14 +68,6 @@ class PatientReader(_Sides):  # type: ignore[misc, valid-type]
         return document | {name: joints for name, joints in sides.items() if joints}
 
 
-class ProvenanceEntry(Strict):
-    """What a resolved experiment was made with."""
-
-    urdf_sha256: str | None = None
-    table_sha256: str | None = None
-    versions: dict[str, str] = Field(default_factory=dict)
-
-
 @reads(Experiment)
 class ExperimentReader(Section):
     """An experiment file, presets merged in."""
@@ -120,25 +78,13 @@ class ExperimentReader(Section):
     table: dict[str, Any]
     modes: dict[str, Any] | None = None
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
-    provenance: ProvenanceEntry | None = None
+    provenance: dict[str, Any] | None = None
 
     @classmethod
     def document(cls, parameters: Experiment) -> dict[str, Any]:
         """As the mapping of a file, in SI, without the gait table and the modes."""
         world = parameters.scenario
         return {**super().document(parameters), "scenario": section_of(type(world)).document(world)}
-
-
-@reads(Scaling)
-class ScalingReader(Section):
-    """Scaling laws; what is usual is not written."""
-
-    @classmethod
-    def document(cls, parameters: Scaling) -> dict[str, Any]:
-        """As the mapping of a file, in SI."""
-        written = super().document
-        usual, own = written(Scaling()), written(parameters)
-        return {key: value for key, value in own.items() if key == "stance_phases" or usual.get(key) != value}
 
 
 @reads(PhaseParameters)
@@ -159,13 +105,6 @@ class PhaseReader(Section):
         return joints | super().document(parameters)
 
 
-def _seconds(after: float) -> float:
-    """A time that is rounded to ticks."""
-    if not TICK / 2 < after <= LONGEST * TICK:
-        raise ValueError(f"expected {TICK:g} to {LONGEST * TICK:g} s, got {after:g}")
-    return after
-
-
 @reads(Transition)
 class TransitionReader(Section):
     """One entry of the transition list; its guard is read for a table, which has the signals."""
@@ -173,7 +112,7 @@ class TransitionReader(Section):
     cause: str = Field(min_length=1)
     all: list[Any] | None = None
     any: list[Any] | None = None
-    after_s: Annotated[Number, AfterValidator(_seconds)] | None = None
+    after_s: Annotated[Number, Field(gt=TICK / 2, le=LONGEST * TICK)] | None = None
     remove: bool = False
 
     @model_validator(mode="after")
@@ -192,13 +131,12 @@ class TransitionReader(Section):
     def document(cls, parameters: Transition) -> dict[str, Any]:
         """As an entry of a file."""
         found: dict[str, Any] = super().document(parameters)
-        driven_by = found.pop("driven_by")
         if parameters.guard != AllOf(guards=()):
             written = _guard(parameters.guard)
             found |= written if isinstance(written, dict) else {"all": [written]}
         if parameters.time_out_ticks is not None:
             found["after_s"] = round(parameters.time_out_ticks * TICK, 3)
-        return found if driven_by == "joint" else {**found, "driven_by": driven_by}
+        return found
 
 
 def _guard(guard: Guard) -> Any:

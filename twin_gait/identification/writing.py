@@ -175,8 +175,17 @@ def _parameter_laws(result: Identification) -> dict[str, tuple[str, parameters.F
             if file not in found and item.name in entries:
                 values = item.fit.model.parameters(item.fit.x)
                 with contextlib.suppress(ValueError):  # pydantic's, of a law that would drive the joint
-                    found[file] = (item.name, section_of(entries[item.name])(**values).convert())
+                    found[file] = (item.name, law_of(entries[item.name], values))
     return found
+
+
+def law_of(kind: type[parameters.FrictionLaw], values: dict[str, float]) -> parameters.FrictionLaw:
+    """A law with the parameters of a model, whose linear viscous friction is that of both directions."""
+    if issubclass(kind, parameters.StribeckFriction) and "viscous_friction_Nms_per_rad" in values:
+        linear = values.pop("viscous_friction_Nms_per_rad")
+        values |= {"viscous_friction_forward_Nm": linear, "viscous_friction_backward_Nm": linear}
+    law: parameters.FrictionLaw = section_of(kind)(**values).convert()
+    return law
 
 
 def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: JointName) -> str:
