@@ -61,7 +61,7 @@ def test_every_parameter_says_what_it_is(kind: type[Any]) -> None:
             assert item.unit is not None, f"{item.name}: no unit"
             assert item.range is not None, f"{item.name}: no range"
         if item.range is not None and item.default is not MISSING and item.default is not None:
-            item.check(item.default)
+            item.taken(item.default)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -89,7 +89,7 @@ def _asked(item: Transition) -> set[str]:
     return {name for atom in atoms if isinstance(atom, guards.PhaseMembership) for name in atom.phases}
 
 
-_TIMED = re.compile(r"\s*(\w+)\s*@\s*([\d.]+)\s*s\s*")
+_TIMED = re.compile(r"\s*(\w+)\s*@\s*(\d{1,9}(?:\.\d{0,9})?|\.\d{1,9})\s*s\s*")
 
 
 @dataclass(frozen=True)
@@ -107,11 +107,9 @@ class TimedRequest:
 def parse_request(text: str) -> TimedRequest:
     """Read a request in its notation, for example ``walk@2.5s``; raises ParameterError if it is none."""
     match = _TIMED.fullmatch(text)
-    try:
-        assert match is not None
-        return TimedRequest(match.group(1), round(float(match.group(2)) / TICK))
-    except (AssertionError, ValueError):
-        raise ParameterError(f"request {text!r}: expected REQUEST@TIMEs, for example walk@2.5s") from None
+    if match is None:
+        raise ParameterError(f"request {text!r}: expected REQUEST@TIMEs, for example walk@2.5s")
+    return TimedRequest(match[1], round(float(match[2]) / TICK))
 
 
 def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) -> None:

@@ -20,7 +20,6 @@ from .friction import FrictionLaw as FrictionLaw
 from .friction import FrictionParameters as FrictionParameters
 from .friction import LuGreFriction as LuGreFriction
 from .friction import StribeckFriction as StribeckFriction
-from .network import BIT_RATES as BIT_RATES
 from .network import BOARDS as BOARDS
 from .network import CCU as CCU
 from .network import NODES as NODES

@@ -11,8 +11,24 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
 
 
+class _FrictionLaw(quantities.Parameters):
+    # What is proportional to the friction; velocities, exponents and the way until bristles slide are not.
+    torques: ClassVar[tuple[str, ...]]
+
+    def scaled(self, ratio: float) -> FrictionLaw:
+        """Return the law multiplied by a ratio, for a plant with other friction than the model.
+
+        ``ratio``: plant friction over model friction, 0 or more. Bristles slide after the same way as before.
+        """
+        quantities.NOT_NEGATIVE.require("friction ratio", ratio)
+        given = {name: getattr(self, name) for name in self.torques}
+        changes = {name: ratio * value for name, value in given.items() if value is not None}
+        scaled: FrictionLaw = replace(self, **changes)  # type: ignore[type-var, assignment]
+        return scaled
+
+
 @dataclass(frozen=True, kw_only=True)
-class FrictionParameters(quantities.Parameters):
+class FrictionParameters(_FrictionLaw):
     """Parameters of the rotational friction law, equation (3.1) of the thesis.
 
     Attributes:
@@ -23,6 +39,7 @@ class FrictionParameters(quantities.Parameters):
     """
 
     kind, tag, implied = "rotational", "law", True
+    torques = ("breakaway_torque", "coulomb_friction", "viscous_friction")
     breakaway_torque: quantities.Torque
     coulomb_friction: quantities.Torque
     breakaway_velocity: quantities.AngularVelocity
@@ -55,25 +72,8 @@ class FrictionParameters(quantities.Parameters):
         """Return the same law with a, b and c positive."""
         if self.breakaway_velocity > 0.0:
             return self
-        return replace(
-            self,
-            breakaway_torque=-self.breakaway_torque,
-            coulomb_friction=-self.coulomb_friction,
-            breakaway_velocity=-self.breakaway_velocity,
-        )
-
-    def scaled(self, ratio: float) -> FrictionParameters:
-        """Return the law multiplied by a ratio, for a plant with other friction than the model.
-
-        ``ratio``: plant friction over model friction, 0 or more.
-        """
-        quantities.NOT_NEGATIVE.require("friction ratio", ratio)
-        return replace(
-            self,
-            breakaway_torque=ratio * self.breakaway_torque,
-            coulomb_friction=ratio * self.coulomb_friction,
-            viscous_friction=ratio * self.viscous_friction,
-        )
+        changes = {name: -getattr(self, name) for name in ("breakaway_torque", "coulomb_friction")}
+        return replace(self, **changes, breakaway_velocity=-self.breakaway_velocity)
 
     def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
         """As the plant takes it.
@@ -99,7 +99,7 @@ NO_FRICTION = FrictionParameters(
 
 
 @dataclass(frozen=True, kw_only=True)
-class StribeckFriction(quantities.Parameters):
+class StribeckFriction(_FrictionLaw):
     """What laws with a Stribeck curve and directions of their own have in common.
 
     The Coulomb friction is T_c + T_0 forwards and T_c - T_0 backwards: a difference in it and an offset are
@@ -118,14 +118,10 @@ class StribeckFriction(quantities.Parameters):
 
     tag: ClassVar[str] = "law"
     law: ClassVar[int]
-    # What is proportional to the friction; velocities, exponents and the way until bristles slide are not.
     torques: ClassVar[tuple[str, ...]] = (
-        "coulomb_friction",
-        "breakaway_torque",
-        "viscous_friction_forward",
-        "viscous_friction_backward",
-        "offset",
-    )
+        "coulomb_friction", "breakaway_torque", "offset",
+        "viscous_friction_forward", "viscous_friction_backward",
+    )  # fmt: skip
     coulomb_friction: Annotated[quantities.Torque, quantities.POSITIVE]
     breakaway_torque: Annotated[quantities.Torque | None, quantities.POSITIVE] = None
     stribeck_velocity: Annotated[quantities.AngularVelocity | None, quantities.POSITIVE] = None
@@ -148,23 +144,14 @@ class StribeckFriction(quantities.Parameters):
         expected = f"less than the {least:g} N m that it adds to, either sign"
         require(abs(self.offset) < least, "offset", expected, self.offset)
 
-    def _given(self) -> dict[str, float]:
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {name: value for name, value in values.items() if value is not None}
-
     def scaled(self, ratio: float) -> FrictionLaw:
-        """As :meth:`FrictionParameters.scaled`; bristles slide after the same way as before."""
-        quantities.NOT_NEGATIVE.require("friction ratio", ratio)
-        if ratio == 0.0:
-            return NO_FRICTION
-        given = self._given()
-        changes: dict[str, Any] = {name: ratio * given[name] for name in self.torques if name in given}
-        scaled: FrictionLaw = replace(self, **changes)  # type: ignore[assignment]
-        return scaled
+        """As :meth:`FrictionParameters.scaled`; no law is left of none."""
+        return NO_FRICTION if ratio == 0.0 else super().scaled(ratio)
 
     def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
         """As :meth:`FrictionParameters.in_plant`."""
-        given: dict[str, Any] = self._given()
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        given: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
         if self.breakaway_torque is None:
             # No matter to the law; checks take a joint to creep up to this speed, as up to c of (3.1).
             speed = 10.0 * given.get("transition_velocity", 1e-3)
@@ -202,7 +189,7 @@ class LuGreFriction(StribeckFriction):
 
     kind: ClassVar[str] = "lugre"
     law: ClassVar[int] = BRISTLE
-    torques: ClassVar[tuple[str, ...]] = (*StribeckFriction.torques, "bristle_stiffness", "bristle_damping")
+    torques = (*StribeckFriction.torques, "bristle_stiffness", "bristle_damping")
     bristle_stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE]
     bristle_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
 

@@ -13,7 +13,6 @@ import dataclasses
 import inspect
 import math
 import re
-import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -200,19 +199,12 @@ class Declaration:
         """A mark of a kind, or None."""
         return next((item for item in self.marks if isinstance(item, kind)), None)
 
-    def check(self, value: Any) -> None:
-        """Raise a :class:`~twin_gait.exceptions.ParameterError` unless a value is within the range."""
-        if self.range is None or (value is None and self.optional):
-            return
-        self._check(value, self.range, self.name)
+    def taken(self, value: Any) -> Any:
+        """A value as the field has it, or a :class:`~twin_gait.exceptions.ParameterError`.
 
-    def _check(self, value: Any, bounds: Range, name: str) -> None:
-        if isinstance(value, Mapping):
-            for place, item in value.items():
-                joined = " " if name.startswith(f"{self.name} of") else " of the "
-                self._check(item, bounds, f"{name}{joined}{place}")
-            return
-        bounds.require(name, value, whole=self.kind is int)
+        Words become members of enumerations, numbers of NumPy those of Python.
+        """
+        return value if value is None and self.optional else of_kind(self.kind, self.name, value, self.range)
 
 
 class Parameters:
@@ -223,34 +215,39 @@ class Parameters:
     implied: ClassVar[bool] = False  # the kind that is meant where none is named
 
     def __post_init__(self) -> None:
-        """Take words for members of enumerations and numbers of NumPy for Python's, and check the ranges."""
+        """Take every value as its declaration has it."""
         for item in declarations(type(self)):
-            value = getattr(self, item.name)
-            if value is not None or not item.optional:
-                object.__setattr__(self, item.name, of_kind(item.kind, item.name, value))
-            item.check(getattr(self, item.name))
+            object.__setattr__(self, item.name, item.taken(getattr(self, item.name)))
 
 
-def of_kind(kind: Any, name: str, value: Any) -> Any:
-    """A value as a parameter of some type has it; ParameterError for a word or record of no such type."""
+def of_kind(kind: Any, name: str, value: Any, bounds: Range | None = None) -> Any:
+    """A value as a parameter of some type and range has it; ParameterError for what does not fit."""
+    while get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
     if is_mapping(kind):
         require(isinstance(value, Mapping), name, "a mapping", value)
         of_key, of_item = get_args(kind)
-        return {of_kind(of_key, name, key): of_kind(of_item, name, item) for key, item in value.items()}
+        inside = f"{name} " if " of the " in name else f"{name} of the "
+        return {
+            of_kind(of_key, name, key): of_kind(of_item, f"{inside}{key}", item, bounds)
+            for key, item in value.items()
+        }
     if get_origin(kind) is tuple:
         require(isinstance(value, tuple | list), name, "a tuple", value)
         kinds = get_args(kind)
         each = kinds[:1] * len(value) if Ellipsis in kinds else kinds
         require(len(value) == len(each), name, f"a tuple of {len(each)}", value)
-        return tuple(of_kind(one, name, item) for one, item in zip(each, value, strict=True))
+        return tuple(of_kind(one, name, item, bounds) for one, item in zip(each, value, strict=True))
     if isinstance(kind, type) and issubclass(kind, Enum):
         require(value in list(kind), name, f"one of {', '.join(map(str, kind))}", value)
         return kind(value)
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         require(isinstance(value, kind), name, f"an instance of {kind.__name__}", value)
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return value
-    return int(value) if isinstance(value, Integral) else float(value)
+    if not isinstance(value, bool) and isinstance(value, Real):
+        value = int(value) if isinstance(value, Integral) else float(value)
+    if bounds is not None:
+        bounds.require(name, value, whole=kind is int)
+    return value
 
 
 def declarations(parameters: type[Any]) -> tuple[Declaration, ...]:
@@ -268,17 +265,14 @@ _declared: dict[type[Any], tuple[Declaration, ...]] = {}
 
 
 def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Declaration:
-    kind, marks = hint, []
-    optional = False
-    while True:
+    kind, marks, optional = hint, [], False
+    while get_origin(kind) is Annotated or type(None) in get_args(kind):
         if get_origin(kind) is Annotated:
             kind, *more = get_args(kind)
             marks += more
-        elif get_origin(kind) in (Union, types.UnionType) and type(None) in get_args(kind):
+        else:
             optional = True
             kind = Union[tuple(one for one in get_args(kind) if one is not type(None))]  # noqa: UP007
-        else:
-            break
     numbers = kind
     while get_origin(numbers) is Annotated or is_mapping(numbers):
         marks += get_args(numbers)[1:] if get_origin(numbers) is Annotated else ()
@@ -315,11 +309,5 @@ def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
 
     A field that has a default keeps it where neither says more.
     """
-    missing = dataclasses.MISSING
-    values = {
-        item.name: getattr(source, item.name)
-        for item in dataclasses.fields(kind)  # type: ignore[arg-type]
-        if item.name not in more
-        and (hasattr(source, item.name) or item.default is item.default_factory is missing)
-    }
-    return kind(**values, **more)
+    names = {item.name for item in dataclasses.fields(kind)} - set(more)  # type: ignore[arg-type]
+    return kind(**{name: getattr(source, name) for name in names if hasattr(source, name)}, **more)

@@ -1,7 +1,6 @@
 """The wearer."""
 
 import math
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -51,14 +50,10 @@ class JointCondition(quantities.Parameters):
     strength: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that contracture, strength and threshold have something to change."""
+        """Check the ranges, and that that a contracture has something to shift."""
         super().__post_init__()
         expected = "0 without a passive moment that it could shift (passive is 0)"
         require(self.contracture == 0.0 or self.passive > 0.0, "contracture", expected, self.contracture)
-        # No error: a sweep may begin at none of either.
-        for name, of in (("strength", "effort"), ("stretch_reflex_threshold", "stretch_reflex_gain")):
-            if getattr(self, of) == 0.0 and getattr(self, name) != getattr(type(self), name):
-                warnings.warn(f"{name}: does nothing, because {of} is 0", stacklevel=4)
 
     @property
     def does_nothing(self) -> bool:
