@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -53,10 +54,23 @@ def person_row(name: str, duration: float) -> dict[str, Any]:
     }
 
 
+def stiffened(factor: float) -> BraceParameters:
+    """The default braces, stiffer by a factor, with the same share of critical damping."""
+    braces = vars(BraceParameters()).items()
+    return BraceParameters(
+        **{
+            name: replace(
+                brace, stiffness=factor * brace.stiffness, damping=math.sqrt(factor) * brace.damping
+            )
+            for name, brace in braces
+        }
+    )
+
+
 def brace_row(factor: float, duration: float) -> dict[str, Any]:
     """Walk of the default wearer in braces by a factor stiffer than the default ones."""
     alone = experiment_of(MASS_ALONE, SUPPORTS[0], duration)
-    run = simulate(replace(alone, interface=BraceParameters().stiffened(factor)))
+    run = simulate(replace(alone, interface=stiffened(factor)))
     summary = summarise(run)
     braces = summary["interaction"]
 

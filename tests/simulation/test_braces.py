@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cohorts.shipped import stiffened
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
@@ -132,7 +133,7 @@ def test_stiffer_braces_come_nearer_to_the_rigid_leg_as_one_over_their_stiffness
     rigid = simulate(bench("duration_s=0.3", interface=None)).log["right_hip_angle_rad"]
     factors, errors = (1.0, 1e2, 1e4), []
     for factor in factors:
-        braced = simulate(bench("duration_s=0.3", interface=BraceParameters().stiffened(factor)))
+        braced = simulate(bench("duration_s=0.3", interface=stiffened(factor)))
         errors.append(np.abs(braced.log["right_hip_angle_rad"] - rigid).max())
     slope = np.polyfit(np.log(factors), np.log(errors), 1)[0]
     assert slope == pytest.approx(-1.0, abs=0.1)

@@ -260,7 +260,7 @@ def test_engines_agree_on_fewer_joints(joints):
         (
             "treadmill",
             ["table=treadmill_ankle"],
-            "gait table 'treadmill_ankle' controls the ankle, which has no drive; give plant.actuators.ankle",
+            "plant.actuators.ankle: is missing, and gait table 'treadmill_ankle' controls the ankle",
         ),
         (WALK, ["plant.friction.ankle=null"], r"friction.ankle: the ankle has a drive; give its friction"),
         (
@@ -276,7 +276,7 @@ def test_engines_agree_on_fewer_joints(joints):
         (
             WALK,
             ["leg.left.ankle=null"],
-            "controls the ankle, which the left leg has not; give its name in the URDF",
+            "leg.left.ankle: is missing, and gait table 'treadmill_ankle' controls the ankle",
         ),
         (
             WALK,

@@ -202,7 +202,7 @@ def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
         (["requests=[run@1s]"], "request run@1s: there are stand, sit"),
         (["requests=[walk at 1]"], "expected REQUEST@TIMEs"),
         (["requests=[walk@1s, stop@1s]"], "another one comes in the same tick"),
-        (["initial_mode=flying"], "initial_mode: modes 'twin' have no 'flying'"),
+        (["initial_mode=flying"], "initial_mode: expected one of stopped"),
     ],
 )
 def test_what_does_not_fit_is_refused(settings, message):

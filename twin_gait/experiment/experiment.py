@@ -134,20 +134,22 @@ class Experiment(Parameters):
         self._check_joints()
         check_faults(self.faults, self.leg.legs, self.scenario.grounded, self.duration, self.joints)
         for side, angles in self.sensors.offset.items():
+            require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
             for joint in angles:
-                require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
-                expected = f"one of {', '.join(self.joints)}"
-                require(joint in self.joints, "sensors offset", expected, str(joint))
-        missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
-        if missing and not self.control.safety.enabled:
-            raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
+                require(
+                    joint in self.joints, "sensors offset", f"one of {', '.join(self.joints)}", str(joint)
+                )
+        blind = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
+        safe = self.control.safety.enabled or not blind
+        require(
+            safe, "control.safety", "enabled, as there is no gait without angles", ", ".join(map(str, blind))
+        )
         if self.network is not None:
             self.network.require_fit(self.leg.legs, self.joints, self.duration)
         self._check_modes()
-        if self.interface is not None and self.patient is None:
-            raise ParameterError("interface: braces need a wearer; give a patient, or interface: rigid")
-        if self.interface is not None and self.scenario.pelvis is PelvisGuide.FREE:
-            raise ParameterError("interface: no braces on a wearer whose trunk is free; set it to rigid")
+        bare = self.patient is None or self.scenario.pelvis is PelvisGuide.FREE
+        expected = "rigid without a wearer, and on one whose trunk is free"
+        require(self.interface is None or not bare, "interface", expected, "brace")
 
     def _check_modes(self) -> None:
         """Modes read joints of two legs, and have postures that the gait table offers."""
@@ -156,38 +158,29 @@ class Experiment(Parameters):
             require(self.initial_mode is None, "initial_mode", "modes, such as twin", str(self.initial_mode))
             return
         table, modes = f"gait table {self.table.name!r}", f"modes {self.modes.name!r}"
-        if self.initial_mode not in (None, *self.modes.phases):
-            known = ", ".join(self.modes.phases)
-            raise ParameterError(f"initial_mode: {modes} have no {self.initial_mode!r}; there are {known}")
+        known = f"one of {', '.join(self.modes.phases)} of {modes}"
+        require(self.initial_mode in (None, *self.modes.phases), "initial_mode", known, self.initial_mode)
         require(len(self.leg.legs) == 2, "modes", "an experiment with two legs", ", ".join(self.leg.legs))
-        if not set(self.modes.joints) <= set(self.table.joints):
-            joints = ", ".join(self.modes.joints)
-            raise ParameterError(f"{modes} read {joints}; {table} controls {', '.join(self.table.joints)}")
+        controlled = f"joints that {table} controls, {', '.join(self.table.joints)}"
+        there = set(self.modes.joints) <= set(self.table.joints)
+        require(there, f"joints of {modes}", controlled, ", ".join(self.modes.joints))
+        offered = f"one that {table} offers under postures, {', '.join(self.table.postures) or 'none'}"
         for name, mode in self.modes.phases.items():
-            if mode.posture is not None and mode.posture not in self.table.postures:
-                known = ", ".join(self.table.postures) or "none"
-                raise ParameterError(
-                    f"{modes}: {name} has the posture {mode.posture!r}, which {table} does not offer under "
-                    f"postures; it offers {known}"
-                )
+            there = mode.posture in (None, *self.table.postures)
+            require(there, f"posture of {name} in {modes}", offered, mode.posture)
 
     def _check_joints(self) -> None:
         """Every joint that the table controls is one of the legs' and has a drive, friction and a path."""
-        table = f"gait table {self.table.name!r}"
-        names = ", ".join(self.table.joints)
-        if [joint for joint in JointName if joint in self.table.joints] != list(self.table.joints):
-            expected = f"expected some of {', '.join(JointName)}, in this order"
-            raise ParameterError(f"{table} controls {names}; {expected}")
+        table, names = f"gait table {self.table.name!r}", ", ".join(self.table.joints)
+        ordered = [joint for joint in JointName if joint in self.table.joints] == list(self.table.joints)
+        require(ordered, f"joints of {table}", f"some of {', '.join(JointName)}, in this order", names)
+        needed = {f"leg.{side}": dict(leg.items()) for side, leg in self.leg.legs.items()}
+        needed |= {"plant.actuators": dict(self.plant.actuators)}
+        needed |= {"control.friction_model": dict(self.control.friction_model)}
         for joint in self.joints:
-            controls = f"{table} controls the {joint}"
-            for side, leg in self.leg.legs.items():
-                if joint not in dict(leg.items()):
-                    way_out = f"give its name in the URDF as leg.{side}.{joint}"
-                    raise ParameterError(f"{controls}, which the {side} leg has not; {way_out}")
-            if joint not in self.plant.actuators:
-                raise ParameterError(f"{controls}, which has no drive; give plant.actuators.{joint}")
-            if joint not in self.control.friction_model:
-                raise ParameterError(f"control.friction_model.{joint}: {controls}; give its friction")
+            for key, given in needed.items():
+                if joint not in given:
+                    raise ParameterError(f"{key}.{joint}: is missing, and {table} controls the {joint}")
         refused = self.control.controller().refusal(self.joints)
         if refused:
             raise ParameterError(f"{refused}; {table} controls {names}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 from twin_gait.parameters import quantities
@@ -178,16 +178,6 @@ class BraceParameters(quantities.Parameters):
     hip: SpringDamper = SpringDamper(stiffness=600.0, damping=20.0)
     knee: SpringDamper = SpringDamper(stiffness=400.0, damping=8.0)
     ankle: SpringDamper = SpringDamper(stiffness=1000.0, damping=3.0)
-
-    def stiffened(self, factor: float) -> BraceParameters:
-        """The same braces, stiffer by a factor, with the same share of critical damping."""
-        grown = math.sqrt(max(factor, 0.0))
-        braces = ((item.name, getattr(self, item.name)) for item in fields(self))
-        changed = {
-            name: replace(brace, stiffness=factor * brace.stiffness, damping=grown * brace.damping)
-            for name, brace in braces
-        }
-        return BraceParameters(**changed)
 
     def of(self, joint: JointName) -> SpringDamper:
         """Brace of a joint."""
