@@ -56,15 +56,11 @@ def person_row(name: str, duration: float) -> dict[str, Any]:
 
 def stiffened(factor: float) -> BraceParameters:
     """The default braces, stiffer by a factor, with the same share of critical damping."""
-    braces = vars(BraceParameters()).items()
-    return BraceParameters(
-        **{
-            name: replace(
-                brace, stiffness=factor * brace.stiffness, damping=math.sqrt(factor) * brace.damping
-            )
-            for name, brace in braces
-        }
-    )
+    grown = {
+        name: replace(brace, stiffness=factor * brace.stiffness, damping=math.sqrt(factor) * brace.damping)
+        for name, brace in vars(BraceParameters()).items()
+    }
+    return BraceParameters(**grown)
 
 
 def brace_row(factor: float, duration: float) -> dict[str, Any]:

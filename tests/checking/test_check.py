@@ -359,7 +359,7 @@ def test_joints_in_another_order_are_refused_as_a_run_refuses_them(tmp_path: Pat
     path = tmp_path / "turned.yaml"
     path.write_text("schema_version: 1\nextends: treadmill\njoints: [knee, hip]\n", encoding="utf-8")
     with pytest.raises(
-        ParameterError, match="controls knee, hip; expected some of hip, knee, ankle, in this"
+        ParameterError, match="expected some of hip, knee, ankle, in this order, got 'knee, hip'"
     ):
         load_case(path)
 

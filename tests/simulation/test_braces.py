@@ -323,7 +323,7 @@ def test_the_step_that_is_named_carries_the_braces():
 
 
 def test_nobody_wears_braces_without_a_wearer():
-    with pytest.raises(TwinGaitError, match="braces need a wearer"):
+    with pytest.raises(TwinGaitError, match="interface: expected rigid without a wearer"):
         load_experiment("bench_leg", ["interface=brace"])
 
 

@@ -266,7 +266,7 @@ def test_engines_agree_on_fewer_joints(joints):
         (
             WALK,
             ["control.friction_model.ankle=null"],
-            "control.friction_model.ankle: gait table 'treadmill_ankle'",
+            "control.friction_model.ankle: is missing, and gait table 'treadmill_ankle'",
         ),
         (
             WALK,

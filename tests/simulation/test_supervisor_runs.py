@@ -197,12 +197,12 @@ def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (["table=treadmill_start_stop"], "sitting has the posture 'sit'.* it offers none"),
+        (["table=treadmill_start_stop"], "posture of sitting in modes 'twin': .*, none, got 'sit'"),
         (["modes=null"], "nothing answers them; give modes, such as twin"),
         (["requests=[run@1s]"], "request run@1s: there are stand, sit"),
         (["requests=[walk at 1]"], "expected REQUEST@TIMEs"),
         (["requests=[walk@1s, stop@1s]"], "another one comes in the same tick"),
-        (["initial_mode=flying"], "initial_mode: expected one of stopped"),
+        (["initial_mode=flying"], "initial_mode: expected one of sitting, sit_up"),
     ],
 )
 def test_what_does_not_fit_is_refused(settings, message):

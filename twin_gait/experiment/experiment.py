@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.control import ControlParameters
@@ -136,14 +136,11 @@ class Experiment(Parameters):
         for side, angles in self.sensors.offset.items():
             require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
             for joint in angles:
-                require(
-                    joint in self.joints, "sensors offset", f"one of {', '.join(self.joints)}", str(joint)
-                )
-        blind = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
+                known = f"one of {', '.join(self.joints)}"
+                require(joint in self.joints, "sensors offset", known, str(joint))
+        blind = [str(item) for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         safe = self.control.safety.enabled or not blind
-        require(
-            safe, "control.safety", "enabled, as there is no gait without angles", ", ".join(map(str, blind))
-        )
+        require(safe, "faults", "control.safety enabled: there is no gait without angles", ", ".join(blind))
         if self.network is not None:
             self.network.require_fit(self.leg.legs, self.joints, self.duration)
         self._check_modes()
@@ -174,9 +171,9 @@ class Experiment(Parameters):
         table, names = f"gait table {self.table.name!r}", ", ".join(self.table.joints)
         ordered = [joint for joint in JointName if joint in self.table.joints] == list(self.table.joints)
         require(ordered, f"joints of {table}", f"some of {', '.join(JointName)}, in this order", names)
-        needed = {f"leg.{side}": dict(leg.items()) for side, leg in self.leg.legs.items()}
-        needed |= {"plant.actuators": dict(self.plant.actuators)}
-        needed |= {"control.friction_model": dict(self.control.friction_model)}
+        needed: dict[str, Any] = {f"leg.{side}": dict(leg.items()) for side, leg in self.leg.legs.items()}
+        needed["plant.actuators"] = self.plant.actuators
+        needed["control.friction_model"] = self.control.friction_model
         for joint in self.joints:
             for key, given in needed.items():
                 if joint not in given:
