@@ -145,9 +145,7 @@ def test_modes_may_stand_in_the_file_of_the_experiment_or_beside_it(tmp_path):
 
 
 def test_modes_without_their_joints_are_refused():
-    with pytest.raises(
-        ParameterFileError, match=r"joints of modes 'twin': .*, hip, knee, got.*ankle"
-    ):
+    with pytest.raises(ParameterFileError, match=r"joints of modes 'twin': .*, hip, knee, got.*ankle"):
         load_experiment(
             "treadmill_start_stop", [*WITH_POSTURES, "modes=twin", "modes.joints=[hip, knee, ankle]"]
         )

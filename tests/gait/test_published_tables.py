@@ -355,9 +355,7 @@ def test_other_readings_of_the_open_source_leg_switch_elsewhere() -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_the_leg_has_no_ankle_drive_and_says_so_in_one_line(name: str) -> None:
-    with pytest.raises(
-        TwinGaitError, match=rf"plant.actuators.ankle: is missing.*{name}"
-    ) as caught:
+    with pytest.raises(TwinGaitError, match=rf"plant.actuators.ankle: is missing.*{name}") as caught:
         load_experiment("treadmill", [f"table={name}"])
     assert len(str(caught.value).splitlines()) == 1
 

@@ -197,5 +197,5 @@ def test_without_a_monitor_nothing_trips():
 
 
 def test_a_missing_encoder_needs_the_monitor():
-    with pytest.raises(TwinGaitError, match="faults: expected control.safety enabled"):
+    with pytest.raises(TwinGaitError, match=r"faults: expected control\.safety enabled"):
         run_of("bench_leg", "control.safety.enabled=false", faults=("encoder_missing:right_hip@1s",))
