@@ -80,7 +80,7 @@ def test_the_same_transition_twice_is_refused():
 
 def test_either_kind_of_table_is_found_by_its_name():
     assert load_state_table("treadmill") == load_gait_table("treadmill")
-    with pytest.raises(ParameterError, match=r"no gait table 'flight'.*tables of modes.*twin"):
+    with pytest.raises(ParameterError, match=r"no gait table 'flight': neither a file nor one of"):
         load_state_table("flight")
     with pytest.raises(ParameterError, match=r"no table of modes 'treadmill'.*one of .*twin"):
         load_mode_table("treadmill")

@@ -10,7 +10,7 @@ from pydantic import Field, create_model
 from twin_gait.configuration.readers import section_of, type_of
 from twin_gait.configuration.table_inheritance import TableMapping, gait_table_path, read_gait_table
 from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, short, validate
-from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
+from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait import GaitTable, Mode, ModeTable, table
 from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
 from twin_gait.vocabulary import GaitPhase, Side
@@ -198,14 +198,7 @@ def load_mode_table(source: str | Path) -> ModeTable:
 
 def load_state_table(source: str | Path, *, draft: bool = False) -> GaitTable | ModeTable:
     """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
-    if not isinstance(source, Path):
-        try:
-            source = gait_table_path(source)
-        except ParameterError as error:
-            if source not in packaged_mode_tables():
-                known = ", ".join(packaged_mode_tables())
-                raise ParameterError(f"{error}; nor is it one of the tables of modes {known}") from None
-            source = mode_table_path(source)
-    if "modes" in read_yaml(source):
-        return load_mode_table(source)
-    return load_gait_table(source, draft=draft)
+    if source in packaged_mode_tables():
+        source = mode_table_path(source)
+    path = source if isinstance(source, Path) else gait_table_path(source)
+    return load_mode_table(path) if "modes" in read_yaml(path) else load_gait_table(path, draft=draft)

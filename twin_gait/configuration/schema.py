@@ -1,14 +1,19 @@
 """JSON Schemas of experiment and gait-table files, by which editors complete and check them."""
 
+from functools import reduce
 from itertools import combinations
-from typing import Any
+from operator import or_
+from typing import Annotated, Any
+
+from pydantic import Field, create_model
 
 from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile, phase_section
 from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.validation import quantity_of
 from twin_gait.experiment import Experiment
+from twin_gait.parameters import Patient
 from twin_gait.parameters.quantities import Word, declarations
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import world_kinds, world_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -23,66 +28,43 @@ def comment_for(kind: str) -> str:
 
 def json_schema(kind: str) -> dict[str, Any]:
     """JSON Schema of a file of an ``experiment``, a ``table`` or ``modes``; no key is required."""
-    table = _table()
-    if kind == "table":
-        return {"$schema": DIALECT, **table, "title": "gait table of twin_gait"}
-    modes = _modes(table["$defs"])
-    if kind == "modes":
-        return {"$schema": DIALECT, **modes, "title": "operating modes of twin_gait"}
-    schema: dict[str, Any] = _lenient(section_of(Experiment).model_json_schema())
-    defined = schema["$defs"] | modes.pop("$defs") | table.pop("$defs")
-    worlds = []
-    for kind_of_world in world_kinds():
-        world = _lenient(section_of(world_of(kind_of_world)).model_json_schema())
-        defined |= world.pop("$defs", {})
-        worlds.append(world)
-    name = {"type": "string", "minLength": 1}
-    person = defined["Patient"]
-    person["properties"]["preset"] = name
-    defined["GaitTable"], defined["ModeTable"] = table, modes
-    schema["properties"] |= {
-        "preset": name,
-        "patient": {"anyOf": [name, {"$ref": "#/$defs/Patient"}, {"type": "null"}]},
-        "table": {"anyOf": [name, {"$ref": "#/$defs/GaitTable"}]},
-        "modes": {"anyOf": [name, {"$ref": "#/$defs/ModeTable"}, {"type": "null"}]},
-        "scenario": {"anyOf": worlds},
-    }
-    for item in declarations(Experiment):
+    model: Any = ModeTableFile
+    if kind != "modes":
+        model = _table() if kind == "table" else _experiment()
+    schema: dict[str, Any] = _lenient(model.model_json_schema())
+    guards = {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Guard"}}
+    nested = {"type": "object", "properties": {"all": guards, "any": guards}, "maxProperties": 1}
+    text = {"type": "string", "pattern": _GUARD}
+    schema["$defs"]["Guard"] = {"anyOf": [text, {**nested, "additionalProperties": False}]}
+    schema["$defs"]["Transition"]["properties"] |= {"all": guards, "any": guards}
+    for item in declarations(Experiment) if kind == "experiment" else ():
         word = item.mark(Word)
         if word:
             schema["properties"][item.key]["anyOf"].append({"enum": [word.without, word.kind]})
-    return {"$schema": DIALECT, **schema, "title": "experiment of twin_gait", "$defs": defined}
+    return {"$schema": DIALECT, **schema, "title": f"{kind} of twin_gait"}
 
 
-def _table() -> dict[str, Any]:
-    schema: dict[str, Any] = _lenient(GaitTableFile.model_json_schema())
-    phase = _lenient(phase_section(tuple(map(str, JointName))).model_json_schema())
-    defined = schema["$defs"] | phase.pop("$defs")
-    by_name = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Phase"}}
-    guards = {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Guard"}}
-    defined["Phase"] = phase
-    defined["Guard"] = {
-        "anyOf": [
-            {"type": "string", "pattern": _GUARD},
-            {"type": "object", "properties": {"all": guards, "any": guards}, "maxProperties": 1,
-             "additionalProperties": False},
-        ]
-    }  # fmt: skip
-    defined["Transition"]["properties"] |= {"all": guards, "any": guards}
-    sides = {
-        "type": "object",
-        "properties": {"left": by_name, "right": by_name},
-        "additionalProperties": False,
-    }
-    schema["properties"] |= {"extends": {"type": "string"}, "phases": by_name, "sides": sides}
-    return {**schema, "$defs": defined}
+def _table() -> Any:
+    """A gait table whose phases are spelt out, as far as joints are known."""
+    phases: Any = dict[str, phase_section(tuple(map(str, JointName)))]  # type: ignore[misc]
+    more: dict[str, Any] = {"phases": (phases, ...), "sides": (dict[Side, phases], {})}
+    return create_model("GaitTable", __base__=GaitTableFile, extends=(str, ""), **more)
 
 
-def _modes(defined: dict[str, Any]) -> dict[str, Any]:
-    """Schema of a table of modes, its guards as those of a gait table."""
-    schema: dict[str, Any] = _lenient(ModeTableFile.model_json_schema())
-    shared = {name: defined[name] for name in ("Guard", "Transition")}
-    return {**schema, "$defs": schema["$defs"] | shared}
+def _experiment() -> Any:
+    """An experiment with everything spelt out that may be named instead."""
+    name: Any = Annotated[str, Field(min_length=1)]
+    person = create_model("Person", __base__=section_of(Patient), preset=(name, ""))
+    worlds = reduce(or_, (section_of(world_of(kind)) for kind in world_kinds()))
+    return create_model(
+        "Experiment",
+        __base__=section_of(Experiment),
+        preset=(name, ""),
+        scenario=(worlds, ...),
+        patient=(name | person | None, None),
+        table=(name | _table(), ...),
+        modes=(name | ModeTableFile | None, None),
+    )
 
 
 def _lenient(schema: Any) -> Any:

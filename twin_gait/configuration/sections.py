@@ -139,12 +139,8 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
 
 def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
     """Type of a number in a unit, validated as that in SI."""
-    ends = (
-        {value: f" {end.replace('_per_', '/')}" for end, value in item.unit.factors.items()}
-        if item.unit
-        else {}
-    )
-    unit = "" if factor == 1.0 else ends[factor]
+    names = item.unit.factors.items() if item.unit and factor != 1.0 else ()
+    unit = "".join(f" {end.replace('_per_', '/')}" for end, value in names if value == factor)
 
     def in_si(value: Any) -> Any:
         found = value if factor == 1.0 else factor * value
@@ -252,18 +248,15 @@ def _section(parameters: type[Any]) -> Any:
 
 def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
     """Type of a key, with its default and what a JSON Schema says of it."""
-    kind, default, said = _type(item, item.kind, factor), item.default, dict[str, Any]()
+    kind = _type(item, item.kind, factor)
+    said: dict[str, Any] = {}
     if item.range is not None and item.kind in _PLAIN:
         said = _limits(item.range.in_unit(factor))
-    if isinstance(default, (bool, int, float, str)) and default not in (math.inf, -math.inf):
-        plain = factor == 1.0 or isinstance(default, str)
-        said["default"] = default if plain else rounded(float(default) / factor)
-    if default is MISSING and not item.optional and len(item.keys) == 1:
-        return kind, Field(description=item.meaning or None, json_schema_extra=said or None)
-    null = math.inf if item.range is not None and item.range.endless else MISSING
-    return _nullable(kind, null), Field(
-        None, description=item.meaning or None, json_schema_extra=said or None
-    )
+    about: dict[str, Any] = {"description": item.meaning or None, "json_schema_extra": said or None}
+    if item.default is MISSING and not item.optional and len(item.keys) == 1:
+        return kind, Field(**about)
+    endless = item.range is not None and item.range.endless
+    return _nullable(kind, math.inf if endless else MISSING), Field(None, **about)
 
 
 def _limits(bounds: quantities.Range) -> dict[str, Any]:

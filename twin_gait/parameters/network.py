@@ -22,7 +22,8 @@ BIT_RATES = quantities.Range(10e3, 1e6, words="10000 to 1e+06 bit/s, as CAN 2.0 
 CYCLES = quantities.Range(1e-3, 0.1, words="0.001 to 0.1 s")  # the shortest one is a tick of the boards
 DRIFTS = quantities.Range(-0.01, 0.01, words="0.01 at most, either way")
 DELAYS = quantities.Range(0.0, 0.1, words="0 s to 0.1 s in whole milliseconds")
-_SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=([^=@\s]+?)(m?)s)?")
+_SECONDS = r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
+_SHAPE = re.compile(rf"([a-z_]+)(?::([a-z_]+))?@{_SECONDS}s(?:={_SECONDS}(m?)s)?")
 
 
 class ImpedancePlace(StrEnum):
@@ -78,19 +79,15 @@ def parse_outage(text: str) -> Outage:
     Raises ParameterError if it cannot be read.
     """
     match = _SHAPE.fullmatch(text.strip())
-    example = "for example reboot:left_knee@4.2s=0.3s"
-    if match is None:
-        raise ParameterError(f"outage {text!r}: expected KIND:NODE@TIMEs=DURATIONs, {example}")
+    if match is None or match[1] not in list(OutageKind):
+        expected = f"expected KIND:NODE@TIMEs=DURATIONs, kinds are {', '.join(OutageKind)}"
+        raise ParameterError(f"outage {text!r}: {expected}; for example reboot:left_knee@4.2s=0.3s")
     kind, node, time, duration, milli = match.groups()
-    if kind not in list(OutageKind):
-        raise ParameterError(f"outage {text!r}: no kind {kind!r}; there are {', '.join(OutageKind)}")
+    lasting = math.inf if duration is None else float(duration) * (1e-3 if milli else 1.0)
     try:
-        lasting = math.inf if duration is None else float(duration) * (1e-3 if milli else 1.0)
         return Outage(kind=OutageKind(kind), time=float(time), node=node, duration=lasting)
     except ParameterError as error:
         raise ParameterError(f"outage {text!r}: {error}") from error
-    except ValueError:
-        raise ParameterError(f"outage {text!r}: expected times in seconds, {example}") from None
 
 
 @dataclass(frozen=True, kw_only=True)
