@@ -59,7 +59,7 @@ def test_values_are_converted_to_si_and_survive_being_written_and_read(tmp_path:
     network = loaded.experiment.network
     assert network is not None
     assert network.bit_rate == 500e3 and network.cycle == pytest.approx(4e-3)
-    assert network.phase == pytest.approx({"left_knee": 2.5e-4})
+    assert network.phase == pytest.approx({"left_knee": 2.5e-4, "right_hip": 0.0})
     assert network.clock_drift == pytest.approx({"right_knee": -5e-5})
     assert network.jitter == pytest.approx(1e-4) and network.board_silence == pytest.approx(0.01)
     assert network.ccu_silence == NetworkParameters.ccu_silence

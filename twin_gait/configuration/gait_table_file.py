@@ -13,6 +13,7 @@ from twin_gait.configuration.validation import Strict, converting, merge, packag
 from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait import GaitTable, Mode, ModeTable, table
 from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
@@ -77,13 +78,7 @@ def _shared(
         if transitions.setdefault((item.source, item.target, item.cause), item) is not item:
             problem = "the same from, to and cause as another one; leave one out, or give it another cause"
             raise ParameterFileError(source, place, problem)
-    return {
-        "name": entry.name or name,
-        "joints": entry.joints,
-        "description": entry.description,
-        "transitions": tuple(transitions.values()),
-        "waivers": entry.waive,
-    }
+    return {"name": entry.name or name, "transitions": tuple(transitions.values()), "waivers": entry.waive}
 
 
 def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
@@ -133,10 +128,10 @@ def gait_table_from_mapping(
                 raise ParameterFileError(source, key, f"no such phase; there are {', '.join(phases)}")
             merged = merge(entry.phases[phase], values)  # over the common values
             side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
-    own = {name: getattr(entry, name) for name in ("blending", "scaling", "cycles", "postures")}
     shared = _shared(entry, name, tuple(phases), LEG_WORDS, source)
     kind = table.DraftTable if draft else table.GaitTable
-    return converting(source, "", lambda: kind(**shared, **own, phases=phases, side_phases=side_phases))
+    more = {**shared, "phases": phases, "side_phases": side_phases}
+    return converting(source, "", lambda: taken_from(kind, entry, **more))
 
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
@@ -173,8 +168,7 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     """
     entry: Any = validate(ModeTableFile, data, source)
     shared = _shared(entry, name, entry.requests, MODE_WORDS, source)
-    own = {"phases": entry.modes, "requests": entry.requests, "hold": entry.hold}
-    return converting(source, "", lambda: ModeTable(**shared, **own))
+    return converting(source, "", lambda: taken_from(ModeTable, entry, **shared, phases=entry.modes))
 
 
 def packaged_mode_tables() -> list[str]:

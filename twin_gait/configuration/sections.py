@@ -163,16 +163,11 @@ def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any
         for end, unit in ends.items()
     }
     fields = {key: (_nullable(_type(item, inner, unit)), None) for key, (_, unit) in keys.items()}
+    beneath = item.default if kind is item.kind and isinstance(item.default, Mapping) else {}
 
     def read(section: Any) -> dict[Any, Any]:
-        found: dict[Any, Any] = {}
-        for key, (name, _) in keys.items():
-            value = getattr(section, key)
-            if key not in section.model_fields_set or value is MISSING or (named and value == 0.0):
-                continue  # of what has names of its own zeros are not kept
-            found[name] = value
-        beneath = item.default if kind is item.kind and isinstance(item.default, Mapping) else {}
-        return {**beneath, **found}
+        given = {keys[key][0]: getattr(section, key) for key in keys if key in section.model_fields_set}
+        return {**beneath, **{name: value for name, value in given.items() if value is not MISSING}}
 
     return fields, read
 

@@ -1,5 +1,6 @@
-from .control import ControlMode as ControlMode
-from .control import ControlParameters as ControlParameters
+from .device import ControlMode as ControlMode
+from .device import ControlParameters as ControlParameters
+from .device import PlantParameters as PlantParameters
 from .experiment import FINEST_STEP as FINEST_STEP
 from .experiment import LONGEST_RUN as LONGEST_RUN
 from .experiment import Engine as Engine
@@ -7,4 +8,3 @@ from .experiment import Experiment as Experiment
 from .experiment import Integration as Integration
 from .experiment import IntegrationMethod as IntegrationMethod
 from .experiment import default_integration as default_integration
-from .plant import PlantParameters as PlantParameters

@@ -5,8 +5,7 @@ from enum import StrEnum
 from typing import Annotated, Any
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.control import ControlParameters
-from twin_gait.experiment.plant import PlantParameters
+from twin_gait.experiment.device import ControlParameters, PlantParameters
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import Bodies, LegModel

@@ -191,9 +191,8 @@ def solutions(start: Way, requirements: Sequence[Requirement], bounds_of: Bounds
 
 def most_comfortable(start: Way, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Solution | None:
     """Of all ways to fulfil requirements the one furthest from all thresholds, or None; as :func:`ways`."""
-    if next(ways(start, requirements, bounds_of, _kept(SHARES[-1])), None) is None:
-        return None
-    for share in SHARES:
+    feasible = next(ways(start, requirements, bounds_of, _kept(SHARES[-1])), None)
+    for share in SHARES if feasible else ():
         for way in ways(start, requirements, bounds_of, _kept(share)):
             return way, solve(way.bounds, share) or {}
     return None

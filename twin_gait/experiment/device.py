@@ -1,0 +1,141 @@
+"""The device of an experiment: what its controller knows and may do, and what its leg is."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated
+
+from twin_gait import parameters
+from twin_gait.control import Controller, PathParameters
+from twin_gait.control.controllers import CONTROLLERS
+from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
+from twin_gait.core.plant import Plant, Spring, Stop, free_coordinate
+from twin_gait.exceptions import ParameterError
+from twin_gait.gait.table import TICK
+from twin_gait.leg_model import LegModel
+from twin_gait.parameters import quantities
+from twin_gait.vocabulary import JointName
+from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
+
+DELAYS = quantities.Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
+
+# Which controller decides on k, b, θ0, G and the gravity share.
+ControlMode = StrEnum("ControlMode", {name.upper(): name for name in CONTROLLERS})  # type: ignore[misc]
+
+_USUAL = ControlMode("impedance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlParameters(quantities.Parameters):
+    """What the controller knows and may do.
+
+    Attributes:
+        mode: Where the parameters of the joints come from.
+        assistance: How much of the impedance the legs are given.
+        path: Of the mode ``position``.
+        friction_model: The compensator's own friction model (thesis, table 3.1).
+        inertia_compensation: Gain g_in of the inertia term; off by default, because a differentiated
+            encoder is noisy (thesis 2.4.2).
+        target_torque: Added to the command in [N m] (thesis, equation 2.16).
+        limits: Of torque and current.
+        safety: The monitor between controller and motor.
+        patient: The wearer that gravity compensation assumes; None takes the true one.
+        delay: From a measurement to the current that answers it, in [s], a whole number of ticks; 0 for a
+            firmware that answers within the tick. Nothing is asked of the drives before the first command
+            arrives; what holds a leg after a trip comes as late.
+    """
+
+    mode: ControlMode = _USUAL
+    assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
+    path: PathParameters = field(default_factory=PathParameters)
+    friction_model: Mapping[JointName, parameters.FrictionParameters] = field(
+        default_factory=BENCH_FRICTION.copy
+    )
+    inertia_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
+    target_torque: Mapping[JointName, quantities.Torque] = field(
+        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
+    )
+    limits: parameters.LimitParameters = field(default_factory=parameters.LimitParameters)
+    safety: parameters.SafetyParameters = field(default_factory=parameters.SafetyParameters)
+    patient: parameters.Patient | None = None
+    delay: Annotated[quantities.Time, DELAYS] = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that the delay is one of whole ticks."""
+        super().__post_init__()
+        whole = abs(self.delay - self.delay_ticks * TICK) < 1e-9
+        quantities.require(whole, "delay", DELAYS.expected, self.delay)
+
+    def controller(self, own: Controller | None = None) -> Controller:
+        """The controller of the mode, or one of the user's own, with its assistance.
+
+        A controller that ships has for its fields the parameters here of the same name.
+        """
+        kind = CONTROLLERS[self.mode]
+        settings = {name: getattr(self, name) for name in getattr(kind, "__dataclass_fields__", ())}
+        acting = kind(**settings) if own is None else own
+        return acting if self.assistance.is_full else Assistance(self.assistance, acting)
+
+    @property
+    def delay_ticks(self) -> int:
+        """Delay in ticks."""
+        return round(self.delay / TICK)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantParameters(quantities.Parameters):
+    """What the leg really is, beside its rigid bodies.
+
+    Attributes:
+        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that is left out of
+            a mapping made in Python.
+        friction: The friction law that the ratio scales; any law, the compensator keeps its own.
+        actuators: Motor and gear per joint.
+        battery: The pack.
+        electronics: What draws from it beside the windings.
+        stops: Mechanical stops.
+        ankle: The orthosis.
+        gravity: In [m] / [s²].
+    """
+
+    friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], quantities.NOT_NEGATIVE] = field(
+        default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
+    )
+    friction: Mapping[JointName, parameters.FrictionLaw] = field(default_factory=lambda: {**BENCH_FRICTION})
+    actuators: Mapping[JointName, parameters.ActuatorParameters] = field(default_factory=BENCH_ACTUATORS.copy)
+    battery: parameters.BatteryParameters = field(default_factory=parameters.BatteryParameters)
+    electronics: parameters.ElectronicsParameters = field(default_factory=parameters.ElectronicsParameters)
+    stops: parameters.StopParameters = field(default_factory=parameters.StopParameters)
+    ankle: parameters.AnkleParameters = field(default_factory=parameters.AnkleParameters)
+    gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
+
+    def __post_init__(self) -> None:
+        """Check the ranges, that every drive has its friction, and write out the ratios that are left out."""
+        super().__post_init__()
+        left_out = {joint: 1.0 for joint in self.friction if joint not in self.friction_ratio}
+        object.__setattr__(self, "friction_ratio", {**self.friction_ratio, **left_out})
+        for joint in self.actuators:
+            if joint not in self.friction:
+                raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
+
+    def rows(self, model: LegModel) -> tuple[Plant, ...]:
+        """Friction, stops and ankle springs of every coordinate of a model."""
+        found, friction = tuple(free_coordinate() for _ in range(model.nv)), self.true_friction()
+        tall, ankle = 0.0 if model.patient is None else model.patient.height, self.ankle
+        stiffness = ankle.stiffness + ankle.relative_stiffness * model.total_mass * self.gravity * tall
+        for side, leg in model.legs.items():
+            for joint, _ in leg.items():
+                row, actuator = found[model.index(side, joint)], self.actuators.get(joint)
+                row.stop = Stop(
+                    *model.position_limits(side, joint), self.stops.stiffness, self.stops.dissipation
+                )
+                if joint is JointName.ANKLE:
+                    row.spring = Spring(stiffness, ankle.damping, stiffness * ankle.rest)
+                if actuator is not None:
+                    row.friction = friction[joint].in_plant(actuator.gear_efficiency)
+                    row.armature = actuator.armature
+        return found
+
+    def true_friction(self) -> dict[JointName, parameters.FrictionLaw]:
+        """Friction of the plant: the law times the ratio, per joint."""
+        return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}
