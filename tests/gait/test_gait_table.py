@@ -257,8 +257,8 @@ def scaling_table(law: Scaling) -> GaitTable:
         transition(
             "stance", "swing", AllOf(guards=(guard("hip.angle_deg < -10"), guard("knee.angle_deg > 30")))
         ),
-        transition("stance", "swing", "other.hip.angle_deg - hip.angle_deg > 20"),
-        transition("stance", "swing", "hip.velocity_deg_per_s < 50"),
+        transition("stance", "swing", "other.hip.angle_deg - hip.angle_deg > 20", cause="apart"),
+        transition("stance", "swing", "hip.velocity_deg_per_s < 50", cause="slow"),
         phases={"stance": phase(joints=joints), "swing": phase(joints=joints)},
         side_phases={Side.RIGHT: {"stance": phase(joints=joints)}},
         scaling=law,
