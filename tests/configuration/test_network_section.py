@@ -110,9 +110,9 @@ def test_an_outage_that_makes_no_sense_is_refused(text: str, problem: str) -> No
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("network=5", "network: expected ideal, can or a mapping with a kind, got 5"),
+        ("network=5", "network: expected ideal, can or a mapping, got 5"),
         ("network=star", "network: input should be 'ideal' or 'can', got 'star'"),
-        ("network={kind: ideal, loss: 0.1}", "ideal has no loss: set kind to can"),
+        ("network={kind: ideal, loss: 0.1}", "ideal has nothing to set; leave it out, or set kind to can"),
         ("network.los=0.1", "network.los: unknown key; did you mean 'loss'?"),
         ("network.loss=2", "network.loss: expected a number from 0 to 1, got 2"),
         ("network.error_share=-1", "network.error_share: expected a number from 0 to 1"),

@@ -286,9 +286,9 @@ def test_the_lightest_wearer_needs_no_finer_step(engine):
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        ("soft", "interface.kind: input should be 'rigid' or 'brace', got 'soft'"),
-        ("3", "expected rigid, brace or a mapping with a kind, got 3"),
-        ("{hip: {stiffness_Nm_per_rad: 5}}", "rigid has no hip"),
+        ("soft", "interface: input should be 'rigid' or 'brace', got 'soft'"),
+        ("3", "expected rigid, brace or a mapping, got 3"),
+        ("{kind: rigid, hip: {stiffness_Nm_per_rad: 5}}", "rigid has nothing to set"),
         (
             "{kind: brace, hip: {stiffness_Nm_per_rad: -5}}",
             "interface.hip.stiffness_Nm_per_rad: expected a number above 0",

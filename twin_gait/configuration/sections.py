@@ -69,8 +69,8 @@ class Section(Strict):
             if item.mark(quantities.Inline):
                 found |= _written(item, value)
             elif word:
-                section = {} if value is None else _written(item, value)
-                found[item.key] = {"kind": word.without if value is None else word.kind, **section}
+                written = word.without if value is None else {"kind": word.kind, **_written(item, value)}
+                found[item.key] = written
             elif value is not None and not item.mark(quantities.AsInFile):
                 found[next(iter(item.keys))] = _written(item, value)
         return found
@@ -115,23 +115,21 @@ def _one_of(kinds: tuple[type[Any], ...]) -> Any:
 
 
 def _section_or_word(parameters: type[Any], word: Word) -> Any:
-    """Type of a section, or a word for it or for its absence; ``kind`` has that word inside the section."""
+    """Type of a section, or a word for it or for its absence, which a section may have as its ``kind``."""
     choices: Any = Literal[word.without, word.kind]
-    model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=(choices, ...))
+    kind = (choices, word.kind)
+    model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=kind)
 
     def read(value: Any, section: Callable[[Any], Any]) -> Any:
         if isinstance(value, parameters):
             return value
-        given = {"kind": value} if isinstance(value, str) else value
-        if not isinstance(given, Mapping):
-            kinds = f"{word.without}, {word.kind}"
-            raise ValueError(f"expected {kinds} or a mapping with a kind, got {value!r}")
-        found = section({"kind": word.kind, **given} if word.implied else given)
+        if not isinstance(value, (str, Mapping)):
+            raise ValueError(f"expected {word.without}, {word.kind} or a mapping, got {value!r}")
+        found = section({"kind": value} if isinstance(value, str) else value)
         if found.kind == word.kind:
             return found.convert()
-        for key in sorted(found.model_fields_set - {"kind"}):
-            way_out = f"set kind to {word.kind}, or it all to {word.without}"
-            raise ValueError(f"{word.without} has no {key}: {way_out}")
+        if found.model_fields_set > {"kind"}:
+            raise ValueError(f"{word.without} has nothing to set; leave it out, or set kind to {word.kind}")
         return None
 
     return Annotated[model, WrapValidator(read)]

@@ -120,7 +120,7 @@ class Experiment(Parameters):
     seed: Annotated[int, WHOLE] = 0
     faults: Annotated[tuple[Fault, ...], Notation(parse_fault)] = ()
     interface: Annotated[BraceParameters | None, Word("rigid", "brace")] = None
-    network: Annotated[NetworkParameters | None, Word("ideal", "can", implied=True)] = None
+    network: Annotated[NetworkParameters | None, Word("ideal", "can")] = None
     modes: Annotated[ModeTable | None, AsInFile()] = None
     initial_mode: str | None = None
     requests: Annotated[tuple[TimedRequest, ...], Notation(parse_request)] = ()

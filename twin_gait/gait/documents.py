@@ -6,6 +6,7 @@ time-out, debounce). Guards are read here in three values, true, false and not y
 :mod:`twin_gait.core.guards` is not asked, so that each can be tested against the other.
 """
 
+import itertools
 import string
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -157,15 +158,21 @@ def number(value: float, digits: int = 10) -> str:
 
 def transition_table(table: StateTable) -> str:
     """State-transition table in Markdown: a row per transition, the exits of a phase in order of priority."""
-    rows = []
-    for phase, parameters in table.phases.items():
-        for item in (entry for entry in table.transitions if entry.source == phase):
-            guard = "" if item.is_time_out else f"`{item.guard}`"
-            stay, after = parameters.minimum_ticks, item.time_out_ticks
-            debounce = "" if item.debounce_ticks == 1 else number(item.debounce_ticks)
-            least = "" if stay == 0 else number(stay)
-            time_out = "" if after is None else number(after * TICK)
-            rows.append((phase, item.target, item.cause, guard, debounce, least, time_out))
+
+    def shown(value: float) -> str:
+        return number(value) if value else ""
+
+    rows = [
+        (
+            *(phase, item.target, item.cause, "" if item.is_time_out else f"`{item.guard}`"),
+            shown(item.debounce_ticks if item.debounce_ticks > 1 else 0),
+            shown(table.phases[phase].minimum_ticks),
+            shown((item.time_out_ticks or 0) * TICK),
+        )
+        for phase in table.phases
+        for item in table.transitions
+        if item.source == phase
+    ]
     heading = ("from", "to", "cause", "guard", "debounce [ms]", "minimum duration [ms]", "after [s]")
     if not rows:
         rows = [(phase, "", "", "", "", "", "") for phase in table.phases]
@@ -193,25 +200,18 @@ def _exits(table: StateTable, phase: str) -> str:
     logic = PhaseLogic(table, phase)
     if not logic.needs:
         return "The phase is never left.\n"
-    names = dict(zip(logic.conditions, _letters(len(logic.conditions)), strict=True))
+    letters = (f"{letter}{turn or ''}" for turn in itertools.count() for letter in string.ascii_uppercase)
+    names = dict(zip(logic.conditions, letters, strict=False))
     legend = [f"- {letter}: {_condition(table, item)}" for item, letter in names.items()]
     rows = logic.rows() if len(names) <= MOST_CONDITIONS else []
     body = "Too many combinations for a table; the first transition that is due is taken.\n"
     if 0 < len(rows) <= MOST_ROWS:
         marks = {True: "T", False: "F", None: "–"}
-        cells = [
-            (*(marks[row.truths.get(item)] for item in names), *_result(table, row.transition))
-            for row in rows
-        ]
+        results: dict[int | None, tuple[str, str]] = {None: ("stays", "")}
+        results |= {index: (item.target, item.cause) for index, item in enumerate(table.transitions)}
+        cells = [(*(marks[row.truths.get(item)] for item in names), *results[row.transition]) for row in rows]
         body = _grid((*names.values(), "next phase", "cause"), cells)
     return "\n".join(legend) + f"\n\n{body}"
-
-
-def _result(table: StateTable, transition: int | None) -> tuple[str, str]:
-    if transition is None:
-        return "stays", ""
-    item = table.transitions[transition]
-    return item.target, item.cause
 
 
 def _condition(table: StateTable, condition: Condition) -> str:
@@ -222,13 +222,6 @@ def _condition(table: StateTable, condition: Condition) -> str:
         exit_ = f"{_text(item.cause)} to {_text(item.target)}"
         return f"guard of {exit_} true for {condition.held_ticks} ms without a break"
     return f"`{condition}`"
-
-
-def _letters(count: int) -> list[str]:
-    """Letters of the alphabet, then A1, B1 and so on."""
-    alphabet = string.ascii_uppercase
-    turns = range(count // len(alphabet) + 1)
-    return [f"{letter}{turn or ''}" for turn in turns for letter in alphabet][:count]
 
 
 def mode_words(mode: Mode) -> list[str]:

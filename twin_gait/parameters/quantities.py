@@ -131,8 +131,7 @@ class Word:
     """What a file may say by a word instead of a section."""
 
     without: str  # Word for None.
-    kind: str  # Word for the parameters, which a section has under ``kind``.
-    implied: bool = False  # Whether a section without a ``kind`` means it.
+    kind: str  # Word for the parameters, which a section may have under ``kind``.
 
 
 @dataclass(frozen=True)

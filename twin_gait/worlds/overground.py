@@ -79,7 +79,7 @@ class Overground(SplitStance):
     surroundings: ClassVar[Surroundings] = Surroundings.WALKWAY
 
     speed: Annotated[quantities.Speed, SPEEDS] = 0.3
-    crutches: Annotated[CrutchParameters | None, quantities.Word("none", "forearm", implied=True)] = field(
+    crutches: Annotated[CrutchParameters | None, quantities.Word("none", "forearm")] = field(
         default_factory=CrutchParameters
     )
     arms: ArmParameters = field(default_factory=ArmParameters)
