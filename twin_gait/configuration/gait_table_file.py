@@ -41,7 +41,7 @@ class _TableFile(Strict):
     schema_version: Literal[1]
     name: str | None = None
     description: str = ""
-    transitions: list[_Transition]
+    transitions: tuple[_Transition, ...] = ()
     waive: tuple[_Waiver, ...] = ()
 
 
@@ -61,7 +61,7 @@ class ModeTableFile(_TableFile):
     """A file of operating modes."""
 
     joints: tuple[str, ...] = Field(default=("hip", "knee"), min_length=1)
-    requests: tuple[str, ...]
+    requests: tuple[str, ...] = ()
     hold: str
     modes: dict[str, _Mode] = Field(min_length=2)
 

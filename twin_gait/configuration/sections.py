@@ -67,30 +67,31 @@ class Section(Strict):
         for item in declarations(cls.parameters):
             value, word = getattr(parameters, item.name), item.mark(Word)
             if item.mark(quantities.Inline):
-                found |= _written(item, value)
+                found |= written(value, item)
             elif word:
-                written = word.without if value is None else {"kind": word.kind, **_written(item, value)}
-                found[item.key] = written
+                section = {"kind": word.kind, **written(value, item)} if value is not None else word.without
+                found[item.key] = section
             elif value is not None and not item.mark(quantities.AsInFile):
-                found[next(iter(item.keys))] = _written(item, value)
+                found[next(iter(item.keys))] = written(value, item)
         return found
 
 
-def _written(item: Declaration, value: Any) -> Any:
-    """A value of a field as YAML holds it, in SI."""
+def written(value: Any, item: Declaration | None = None) -> Any:
+    """A value as YAML holds it, in SI; ``item``: the field that has it, which may want units in its keys."""
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
-        end = next(iter(item.unit.factors)) if item.unit and item.mark(quantities.UnitInside) else ""
+        inside = item is not None and item.unit is not None and item.mark(quantities.UnitInside)
+        end = f"_{next(iter(item.unit.factors))}" if item and item.unit and inside else ""
         return {
-            f"{name}_{end}" if end and not isinstance(inner, Mapping) else str(name): _written(item, inner)
+            f"{name}{'' if isinstance(inner, Mapping) else end}": written(inner, item)
             for name, inner in value.items()
         }
     if isinstance(value, tuple):
-        return [str(one) for one in value]
+        return [written(one) for one in value]
     if isinstance(value, float) and math.isinf(value):
         return None  # a time that never comes is no number of YAML
-    return str(value) if isinstance(value, str) else value
+    return value if value is None or type(value) in (bool, int, float) else str(value)
 
 
 def type_of(parameters: type[Any]) -> Any:
@@ -232,7 +233,7 @@ def _section(parameters: type[Any]) -> Any:
         elif not item.mark(quantities.AsInFile) and item.key not in base.model_fields:
             fields |= {key: _field(item, factor) for key, factor in item.keys.items()}
             if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.mark(Word):
-                defaults[next(iter(item.keys))] = _written(item, item.default)
+                defaults[next(iter(item.keys))] = written(item.default, item)
     model: Any = create_model(parameters.__name__, __base__=base, **fields)
     model.parameters, model.defaults, model.inline = parameters, defaults, inline
     model.__doc__ = (parameters.__doc__ or "").splitlines()[0]
