@@ -217,11 +217,12 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
 
 
 def _cells(joint: JointImpedance) -> tuple[str, ...]:
-    ratio = joint.damping_ratio
+    sign, damping = ("b", joint.damping) if joint.damping is not None else ("ζ", joint.damping_ratio)
+    assert damping is not None  # JointImpedance holds exactly one of them
     return (
         number(joint.stiffness / math.degrees(1.0), _DIGITS),
         f"{number(math.degrees(joint.equilibrium_angle), _DIGITS)}°",
-        f"b {number(joint.damping, _DIGITS)}" if ratio is None else f"ζ {number(ratio, _DIGITS)}",
+        f"{sign} {number(damping, _DIGITS)}",
         number(joint.friction_compensation_gain, _DIGITS),
     )
 
