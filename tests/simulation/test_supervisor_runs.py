@@ -94,7 +94,7 @@ def test_an_early_request_for_the_chair_says_how_long_the_wearer_has_stood():
     assert early.refused == "standing for 2.999 s, less than 3 s"
     told = f"sit at 2.999 s: {early.refused}"
     assert summarise(done)["requests_refused"] == told
-    assert f"  refused: {told}" in report(done, summarise(done), Path("run"))
+    assert f"  refused: {told}" in report(summarise(done))
     assert late.after == "sit_down" and late.time == 3.0
 
 

@@ -131,7 +131,7 @@ def test_going_on_with_a_finished_sweep_changes_nothing(swept, capsys):
     spec, out = swept
     before = (out / "table.parquet").read_bytes()
     assert main(["sweep", str(spec), "--out", str(out), "--workers", "1", "--no-pictures"]) == 0
-    assert "12 were there already" in capsys.readouterr().out
+    assert ", 12 of them before" in capsys.readouterr().out
     assert (out / "table.parquet").read_bytes() == before
 
 

@@ -19,15 +19,12 @@ PRINT_FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
-CSV, FOLDER = "csv", "opensim"
-CAN_FILES = {"candump": "can.log", "asc": "can.asc"}
-FORMATS = (CSV, "mot", "sto", FOLDER, *CAN_FILES)
-_OF = "whose angles a motion has where braces let the two move apart (the wearer's)"
-_EXPORT = (
-    ("--format", FORMATS, None, "format; without it that of --out's ending, mot with --convention, else csv"),
-    ("--convention", MODELS, None, f"model whose names and signs a motion has ({DEFAULT_CONVENTION})"),
-    ("--of", ("wearer", "device"), "wearer", _OF),
-)
+# What each format is called in a run directory.
+NAMES = {
+    "csv": "log.csv", "mot": "log.mot", "sto": "log.sto", "opensim": "opensim", "candump": "can.log",
+    "asc": "can.asc",
+}  # fmt: skip
+CAN = ("candump", "asc")
 
 
 def add_parser(commands: Any) -> None:
@@ -38,12 +35,19 @@ def add_parser(commands: Any) -> None:
     text = "gait_cycle, torques, …; may be repeated (all that the run has)"
     add("--figure", action="append", metavar="NAME", dest="figures", help=text)
     add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
-    options.add_numbers(parser, [("--width", 85.0, "MM", "85 for one column (the default), 174 for two")])
+    text = "85 for one column (the default), 174 for two"
+    add("--width", type=float, default=85.0, metavar="MM", help=text)
     options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
 
     parser = options.add_command(commands, "export", export)
-    parser.add_argument("directory", type=Path, metavar="RUN", help="run directory")
-    options.add_choices(parser, _EXPORT)
+    add = parser.add_argument
+    add("directory", type=Path, metavar="RUN", help="run directory")
+    text = "format; without it that of --out's ending, mot with --convention, else csv"
+    add("--format", choices=tuple(NAMES), help=text)
+    text = f"model whose names and signs a motion has ({DEFAULT_CONVENTION})"
+    add("--convention", choices=MODELS, help=text)
+    text = "whose angles a motion has where braces let the two move apart (the wearer's)"
+    add("--of", choices=("wearer", "device"), default="wearer", help=text)
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
 
 
@@ -87,33 +91,27 @@ def export(arguments: argparse.Namespace) -> int:
     from twin_gait.export import export_csv, export_motion
 
     out, named = arguments.out, arguments.convention
-    kind = arguments.format or _format_of(out, named)
-    if kind in (CSV, *CAN_FILES) and named is not None:
+    endings = {Path(name).suffix: kind for kind, name in NAMES.items() if "." in name}
+    suffix = "" if out is None else out.suffix.lower()
+    kind = arguments.format or endings.get(suffix, "csv" if named is None else "mot")
+    if kind in ("csv", *CAN) and named is not None:
         raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
     run, device = runs.load_run(arguments.directory), arguments.of == "device"
     convention = find_convention(named or DEFAULT_CONVENTION)
-    path = out or arguments.directory / {FOLDER: FOLDER, **CAN_FILES}.get(kind, f"log.{kind}")
-    if kind == FOLDER:
+    path = out or arguments.directory / NAMES[kind]
+    if kind == "opensim":
         return _write_folder(run, path, convention, device=device, force=arguments.force)
-    form = Path(CAN_FILES.get(kind, f"log.{kind}")).suffix[1:]
-    options.check_file("--out", path, force=arguments.force, form=form)
-    if kind in CAN_FILES:
+    options.check_file("--out", path, force=arguments.force, form=Path(NAMES[kind]).suffix[1:])
+    if kind in CAN:
         return _write_frames(run, path, kind)
     columns = list(run.log.columns)
-    if kind == CSV:
+    if kind == "csv":
         export_csv(run.log, path)
     else:
         unit = DEGREES if kind == "mot" else RADIANS
         columns = export_motion(run.log, path, convention, unit=unit, device=device)
     print(f"{len(run.log)} rows, {len(columns)} columns: {path}")
     return DONE
-
-
-def _format_of(path: Path | None, convention: str | None) -> str:
-    """The format that a file's name says; a convention asks for a motion, anything else is CSV."""
-    suffix = "" if path is None else path.suffix.removeprefix(".").lower()
-    suffix = {Path(name).suffix[1:]: kind for kind, name in CAN_FILES.items()}.get(suffix, suffix)
-    return suffix if suffix in FORMATS else CSV if convention is None else "mot"
 
 
 def _write_frames(run: Run, path: Path, kind: str) -> int:

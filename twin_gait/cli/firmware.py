@@ -82,17 +82,16 @@ def _verify(loaded: configuration.LoadedExperiment, folder: Path | None) -> dict
 
     with terminal.progress_bar("verifying", "tick") as progress:
         found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
-    document = _document(found)
+    walks = {"simulation": found.walk, "processor_in_the_loop": found.loop_walk}
+    document = {
+        "source_sha256": found.source_hash,
+        "passed": found.passed,
+        "checks": [item._asdict() for item in found.checks],
+        "walks": {name: _gait(run) for name, run in walks.items() if run is not None},
+    }
     if folder is not None:
         write_json(folder / VERIFICATION, document)
     return document
-
-
-def _document(found: firmware.Verification) -> dict[str, Any]:
-    named = [item._asdict() for item in found.checks]
-    walks = {"simulation": found.walk, "processor_in_the_loop": found.loop_walk}
-    gaits = {name: _gait(run) for name, run in walks.items() if run is not None}
-    return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named, "walks": gaits}
 
 
 def _gait(run: simulation.Run) -> dict[str, Any]:

@@ -80,7 +80,7 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
         result = studies.run_campaign(campaign, out, **watch)
     print("\n".join(report_campaign(result)))
     if result.status is simulation.RunStatus.INTERRUPTED:
-        return terminal.interrupted("the logs so far are kept")
+        return terminal.stopped("interrupted", "the logs so far are kept")
     return DONE
 
 

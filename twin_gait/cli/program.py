@@ -10,6 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+import shtab
+
 from twin_gait import __version__
 from twin_gait.cli import terminal
 from twin_gait.exceptions import TwinGaitError
@@ -22,7 +24,6 @@ GROUPS = {
     "the device": ("firmware",),
     "many runs": ("studies",),
 }
-SHELLS = ("bash", "zsh", "tcsh")
 # New objects until Python looks for cycles among them; its own 700 cost a twentieth of
 # a command, most of it while modules are imported, of which nothing is ever thrown away.
 COLLECT_AFTER = 50_000
@@ -67,29 +68,14 @@ class ProgramParser(OneLineParser):
         return formatter.format_help()
 
 
-class PrintCompletion(argparse.Action):
-    """Print the completion of a shell and end."""
-
-    def __call__(self, parser: argparse.ArgumentParser, _: Any, shell: Any, __: Any = None) -> None:
-        """Called by argparse."""
-        import shtab
-
-        complete_files(parser)
-        print(shtab.complete(parser, shell))
-        parser.exit(terminal.DONE)
-
-
 def complete_files(parser: argparse.ArgumentParser) -> None:
     """Let shells complete the names of files and folders where paths are expected, in sub-commands too."""
-    import shtab
-
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
                 complete_files(command)
         elif action.type is Path or action.metavar in ("FILE", "LOG", "TABLE"):
-            folder = action.metavar in ("DIR", "RUN")
-            action.complete = shtab.DIRECTORY if folder else shtab.FILE  # type: ignore[attr-defined]
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
 def build_parser() -> ProgramParser:
@@ -99,7 +85,7 @@ def build_parser() -> ProgramParser:
     )
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
     text = "print the completion script of a shell"
-    parser.add_argument("--print-completion", action=PrintCompletion, choices=SHELLS, help=text)
+    shtab.add_argument_to(parser, help=text)
     commands = parser.add_subparsers(
         dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
     )
@@ -109,6 +95,7 @@ def build_parser() -> ProgramParser:
         for name in modules:
             import_module(f"twin_gait.cli.{name}").add_parser(commands)
         parser.groups[title] = list(commands._choices_actions[before:])
+    complete_files(parser)
     return parser
 
 

@@ -90,7 +90,7 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
             on_step=terminal.note_step, draw=draw,
         )  # fmt: skip
     terminal.clear_line()
-    lines = list(report(result, summary, out))
+    lines = list(report(summary, out))
     if arguments.accuracy and accuracy is None:
         lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
     terminal.answer(arguments, lines, lambda: {**summary, "directory": out})
@@ -111,49 +111,42 @@ def default_folder(name: str) -> Path:
     return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
 
 
-def report(result: simulation.Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
-    """Results in a few lines."""
-    pace = summary["realtime_factor"]
-    ended = f"{result.status}, " if result.status is simulation.RunStatus.INTERRUPTED else ""
-    word = result.verdict.outcome or result.status
-    yield f"{ended}{word}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)"
-    if result.verdict.reason:
-        yield f"  {result.verdict.reason}"
-    for text in result.refused:
-        yield f"  refused: {text}"
+def report(summary: Mapping[str, Any], *folders: Path) -> Iterator[str]:
+    """Results in a few lines, and where they are."""
+    ended = "interrupted, " if summary["status"] == simulation.RunStatus.INTERRUPTED else ""
+    word, pace = summary["outcome"] or summary["status"], summary["realtime_factor"] or 0.0
+    took = f"{summary['duration_s']:g} s in {summary['wall_s']:.1f} s ({pace:.1f} x real time)"
+    yield f"{ended}{word}: {took}"
+    if summary["outcome_reason"]:
+        yield f"  {summary['outcome_reason']}"
+    if summary.get("requests_refused"):
+        yield f"  refused: {summary['requests_refused']}"
     for line in summary_lines(summary):
         yield f"  {line}"
     if "accuracy" in summary:
-        yield f"  {accuracy_line(summary['accuracy'])}"
-    yield f"  {out}"
+        error = math.degrees(summary["accuracy"]["largest_angle_error_rad"])
+        step = summary["accuracy"]["reference_step_s"]
+        yield f"  a tenth of the step ({step:g} s) moves the joints by up to {error:.2g}°"
+        if summary["accuracy"]["first_slip_s"] is not None:
+            slip = summary["accuracy"]["first_slip_s"]
+            yield f"    until a switch first falls in another tick, at {slip:.3f} s"
+    for folder in folders:
+        yield f"  {folder}"
 
 
-def accuracy_line(accuracy: Mapping[str, Any]) -> str:
-    """What a tenth of the step changes, of :func:`~twin_gait.studies.accuracy.step_error`, in one line."""
-    error = f"{math.degrees(accuracy['largest_angle_error_rad']):.2g}°"
-    line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves the joints by up to {error}"
-    slip = accuracy["first_slip_s"]
-    return line if slip is None else f"{line} until a switch first falls in another tick, at {slip:.3f} s"
-
-
-def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
+def summary_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     from twin_gait.measures import stride_count
     from twin_gait.report import walk_words
 
     for side, values in summary["sides"].items():
-        found, counted = values.get("strides"), values.get("strides_counted")
-        if found is None:  # in the air there are no contacts
-            found, counted = values["strides_by_phase"], values["strides_by_phase_counted"]
-            times = f" of {values['stride_time_by_phase_mean_s']:.2f} s" if counted else ""
-            yield f"{side}: in the air, by its phases {stride_count(counted, found)}{times}"
-            continue
-        if not counted:
-            yield f"{side}: {stride_count(0, found)}"
-            continue
-        line = f"{side}: {stride_count(counted, found)} of {values['stride_time_mean_s']:.2f} s"
-        if values["swing_share"] is not None:
-            line = f"{line}, swing {values['swing_share'] * 100:.0f} %"
+        by = "_by_phase" if values["strides"] is None else ""  # in the air there are no contacts
+        found, counted = values[f"strides{by}"], values[f"strides{by}_counted"]
+        line = f"{side}: {'in the air, by its phases ' * bool(by)}{stride_count(counted, found)}"
+        if counted:
+            line += f" of {values[f'stride_time{by}_mean_s']:.2f} s"
+        if values.get("swing_share") is not None:
+            line += f", swing {values['swing_share'] * 100:.0f} %"
         off = walk_words.off_the_reference(values, 1)
         yield f"{line}, off the Koopman reference by {off} RMS" if off else line
     yield from walk_words.lines_of(walk_words.table_of_walk(summary))
@@ -241,13 +234,7 @@ def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
     if session.failure:
         raise RunDirectoryError(session.failure)
     if summary:
-        print(f"{summary['outcome'] or summary['status']}: {summary['duration_s']:g} s")
-        if summary["outcome_reason"]:
-            print(f"  {summary['outcome_reason']}")
-        for line in summary_lines(summary):
-            print(f"  {line}")
-    for folder in session.folders:
-        print(f"  {folder}")
+        print("\n".join(report(summary, *session.folders)))
     if news.death:
         print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
         return terminal.FAILED

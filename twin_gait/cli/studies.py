@@ -83,21 +83,20 @@ def sweep(arguments: argparse.Namespace) -> int:
         ):
             result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except studies.WorkersLost as error:
-        return terminal.lost(error, again)
+        return terminal.stopped(str(error), f"what is done is kept, and {again}", FAILED)
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
     terminal.answer(arguments, report_sweep(result), lambda: document)
-    return terminal.interrupted(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
+    return (
+        terminal.stopped("interrupted", again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
+    )
 
 
 def report_sweep(result: SweepResult) -> Iterator[str]:
     """Results in a few lines."""
-    summary, last = result.summary, result.summary["last_call"]
-    yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes"
-    if result.resumed:
-        yield f"  {result.resumed} were there already"
+    summary = result.summary
+    before = f", {result.resumed} of them before" if result.resumed else ""
+    yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes{before}"
     yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
-    if last["episodes"]:
-        yield f"  {last['wall_s']:.1f} s for {last['episodes']} of them"
     if summary["not_drawn"]:
         yield f"  not drawn, because no completed episode has it: {', '.join(summary['not_drawn'])}"
     yield f"  {result.directory}"
@@ -125,7 +124,7 @@ def compare(arguments: argparse.Namespace) -> int:
     with terminal.watched("compare", "run") as watch:
         comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
     if comparison is None:
-        return terminal.interrupted("nothing was written")
+        return terminal.stopped("interrupted", "nothing was written")
     writing.write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     lines = [text, "", str(out / writing.PAGE_FILE)]
@@ -159,7 +158,7 @@ def tune(arguments: argparse.Namespace) -> int:
         )  # fmt: skip
     terminal.clear_line()
     if tuning is None:
-        return terminal.interrupted("nothing was written")
+        return terminal.stopped("interrupted", "nothing was written")
     wearer = _wearer(options.person_of(arguments.settings), experiment)
     found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})

@@ -6,12 +6,11 @@ import argparse
 import json
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration, gait, replay
 from twin_gait.cli import options
-from twin_gait.cli.terminal import DONE, FAILED, answer, progress_bar
+from twin_gait.cli.terminal import DONE, FAILED, answer, listed, progress_bar
 from twin_gait.exceptions import ParameterError
 from twin_gait.vocabulary import Side
 
@@ -22,14 +21,6 @@ if TYPE_CHECKING:
 WIDTH = 100
 # What each format of a diagram is called in a folder.
 _ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
-_REPLAY_TEXTS = (
-    ("--columns", "Q=NAME,…", "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"),
-    ("--start", "SIDE=PHASE,…", "phases at the start (the recorded ones, or the table's first)"),
-)
-_REPLAY_NUMBERS = (
-    ("--speed", None, "KM_PER_H", "belt speed that the table is scaled to"),
-    ("--total-mass", None, "KG", "of wearer and device, for foot.load_bw"),
-)
 
 
 def add_parser(commands: Any) -> None:
@@ -62,10 +53,13 @@ def add_parser(commands: Any) -> None:
     add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
     add("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
     add("--convention", metavar="NAME", help="names and signs of the angles in the log")
-    for flag, metavar, text in _REPLAY_TEXTS:
-        add(flag, default="", metavar=metavar, help=text)
+    text = "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"
+    add("--columns", default="", metavar="Q=NAME,…", help=text)
+    text = "phases at the start (the recorded ones, or the table's first)"
+    add("--start", default="", metavar="SIDE=PHASE,…", help=text)
     add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
-    options.add_numbers(parser, _REPLAY_NUMBERS)
+    add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
+    add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
     options.add(parser, "--no-pictures", "--json")
 
@@ -86,8 +80,10 @@ def show_presets(arguments: argparse.Namespace) -> int:
         tables, modes = configuration.packaged_gait_tables(), configuration.packaged_mode_tables()
         known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
         lines = [
-            *_listed("experiments", experiments),
-            *_listed("people (--patient NAME)", persons),
+            "experiments:",
+            *listed(experiments, "  "),
+            "people (--patient NAME):",
+            *listed(persons, "  "),
             f"gait tables: {', '.join(tables)}",
             f"operating modes: {', '.join(modes)}",
         ]
@@ -117,18 +113,12 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
     return f"{comment_for('experiment')}\n{configuration.dump_yaml(document)}"
 
 
-def _listed(title: str, entries: Mapping[str, str]) -> Iterator[str]:
-    yield f"{title}:"
-    width = max(len(name) for name in entries)
-    for name, description in entries.items():
-        yield f"  {name:<{width}}  {description}"
-
-
 def draw_diagram(arguments: argparse.Namespace) -> int:
     """Draw the state machine of a gait table.
 
     State diagram, state-transition table and truth table of a gait table.
     """
+    from twin_gait.files import write_atomically
     from twin_gait.gait.documents import transition_table, truth_table
     from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
 
@@ -141,22 +131,15 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
         print(writers[arguments.format or "transitions"](table), end="")
         return DONE
     formats = list(_ENDINGS) if arguments.format is None else [arguments.format]
-    _write_diagrams(table, arguments.out, {name: writers[name](table) for name in formats}, arguments.force)
-    return DONE
-
-
-def _write_diagrams(table: gait.StateTable, folder: Path, texts: dict[str, str], force: bool) -> None:
-    """Write formats of a table into a folder, all of them or none, and say where."""
-    from twin_gait.files import write_atomically
-
     stem = "".join(char if char.isalnum() or char in "-_" else "_" for char in table.name)[:100] or "table"
-    paths = {folder / f"{stem}{_ENDINGS[name]}": text for name, text in texts.items()}
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in paths:
-        options.check_file("--out", path, force=force)
-    for path, text in paths.items():
+    texts = {arguments.out / f"{stem}{_ENDINGS[name]}": writers[name](table) for name in formats}
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for path in texts:  # all of them or none
+        options.check_file("--out", path, force=arguments.force)
+    for path, text in texts.items():
         write_atomically(path, text)
         print(path)
+    return DONE
 
 
 def check_table(arguments: argparse.Namespace) -> int:
@@ -168,8 +151,7 @@ def check_table(arguments: argparse.Namespace) -> int:
     from twin_gait.checking.check import check, counts, load_case, report, rules
 
     if arguments.rules:
-        width = max(map(len, rules()))
-        answer(arguments, [f"{name:<{width}}  {meaning}" for name, meaning in rules().items()], rules)
+        answer(arguments, listed(rules()), rules)
         return DONE
     if arguments.table is None and arguments.experiment is None:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
@@ -253,30 +235,19 @@ def replay_lines(summary: dict[str, Any]) -> Iterator[str]:
         taken = ", ".join(f"{name} {value:g}" for name, value in summary["assumed_signals"].items())
         yield f"not in the log, so taken as: {taken}"
     for side, values in summary["sides"].items():
-        yield f"{side}: {_strides(values, summary['cycles'])}"
+        count, whole = values["strides"], values["strides_with_the_whole_cycle"]
+        of = (
+            f" of {values['stride_time_mean_s']:.2f} s, {whole} with a whole cycle of the table"
+            if count
+            else ""
+        )
+        yield f"{side}: {count} stride{'s' * (count != 1)}{of}"
         for item in values["switches"]:
             yield f"  {item['count']:4d} × {item['from']} → {item['to']} ({item['cause']})"
-        if values["agreement"] is not None:
-            yield f"  {_agreement(values['agreement'])}"
-
-
-def _strides(values: dict[str, Any], cycles: list[list[str]]) -> str:
-    if not values["strides"]:
-        return "no whole stride"
-    plural = "s" if values["strides"] > 1 else ""
-    cycle = (
-        f"all {len(cycles[0])} phases once and in order" if len(cycles) == 1 else "one of the table's cycles"
-    )
-    return (
-        f"{values['strides']} stride{plural} of {values['stride_time_mean_s']:.2f} s, "
-        f"{values['strides_with_the_whole_cycle']} with {cycle}"
-    )
-
-
-def _agreement(values: dict[str, Any]) -> str:
-    lags = [lag for phase in values["entry_lags_s"].values() for lag in phase]
-    matched = [abs(lag) for lag in lags if lag is not None]
-    text = f"recorded phases: {100 * values['equal_share']:.1f} % of the ticks equal"
-    if matched:
-        text += f", {len(matched)} of {len(lags)} switches found, at most {1000 * max(matched):.0f} ms apart"
-    return text
+        agreement = values["agreement"]
+        if agreement is not None:
+            lags = [lag for phase in agreement["entry_lags_s"].values() for lag in phase]
+            late = [1000 * abs(lag) for lag in lags if lag is not None]
+            yield f"  recorded phases: {100 * agreement['equal_share']:.1f} % of the ticks equal"
+            found = f"{len(late)} of {len(lags)} recorded switches found"
+            yield f"  {found}, at most {max(late, default=0.0):.0f} ms apart"

@@ -7,7 +7,7 @@ import shlex
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
@@ -27,6 +27,13 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callab
         print("\n".join(lines))
         return
     print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def listed(entries: Mapping[str, str], indent: str = "") -> Iterator[str]:
+    """Names and what they stand for in two columns."""
+    width = max(map(len, entries))
+    for name, meaning in entries.items():
+        yield f"{indent}{name:<{width}}  {meaning}"
 
 
 def write_on_any_terminal() -> None:
@@ -90,16 +97,10 @@ def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None
         yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
 
 
-def interrupted(hint: str) -> int:
-    """Say that the work was stopped, and what is kept; gives the exit status."""
-    print(f"twin-gait: interrupted; {hint}", file=sys.stderr)
-    return INTERRUPTED
-
-
-def lost(error: Exception, hint: str) -> int:
-    """Say that workers were lost, and what is kept; gives the exit status."""
-    print(f"twin-gait: {error}; what is done is kept, and {hint}", file=sys.stderr)
-    return FAILED
+def stopped(why: str, hint: str, status: int = INTERRUPTED) -> int:
+    """Say why the work ended early, and what is kept; gives the exit status."""
+    print(f"twin-gait: {why}; {hint}", file=sys.stderr)
+    return status
 
 
 def note_step(name: str, doing: str = "writing") -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import os
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -29,8 +27,6 @@ def add_parser(commands: Any) -> None:
     add("--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing")
     add("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
     add("--up", choices=("x", "y", "z"), help="vertical of a URDF (z)")
-    add("--size", metavar="WxH", help="size of the picture in pixels (1600x1000)")
-    add("--dark", action="store_true", help="draw the dark page")
     options.add(parser, "--port", "--no-browser")
 
 
@@ -43,7 +39,12 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of, read_shown_run
 
-    _check(arguments)
+    if len(arguments.targets) > 2:
+        raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
+    options.check_port(arguments.port)
+    for option, path, form in (("--out", arguments.out, "html"), ("--png", arguments.png, "png")):
+        if path is not None:
+            options.check_file(option, path.expanduser(), force=arguments.force, form=form)
     urdf = next((path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
     if urdf is not None:
         if len(arguments.targets) > 1:
@@ -54,47 +55,18 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.up is not None:
         raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
     runs = [read_shown_run(path) for path in arguments.targets]
+    moments = [] if arguments.at is None else [arguments.at]
     longest = max(one.duration for one in runs)
-    if arguments.at is not None and not 0.0 <= arguments.at <= longest + 1e-9:
+    if not all(0.0 <= moment <= longest + 1e-9 for moment in moments):
         raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
-    moments = () if arguments.at is None else (arguments.at,)
     return _show(lambda: page_of(runs, moments=moments), arguments)
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    """Refuse what is wrong before anything is read."""
-    if len(arguments.targets) > 2:
-        raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
-    options.check_port(arguments.port)
-    if arguments.at is not None and not math.isfinite(arguments.at):
-        raise ParameterError(f"--at: expected a time in s, got {arguments.at:g}")
-    if arguments.size is not None and arguments.png is None:
-        raise ParameterError("--size: is the size of a picture; give --png FILE too")
-    for option, path, form in (("--out", arguments.out, "html"), ("--png", arguments.png, "png")):
-        if path is not None:
-            options.check_file(option, path.expanduser(), force=arguments.force, form=form)
-
-
-def picture_size(text: str | None) -> tuple[int, int]:
-    """Read a size such as ``1600x1000``; None stands for the default."""
-    if text is None:
-        return viewer.picture.DEFAULT_SIZE
-    found = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", text.strip())
-    if found is None:
-        raise ParameterError(f"--size: expected WIDTHxHEIGHT such as 1600x1000, got {text!r}")
-    least, most = viewer.picture.SMALLEST, viewer.picture.LARGEST
-    size = int(found[1]), int(found[2])
-    if not all(least <= side <= most for side in size):
-        raise ParameterError(f"--size: expected {least} to {most} pixels each way, got {text}")
-    return size
 
 
 def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
     """Write the page, the picture, or both; without either, serve the page until Ctrl-C."""
-    at, dark, size = arguments.at, arguments.dark, picture_size(arguments.size)
+    at = arguments.at
     if arguments.out is None and arguments.png is None:
-        words = [*([] if at is None else [f"t={at:.3f}"]), *(["theme=dark"] if dark else [])]
-        fragment = f"#{'&'.join(words)}" if words else ""
+        fragment = "" if at is None else f"#t={at:.3f}"
         return serve(make(), arguments.port, fragment=fragment, browser=not arguments.no_browser)
     if arguments.png is not None:
         viewer.picture.find_browser()  # before the work, not after it
@@ -103,7 +75,7 @@ def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
         write_atomically(arguments.out.expanduser(), page)
         print(arguments.out)
     if arguments.png is not None:
-        viewer.picture.take_picture(page, arguments.png.expanduser(), time=at or 0.0, size=size, dark=dark)
+        viewer.picture.take_picture(page, arguments.png.expanduser(), time=at or 0.0)
         print(arguments.png)
     return DONE
 

@@ -88,14 +88,6 @@ def abandoned(parent: Path) -> list[Path]:
     return found
 
 
-def remove_abandoned(path: Path) -> None:
-    """Remove a folder of :func:`abandoned`."""
-    try:
-        shutil.rmtree(path)
-    except OSError as error:
-        raise RunDirectoryError(f"{path}: cannot be removed ({error.strerror})") from error
-
-
 def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
     """Refuse a folder that exists, unless it is of its kind and may be replaced."""
     target = target.expanduser().absolute()
