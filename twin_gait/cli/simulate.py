@@ -18,7 +18,7 @@ from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import private_files
-from twin_gait.runs.drawing import Draw, drawing_beside
+from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
 
 if TYPE_CHECKING:
@@ -63,11 +63,6 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     Simulate a preset or an experiment file and write a run directory.
     """
-    with drawing_beside(wanted=not arguments.no_pictures) as draw:
-        return _simulate(arguments, draw)
-
-
-def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
     from twin_gait.studies.accuracy import step_error
 
@@ -78,6 +73,7 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     with (
         terminal.stop_on_interrupt() as should_stop,
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
+        drawing_beside(wanted=not arguments.no_pictures) as beside,
     ):
         with terminal.watched("simulating", "tick", should_stop) as watch:
             result = simulation.simulate(loaded.experiment, **watch)
@@ -87,7 +83,7 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
         summary = write_run(
             result, staging, document=loaded.document, pictures=not arguments.no_pictures, accuracy=accuracy,
-            on_step=terminal.note_step, draw=draw,
+            on_step=terminal.note_step, beside=beside,
         )  # fmt: skip
     terminal.clear_line()
     lines = list(report(summary, out))

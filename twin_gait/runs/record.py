@@ -3,6 +3,7 @@
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.runs.drawing import Draw, draw_here
+from twin_gait.runs.drawing import begin_drawing
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -49,17 +50,17 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
-    draw: Draw = draw_here,
+    beside: Executor | None = None,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
-    ``draw``: what draws the figures, maybe while all else is written.
+    ``beside``: what draws the figures while all else is written.
     """
     tell = on_step or (lambda name: None)
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
-        finish_drawing = draw(run, directory / FIGURES_FOLDER)
+        finish_drawing = begin_drawing(run, directory / FIGURES_FOLDER, beside)
     tell(EXPERIMENT_FILE)
     resolved = resolved_document(run.experiment, document, versions())
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
