@@ -51,7 +51,7 @@ def test_a_process_draws_what_this_one_would(
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
     with drawing_beside() as beside:
         begin_drawing(walk, tmp_path, beside)()
-    assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES) - 1  # no crutches
+    assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES)
     assert (beside is not None) == expected and len(drawn_here) == (not expected)
 
 

@@ -27,7 +27,7 @@ from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, phase_colour
 from twin_gait.report.pages import render
-from twin_gait.report.walk_words import wearer_words
+from twin_gait.report.walk_words import describe
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -40,17 +40,6 @@ LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
-
-
-def describe(run: Run) -> str:
-    """One line that says whose run it is."""
-    experiment = run.experiment
-    parts = [experiment.name, wearer_words(experiment.patient)]
-    walking = experiment.scenario.walking
-    if walking is not None:
-        parts.append(f"{walking.speed:.2f} m/s")
-        parts.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
-    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 
 def style_panel(axes: Axes, title: str, unit: str) -> None:
@@ -169,8 +158,6 @@ def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLU
 SHOWN_STRIDES = 2
 SHOWN_WITHOUT_STRIDES = 6.0  # [s]
 SHOWN_BEFORE_EVENT = 1 / 3  # of a window
-# More points than this do not show in a picture.
-MOST_POINTS = 20_000
 _EVENT_STYLES = {EventKind.FAULT: "--", EventKind.TRIP: "-", EventKind.FALL: ":", EventKind.DIVERGENCE: ":"}
 
 
@@ -190,11 +177,6 @@ def end_or_events(run: Run, duration: float) -> slice:
         start = min(start, round(run.events[0].time / TICK - SHOWN_BEFORE_EVENT * length))
     start = max(0, start)
     return slice(start, min(start + length, len(run.log)))
-
-
-def whole_run(run: Run) -> slice:
-    """Rows of the whole run, thinned out if it is long."""
-    return slice(0, len(run.log), 1 + len(run.log) // MOST_POINTS)
 
 
 def shown_strides(record: LegRecord) -> np.ndarray:
@@ -233,18 +215,20 @@ class Sheet:
         lines: Entries of the legend.
     """
 
-    def __init__(self, run: Run, title: str, size: tuple[float, float], window: slice | None = None) -> None:
+    def __init__(self, run: Run, title: str, size: tuple[float, float], window: slice = slice(None)) -> None:
         """Begin a picture; one for print has no title inside.
 
         ``size``: width and height in inches, of two joints where there are panels of legs; one narrower than
         a screen is for print; ``window``: by default all of the run.
         """
-        self.run, self.window = run, window or whole_run(run)
+        self.run, self.window = run, window
         self.time = run.log["time_s"].to_numpy()[self.window]
         self.records, self.names = run.leg_records(), run.table.phase_names
         self.lines: list[Artist] = []
         events = [f"{event.text}, {event.time:.2f} s" for event in run.events[:MOST_EVENTS]]
-        text = "\n".join(filter(None, (title, describe(run), " · ".join(events))))
+        who, how = describe(run.experiment), run.verdict.outcome or run.status
+        about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
+        text = "\n".join(filter(None, (title, about, " · ".join(events))))
         self.figure = Figure(figsize=size, layout="constrained")
         self.figure.set_label(text)
         if size[0] >= SCREEN_WIDTH:

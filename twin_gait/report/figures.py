@@ -12,7 +12,6 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report import run_figures
@@ -28,7 +27,6 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
     "currents": run_figures.draw_currents,
     "battery": run_figures.draw_battery,
     "feet": run_figures.draw_feet,
-    "crutches": run_figures.draw_crutches,
     "phase_portrait": run_figures.draw_portrait,
 }
 
@@ -123,9 +121,8 @@ def _size(figure: Figure) -> None:
         line.set_markersize(_THINNER * line.get_markersize())
     for item in (item for axes in figure.axes for item in axes.collections):
         item.set_linewidth((_THINNER * np.asarray(item.get_linewidth())).tolist())
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if not isinstance(axis.get_major_locator(), FixedLocator):
-            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    for axes in figure.axes:
+        axes.locator_params(nbins=5)
 
 
 def write_figures(run: Run, directory: Path) -> list[Path]:

@@ -1,4 +1,4 @@
-"""The pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits, crutches.
+"""The pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits.
 
 Each takes a run and the width of the figure in inches (one narrower than a screen is for print), and gives
 the figure, or None where it does not apply.
@@ -17,7 +17,6 @@ from matplotlib.figure import Figure
 from twin_gait import palette
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK
-from twin_gait.measures.crutches import TRUNK_PITCH
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import phase_spells, usual_phases
@@ -227,22 +226,3 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
     return sheet.finished(occurring)
-
-
-def draw_crutches(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw lean of the trunk, forces on the crutches and work of the arms; None without crutches."""
-    if any(f"{side}_arm_power_W" not in run.log for side in run.sides):
-        return None
-    sheet = Sheet(run, "Trunk, crutches and arms", (width, 8.0))
-    lean, force, work = panels = sheet.figure.subplots(3, 1, sharex=True)
-    sheet.curve(lean, np.degrees(run.log[TRUNK_PITCH].to_numpy()), "trunk", BLACK)
-    for side in run.sides:
-        label, colour = f"{side} arm and crutch", palette.SIDE_COLOURS[side]
-        sheet.curve(force, f"{side}_crutch_normal_force_N", label, colour)
-        sheet.curve(work, TICK * np.cumsum(run.log[f"{side}_arm_power_W"].to_numpy()), label, colour)
-    style_panel(lean, "lean of the trunk, forwards positive", "angle [°]")
-    style_panel(force, "force of the ground on the crutch, upwards", "force [N]")
-    style_panel(work, "work of the arm since the start", "work [J]")
-    for axes in panels:
-        axes.axhline(0.0, color="0.6", linewidth=0.8)
-    return sheet.finished_over_time(work, phases=False)

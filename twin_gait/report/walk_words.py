@@ -7,16 +7,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple, TypeGuard
 
+from twin_gait.experiment import Experiment
 from twin_gait.measures.strides import ErrorParts
 from twin_gait.measures.walk import WalkMeasures
-from twin_gait.parameters import Patient
 from twin_gait.simulation.engine import BusTraffic
 from twin_gait.vocabulary import JointName
 
 
-def wearer_words(patient: Patient | None) -> str:
-    """Mass and height of a wearer, if there is one."""
-    return "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
+def describe(experiment: Experiment) -> str:
+    """One line on the wearer, the speed of a belt between its ramps, and the weight that is supported."""
+    patient, walking = experiment.patient, experiment.scenario.walking
+    parts = ["no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"]
+    if walking is not None and walking.belt.cruise:
+        parts.append(f"{3.6 * walking.belt.cruise:.2f} km/h")
+    if walking is not None and walking.support_share:
+        parts.append(f"{walking.support_share:.0%} of the weight supported")
+    return ", ".join(parts)
 
 
 DASH = "–"

@@ -44,7 +44,7 @@ def plot_run(
     Args:
         run: The run.
         figure: ``gait_cycle``, ``ground_forces``, ``joint_angles``, ``torques``, ``currents``,
-            ``feet``, ``crutches``, ``phase_portrait`` or ``energy``.
+            ``battery``, ``feet`` or ``phase_portrait``.
         width_mm: Of a figure for print, 85 or 174 for one column or two, with letters and without a title;
             None draws for a screen.
         out: A .pdf, .svg or .png file to write it into, or None.

@@ -10,7 +10,7 @@ import pandas as pd
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
+from twin_gait.report.walk_words import carried_by_belt, describe, table_of_network, table_of_walk
 from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
@@ -87,12 +87,6 @@ def setting_of(experiment: Experiment) -> Setting:
 def modes_of(experiment: Experiment) -> Sequence[str]:
     """Names of the operating modes in the order of their codes, or nothing."""
     return () if experiment.modes is None else tuple(experiment.modes.phases)
-
-
-def describe(experiment: Experiment) -> str:
-    """One line on the wearer and the speed of a belt between its ramps."""
-    who, walking = wearer_words(experiment.patient), experiment.scenario.walking
-    return f"{who}, {3.6 * walking.belt.cruise:.2f} km/h" if walking and walking.belt.cruise else who
 
 
 def read_shown_run(directory: Path) -> ShownRun:
