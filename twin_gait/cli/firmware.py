@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -36,26 +35,24 @@ def run(arguments: argparse.Namespace) -> int:
     Exits with 1 if --verify finds a difference.
     """
     from twin_gait.firmware.project import MANIFEST
+    from twin_gait.report.pages import lines
+    from twin_gait.report.walk_words import off_the_reference
     from twin_gait.runs.folders import FolderKind, staged_directory
 
     out = arguments.out
     if out is None and not arguments.verify:
         raise ParameterError("--out: expected the folder to write, or --verify to keep nothing")
     loaded = options.experiment_of(arguments)
-    lines: list[str] = []
     document: dict[str, Any] = {}
     kind = FolderKind("a firmware folder", MANIFEST)
     with nullcontext() if out is None else staged_directory(out, kind, force=arguments.force) as staging:
         if staging is not None:
-            manifest = _write(loaded, staging)
-            lines += report(manifest, out)
-            document |= {**manifest, "directory": out}
+            document |= {**_write(loaded, staging), "directory": out}
         if arguments.verify:
-            found = _verify(loaded, staging)
-            lines += checks(found)
-            document |= found
+            document |= _verify(loaded, staging)
     terminal.clear_line()
-    terminal.answer(arguments, lines, lambda: document)
+    shown = lines("firmware.txt", {**document, "off_the_reference": off_the_reference})
+    terminal.answer(arguments, shown, lambda: document)
     return FAILED if document.get("passed") is False else DONE
 
 
@@ -101,27 +98,3 @@ def _gait(run: simulation.Run) -> dict[str, Any]:
     briefs = {str(side): side_in_brief(run, side) for side in run.sides}
     kept = ("strides_by_phase", *(f"rmse_{joint}_by_contact_deg" for joint in run.table.joints))
     return {side: {name: brief.get(name) for name in kept} for side, brief in briefs.items()}
-
-
-def report(manifest: Mapping[str, Any], out: Path) -> Iterator[str]:
-    """What was printed, in a few lines."""
-    yield f"{manifest['experiment']}, gait table {manifest['table']}: source {manifest['source_sha256'][:16]}"
-    sizes = (f"{name} {size}" for name, size in manifest["record_bytes"].items())
-    yield f"  bytes of RAM on a Cortex-M: {', '.join(sizes)}"
-    if not manifest["can_codec"]:
-        yield "  without can_codec: pip install cantools, and print again"
-    yield f"  {out}; make -C {out} test compares it with the simulation"
-
-
-def checks(document: Mapping[str, Any]) -> Iterator[str]:
-    """What was compared, in a line each."""
-    from twin_gait.report.walk_words import off_the_reference
-
-    words = {True: "passed", False: "FAILED", None: "skipped"}
-    for item in document["checks"]:
-        yield f"{words[item['passed']]}: {item['name']}: {item['text']}"
-    for name, sides in document["walks"].items():
-        for side, gait in sides.items():
-            off = off_the_reference(gait, 4)
-            of = f", off the reference by {off} RMS" if off else ""
-            yield f"  {name.replace('_', ' ')}, {side}: {gait['strides_by_phase']} strides{of}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,6 @@ from twin_gait.vocabulary import JointName
 if TYPE_CHECKING:
     from twin_gait.studies.campaign import CampaignResult
 
-PRINTED_MODELS = 5
 SUFFIXES = (".log", ".csv", ".txt", ".tsv", ".dat")
 _PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
 # Numbers of the bench on which logs were made, by their field of a BenchSetup.
@@ -99,7 +98,8 @@ def identify(arguments: argparse.Namespace) -> int:
     one test. Written: identification.json (models best first), parameter files that simulate takes, the
     samples, and figures.
     """
-    from twin_gait.identification.writing import IDENTIFICATION, write_identification
+    from twin_gait.identification.writing import IDENTIFICATION, PARAMETER_FILES, write_identification
+    from twin_gait.report.pages import lines
     from twin_gait.runs.folders import check_target
 
     chosen = make_options(arguments)
@@ -110,24 +110,12 @@ def identify(arguments: argparse.Namespace) -> int:
     joint = None if arguments.joint is None else JointName(arguments.joint)
     pictures = not arguments.no_pictures
     document = write_identification(result, arguments.out, joint, force=arguments.force, pictures=pictures)
-    lines = [*summary_lines(document), *_parameter_file_lines(document)]
-    answer(arguments, [*lines, str(arguments.out)], lambda: {**document, "directory": arguments.out})
+    told = {**document, "directory": arguments.out}
+    counts = [test["samples"] for test in document["tests"]]
+    samples = sum(count.get("after_decimation", count["read"]) for count in counts)
+    shown = {**told, "laws": PARAMETER_FILES, "samples": samples}
+    answer(arguments, lines("identification.txt", shown), lambda: told)
     return DONE
-
-
-def _parameter_file_lines(document: Mapping[str, Any]) -> Iterator[str]:
-    """Which law each parameter file has, or why there is none."""
-    from twin_gait.identification.writing import PARAMETER_FILES
-
-    written = document["parameter_files"]
-    for file, laws in PARAMETER_FILES.items():
-        if file in written:
-            yield f"{file}: {written[file]}"
-        elif document["joint"] is None:
-            yield f"no {file}: say whose friction it is with --joint"
-        else:
-            takes = f"it takes {', '.join(laws)}, and none that was fitted brakes the joint at any speed"
-            yield f"no {file}: {takes}; try --model or --physical"
 
 
 def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
@@ -176,27 +164,3 @@ def _files(paths: list[Path]) -> Iterator[Path]:
         if not found:
             raise ParameterError(f"{path}: the folder has no .log, .csv, .txt, .tsv or .dat file")
         yield from found
-
-
-def summary_lines(document: dict[str, Any]) -> Iterator[str]:
-    """What a reader wants first: the models, the best one's parameters, the warnings."""
-    counts = [test["samples"] for test in document["tests"]]
-    used = sum(count["used"] for count in counts)
-    whole = sum(count.get("after_decimation", count["read"]) for count in counts)
-    plural = "s" if len(document["tests"]) > 1 else ""
-    order = document["method"]["order"]
-    yield f"{len(document['tests'])} file{plural}, {used} samples of {whole}; best first by {order}"
-    for item in document["models"][:PRINTED_MODELS]:
-        runs = [run for run in item["cross_validation"] if run["rmse"] is not None]
-        left_out = "".join(f", {run['rmse']:.4g} with {run['left_out']} left out" for run in runs)
-        yield f"  {item['name']:<26} RMSE {item['rmse']:.4g} N m{left_out}, R² {item['r_squared']:.3f}"
-    if len(document["models"]) > PRINTED_MODELS:
-        yield f"  and {len(document['models']) - PRINTED_MODELS} more"
-    best = document["models"][0]
-    yield f"{best['name']}: {best['formula']}"
-    for name, value in best["parameters"].items():
-        low, high = best["intervals_95"][name]
-        interval = "" if low is None or high is None else f"  [{low:.5g}, {high:.5g}]"
-        yield f"  {name:<34} {value:.5g}{interval}"
-    for warning in [*document["warnings"], *best["warnings"]]:
-        yield f"warning: {warning}"

@@ -202,6 +202,7 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.conventions import find_convention
     from twin_gait.measures import KILOMETRES_PER_HOUR
+    from twin_gait.report.pages import lines
 
     speed, named = arguments.speed, arguments.convention
     starts = options.pairs("--start", arguments.start, list(Side))
@@ -224,30 +225,6 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = replay.summarise_replay(result)
     folder = [] if arguments.out is None else [str(arguments.out)]
-    answer(arguments, [*replay_lines(summary), *folder], lambda: {**summary, "directory": arguments.out})
+    shown = [*lines("replay.txt", summary), *folder]
+    answer(arguments, shown, lambda: {**summary, "directory": arguments.out})
     return DONE
-
-
-def replay_lines(summary: dict[str, Any]) -> Iterator[str]:
-    """What a reader wants first: strides, switches by cause, agreement."""
-    yield f"{summary['log']}: {summary['duration_s']:g} s through the table {summary['table']}"
-    if summary["assumed_signals"]:
-        taken = ", ".join(f"{name} {value:g}" for name, value in summary["assumed_signals"].items())
-        yield f"not in the log, so taken as: {taken}"
-    for side, values in summary["sides"].items():
-        count, whole = values["strides"], values["strides_with_the_whole_cycle"]
-        of = (
-            f" of {values['stride_time_mean_s']:.2f} s, {whole} with a whole cycle of the table"
-            if count
-            else ""
-        )
-        yield f"{side}: {count} stride{'s' * (count != 1)}{of}"
-        for item in values["switches"]:
-            yield f"  {item['count']:4d} × {item['from']} → {item['to']} ({item['cause']})"
-        agreement = values["agreement"]
-        if agreement is not None:
-            lags = [lag for phase in agreement["entry_lags_s"].values() for lag in phase]
-            late = [1000 * abs(lag) for lag in lags if lag is not None]
-            yield f"  recorded phases: {100 * agreement['equal_share']:.1f} % of the ticks equal"
-            found = f"{len(late)} of {len(lags)} recorded switches found"
-            yield f"  {found}, at most {max(late, default=0.0):.0f} ms apart"
