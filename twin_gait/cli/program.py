@@ -18,7 +18,7 @@ from twin_gait.exceptions import TwinGaitError
 
 # Modules of this package by the group in which --help shows their commands.
 GROUPS = {
-    "run and look": ("simulate", "view", "export", "sessions"),
+    "run and look": ("simulate", "view", "sessions"),
     "gait tables": ("tables",),
     "test bench and identification": ("friction",),
     "the device": ("firmware",),

@@ -9,7 +9,7 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,7 +86,7 @@ def simulate(arguments: argparse.Namespace) -> int:
             on_step=terminal.note_step, beside=beside,
         )  # fmt: skip
     terminal.clear_line()
-    lines = list(report(summary, out))
+    lines = report(summary, out)
     if arguments.accuracy and accuracy is None:
         lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
     terminal.answer(arguments, lines, lambda: {**summary, "directory": out})
@@ -107,51 +107,12 @@ def default_folder(name: str) -> Path:
     return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
 
 
-def report(summary: Mapping[str, Any], *folders: Path) -> Iterator[str]:
+def report(summary: Mapping[str, Any], *folders: Path) -> list[str]:
     """Results in a few lines, and where they are."""
-    ended = "interrupted, " if summary["status"] == simulation.RunStatus.INTERRUPTED else ""
-    word, pace = summary["outcome"] or summary["status"], summary["realtime_factor"] or 0.0
-    took = f"{summary['duration_s']:g} s in {summary['wall_s']:.1f} s ({pace:.1f} x real time)"
-    yield f"{ended}{word}: {took}"
-    if summary["outcome_reason"]:
-        yield f"  {summary['outcome_reason']}"
-    if summary.get("requests_refused"):
-        yield f"  refused: {summary['requests_refused']}"
-    for line in summary_lines(summary):
-        yield f"  {line}"
-    if "accuracy" in summary:
-        error = math.degrees(summary["accuracy"]["largest_angle_error_rad"])
-        step = summary["accuracy"]["reference_step_s"]
-        yield f"  a tenth of the step ({step:g} s) moves the joints by up to {error:.2g}°"
-        if summary["accuracy"]["first_slip_s"] is not None:
-            slip = summary["accuracy"]["first_slip_s"]
-            yield f"    until a switch first falls in another tick, at {slip:.3f} s"
-    for folder in folders:
-        yield f"  {folder}"
+    from twin_gait.report import pages, walk_words
 
-
-def summary_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    """The figures that a reader wants first."""
-    from twin_gait.measures import stride_count
-    from twin_gait.report import walk_words
-
-    for side, values in summary["sides"].items():
-        by = "_by_phase" if values["strides"] is None else ""  # in the air there are no contacts
-        found, counted = values[f"strides{by}"], values[f"strides{by}_counted"]
-        line = f"{side}: {'in the air, by its phases ' * bool(by)}{stride_count(counted, found)}"
-        if counted:
-            line += f" of {values[f'stride_time{by}_mean_s']:.2f} s"
-        if values.get("swing_share") is not None:
-            line += f", swing {values['swing_share'] * 100:.0f} %"
-        off = walk_words.off_the_reference(values, 1)
-        yield f"{line}, off the Koopman reference by {off} RMS" if off else line
-    yield from walk_words.lines_of(walk_words.table_of_walk(summary))
-    yield from filter(None, (walk_words.who_drives(summary), walk_words.carried_by_belt(summary)))
-    yield from walk_words.lines_of(walk_words.table_of_network(summary))
-    power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
-    if life is not None:
-        lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"
-        yield f"battery: {power:.1f} W, {lasts} (stated: {summary['battery_life_stated_h']:g} h)"
+    content = {"summary": summary, "words": walk_words, "degrees": math.degrees, "folders": folders}
+    return pages.lines("run.txt", {**summary, **content})
 
 
 def walk_live(arguments: argparse.Namespace) -> int:

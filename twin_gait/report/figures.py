@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report import run_figures
-from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
+from twin_gait.report.canvas import FORMATS, LEGEND_COLUMN, SCREEN_WIDTH, save
 from twin_gait.simulation.run import Run
 
 # By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
@@ -93,6 +93,35 @@ def draw_for_paper(run: Run, name: str, width: float) -> tuple[Figure, str]:
         caption = _letter_panels(figure)
     _size(figure)
     return figure, caption
+
+
+def plot_run(
+    run: Run, figure: str = "gait_cycle", *, width_mm: float | None = None, out: str | Path | None = None
+) -> Figure:
+    """Draw a picture of a run.
+
+    Args:
+        run: The run.
+        figure: ``gait_cycle``, ``ground_forces``, ``joint_angles``, ``torques``, ``currents``,
+            ``battery``, ``feet`` or ``phase_portrait``.
+        width_mm: Of a figure for print, 85 or 174 for one column or two, with letters and without a title;
+            None draws for a screen.
+        out: A .pdf, .svg or .png file to write it into, or None.
+
+    Returns:
+        The figure; notebooks show it after ``%matplotlib inline``.
+
+    Raises:
+        ParameterError: If there is no such picture, none of this run, or the width or the format is another.
+        RunDirectoryError: If the file cannot be written.
+    """
+    path = None if out is None else Path(out)
+    if path is not None and path.suffix[1:] not in FORMATS:
+        raise ParameterError(f"out: expected a name ending in .{', .'.join(FORMATS)}, got {path.name!r}")
+    drawn = draw_figure(run, figure) if width_mm is None else draw_for_paper(run, figure, width_mm)[0]
+    if path is not None:
+        save(drawn, path)
+    return drawn
 
 
 def _letter_panels(figure: Figure) -> str:

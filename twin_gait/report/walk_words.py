@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any, NamedTuple, TypeGuard
 
 from twin_gait.experiment import Experiment
-from twin_gait.measures.strides import ErrorParts
+from twin_gait.measures.strides import ErrorParts, stride_count
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.simulation.engine import BusTraffic
 from twin_gait.vocabulary import JointName
@@ -146,6 +146,19 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
         return ""
     force = _text(power["guide_force_N"], 0)
     return f"The belt carries this walk: it drags the feet back, and {force} N at the pelvis hold against it."
+
+
+def strides_of(leg: Mapping[str, Any]) -> str:
+    """Strides of a leg of a summary, their time, swing and error; by its phases where it has no ground."""
+    by = "_by_phase" if leg["strides"] is None else ""
+    counted = leg[f"strides{by}_counted"]
+    told = f"{'in the air, by its phases ' if by else ''}{stride_count(counted, leg[f'strides{by}'])}"
+    if counted:
+        told += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
+    if _is_known(leg.get("swing_share")):
+        told += f", swing {leg['swing_share']:.0%}"
+    off = off_the_reference(leg, 1)
+    return f"{told}, off the Koopman reference by {off} RMS" if off else told
 
 
 def off_the_reference(leg: Mapping[str, Any], places: int) -> str:

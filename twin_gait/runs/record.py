@@ -19,7 +19,7 @@ from twin_gait.files import read_parquet, write_atomically, write_json, write_pa
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.runs.drawing import begin_drawing
-from twin_gait.runs.folders import FolderKind, journal_of
+from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
 from twin_gait.simulation.problem import scaled_table
@@ -82,6 +82,19 @@ def write_run(
     return summary
 
 
+def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:
+    """Write a run directory, as ``twin-gait simulate`` does.
+
+    ``run``: the run. ``folder``: the directory to make; it appears when all in it is written. ``pictures``:
+    whether to draw figures and animation. ``force``: whether an existing run directory may be replaced.
+    Returns the directory. Raises RunDirectoryError if it exists, or cannot be written.
+    """
+    target = Path(folder).expanduser()
+    with staged_directory(target, RUN_DIRECTORY, force=force) as staging:
+        write_run(run, staging, pictures=pictures)
+    return target
+
+
 def run_signal(log: pd.DataFrame) -> Callable[[Side, str, str], np.ndarray]:
     """Quantities of a log by side, joint and name."""
     return lambda side, joint, name: log[f"{side}_{joint}_{name}"].to_numpy()
@@ -133,9 +146,20 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
 
 
-def load_run(directory: Path) -> StoredRun:
-    """Read a run back; raises RunDirectoryError if it is not a complete run directory."""
-    directory = Path(directory).expanduser()
+def load_run(folder: str | Path) -> Run:
+    """Read a run directory back.
+
+    ``folder``: the directory. Returns the run, with log, switches and trip as they were, and the experiment
+    with everything resolved, such as the integrator that its engine chose. Raises ParameterFileError if its
+    experiment file has a mistake, or URDF or table have changed since. Raises RunDirectoryError if it is not
+    a complete run directory.
+    """
+    return read_run(Path(folder)).run
+
+
+def read_run(directory: Path) -> StoredRun:
+    """Read a run back with its summary; raises as :func:`load_run`."""
+    directory = directory.expanduser()
     if journal_of(directory.absolute()).is_file():
         raise RunDirectoryError(
             f"{directory}: its walk is going on, or was killed; twin-gait sessions complete {directory}"

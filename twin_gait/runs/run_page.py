@@ -11,7 +11,7 @@ import pandas as pd
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.report.walk_words import carried_by_belt, describe, table_of_network, table_of_walk
-from twin_gait.runs.record import LOG_FILE, load_run
+from twin_gait.runs.record import LOG_FILE, read_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
@@ -91,7 +91,7 @@ def modes_of(experiment: Experiment) -> Sequence[str]:
 
 def read_shown_run(directory: Path) -> ShownRun:
     """Read a run to look at it."""
-    run, summary = load_run(directory)
+    run, summary = read_run(directory)
     if run.log.empty:
         raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
     return shown_run(run, summary, name=directory.expanduser().absolute().name)
