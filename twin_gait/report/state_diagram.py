@@ -76,16 +76,10 @@ def _mermaid(text: str) -> str:
     return "".join(char if char.isalnum() or char in " _.,°/−ζθ()[]-+" else f"#{ord(char)};" for char in text)
 
 
-LINE, SMALL_LINE = 17.0, 16.0  # [px] from line to line below the drawing and in boxes
-_LINE_CHARACTERS = 110
-_BADGE = 19.0  # [px], height of a number on an arrow
-_CHARACTER = 7.1  # [px], width of a letter of these lines, on the safe side
-_COLUMNS = (14.0, 92.0, 152.0, 208.0, 280.0)  # [px] from the left edge of a box
-_BOX_WIDTH = 322.0
+_LINE_CHARACTERS = 110  # below the drawing
+_HEADLINE, _LINE = 36.0, 16.0  # [px] of a box
 _BELOW = 26.0  # [px] between boxes
 _DIGITS = 4
-_MARGIN, _HEAD = 20.0, 34.0  # [px] around the drawing, and above it for the title
-_TITLE_CHARACTER = 11.0
 
 _LEGEND = (
     "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins.",
@@ -119,38 +113,19 @@ def state_diagram_svg(table: StateTable) -> str:
 
     Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
-    lines = [_box_lines(table, phase) for phase in table.phases]
-    names = [f"{place} {readable(phase)}" for place, phase in enumerate(table.phases, start=1)]
-    box_width = max(_BOX_WIDTH, 66.0 + 1.3 * _CHARACTER * max(map(len, names)))
-    box_height = 36.0 + SMALL_LINE * max(map(len, lines))
-    laid = arrows(table, box_height)
-    badge = 10.0 + _CHARACTER * max((len(arrow.numbers) for arrow in laid), default=0)
-    lane = badge + 6.0
-    said, legend = list(_transition_lines(table)), _legend(table)
-    right = box_width + lane * max((arrow.lane for arrow in laid), default=0) + badge / 2.0
-    widths = [_TITLE_CHARACTER * len(table.name), *(_CHARACTER * len(text) for text in (*said, *legend))]
-    foot = len(lines) * (box_height + _BELOW)
+    boxes = [
+        (f"{place} {readable(phase)}", phase_colour(phase, place - 1), _box_lines(table, phase))
+        for place, phase in enumerate(table.phases, start=1)
+    ]
+    height = _HEADLINE + _LINE * max(len(lines) for *_, lines in boxes)
     content = {
         "name": table.name,
-        "left": -_MARGIN,
-        "top": -_MARGIN - _HEAD,
-        "width": 2.0 * _MARGIN + max(right, *widths),
-        "height": _HEAD + foot + LINE * len((*said, *legend)) + 2.0 * _MARGIN,
-        "foot": foot,
-        "box_width": box_width,
-        "box_height": box_height,
+        "boxes": boxes,
+        "box_height": height,
         "below": _BELOW,
-        "arrows": [(box_width + lane * arrow.lane, arrow) for arrow in laid],
-        "badge_width": badge,
-        "badge_height": _BADGE,
-        "boxes": list(
-            zip(map(phase_colour, table.phase_names, range(len(names))), names, lines, strict=True)
-        ),
-        "said": said,
-        "legend": legend,
-        "columns": _COLUMNS,
-        "line": LINE,
-        "small_line": SMALL_LINE,
+        "arrows": arrows(table, height),
+        "said": list(_transition_lines(table)),
+        "legend": _legend(table),
     }
     return _FORBIDDEN.sub("\ufffd", render("state_diagram.svg", content)) + "\n"
 
