@@ -18,7 +18,6 @@ from twin_gait.vocabulary import JointName
 if TYPE_CHECKING:
     from twin_gait.studies.campaign import CampaignResult
 
-SUFFIXES = (".log", ".csv", ".txt", ".tsv", ".dat")
 _PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
 # Numbers of the bench on which logs were made, by their field of a BenchSetup.
 _BENCH = {
@@ -44,7 +43,7 @@ def add_parser(commands: Any) -> None:
 
     parser = options.add_command(commands, "identify", identify)
     add = parser.add_argument
-    add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files")
+    add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its .log files")
     options.add_out(parser, "DIR", "folder to make", required=True)
     text = "columns by name, such as time=t,velocity=dq2,friction_torque=tau2; -NAME turns the sign"
     add("--columns", default="", metavar="Q=NAME,…", help=text)
@@ -155,12 +154,9 @@ def _bench_of_logs(arguments: argparse.Namespace) -> of.BenchSetup | None:
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:
-    """Files as given, and those of folders by name."""
+    """Files as given, and the logs of folders by name."""
     for path in (path.expanduser() for path in paths):
-        if not path.is_dir():
-            yield path
-            continue
-        found = sorted(item for item in path.iterdir() if item.suffix.lower() in SUFFIXES)
+        found = sorted(path.glob("*.log")) if path.is_dir() else [path]
         if not found:
-            raise ParameterError(f"{path}: the folder has no .log, .csv, .txt, .tsv or .dat file")
+            raise ParameterError(f"{path}: the folder has no .log file")
         yield from found

@@ -51,12 +51,12 @@ def available_figures(run: Run) -> list[str]:
 
     Returned of ``FIGURES``, in order; none of a log of less than two rows.
     """
-    if len(run.log) < 2:
-        return []
     return [name for name, _ in _drawn(run)]
 
 
 def _drawn(run: Run) -> Iterator[tuple[str, Figure]]:
+    if len(run.log) < 2:
+        return
     for name, draw in FIGURES.items():
         figure = draw(run, width=SCREEN_WIDTH)
         if figure is not None:
