@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait import configuration, firmware, runs, simulation
+from twin_gait import configuration, firmware, runs
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
@@ -36,7 +36,6 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.firmware.project import MANIFEST
     from twin_gait.report.pages import lines
-    from twin_gait.report.walk_words import off_the_reference
     from twin_gait.runs.folders import FolderKind, staged_directory
 
     out = arguments.out
@@ -51,8 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.verify:
             document |= _verify(loaded, staging)
     terminal.clear_line()
-    shown = lines("firmware.txt", {**document, "off_the_reference": off_the_reference})
-    terminal.answer(arguments, shown, lambda: document)
+    terminal.answer(arguments, lines("firmware.txt", document), lambda: document)
     return FAILED if document.get("passed") is False else DONE
 
 
@@ -79,22 +77,11 @@ def _verify(loaded: configuration.LoadedExperiment, folder: Path | None) -> dict
 
     with terminal.progress_bar("verifying", "tick") as progress:
         found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
-    walks = {"simulation": found.walk, "processor_in_the_loop": found.loop_walk}
     document = {
         "source_sha256": found.source_hash,
         "passed": found.passed,
         "checks": [item._asdict() for item in found.checks],
-        "walks": {name: _gait(run) for name, run in walks.items() if run is not None},
     }
     if folder is not None:
         write_json(folder / VERIFICATION, document)
     return document
-
-
-def _gait(run: simulation.Run) -> dict[str, Any]:
-    """Strides of each leg, and how far they are off the reference."""
-    from twin_gait.runs.leg_summary import side_in_brief
-
-    briefs = {str(side): side_in_brief(run, side) for side in run.sides}
-    kept = ("strides_by_phase", *(f"rmse_{joint}_by_contact_deg" for joint in run.table.joints))
-    return {side: {name: brief.get(name) for name in kept} for side, brief in briefs.items()}

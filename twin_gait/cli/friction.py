@@ -58,8 +58,7 @@ def add_parser(commands: Any) -> None:
     bench = parser.add_argument_group("test bench, for logs with a current")
     for field, (flag, unit, text) in _BENCH.items():
         bench.add_argument(flag, dest=field, type=float, metavar=unit, help=text)
-    text = "what the first angle of a log is set to (90, horizontal)"
-    bench.add_argument("--start-angle-deg", type=float, metavar="A", help=text)
+    bench.add_argument("--start-angle-deg", type=float, metavar="A", help="of every log (90, horizontal)")
     bench.add_argument("--angles-as-logged", action="store_true", help="leave the angles as they are")
     options.add(parser, "--seed", "--no-pictures", "--json")
 
@@ -78,7 +77,7 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
         result = studies.run_campaign(campaign, out, **watch)
     print("\n".join(report_campaign(result)))
     if result.status is simulation.RunStatus.INTERRUPTED:
-        return terminal.stopped("interrupted", "the logs so far are kept")
+        return terminal.stopped("the logs so far are kept")
     return DONE
 
 

@@ -34,15 +34,14 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds="that of the experiment")
     options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>)")
-    text = "compiled (the default), or pinocchio, the reference implementation in Python"
+    text = "compiled, or pinocchio, the reference implementation"
     options.add_shorthand(parser, "--engine", "NAME", "engine", text, str)
     text = "what fails, and when, such as encoder_freeze:left_knee@4.2s; may be repeated"
     add("--fault", action="append", default=[], metavar="KIND:SIDE_JOINT@TIMEs", dest="faults", help=text)
     add("--view", action="store_true", help="play the run in the browser afterwards")
     options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
-    text = "run again at a tenth of the step and report the difference (takes ten times as long)"
-    add("--accuracy", action="store_true", help=text)
+    add("--accuracy", action="store_true", help="run again at a tenth of the step and tell the difference")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "live", walk_live)

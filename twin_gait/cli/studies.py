@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,6 @@ from twin_gait.runs.folders import check_target
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.sweep.sweep import SweepResult
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -38,8 +36,9 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds=f"{COMPARED:g}")
     text = f"names with commas between them (all that suit: {NAMES})"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
-    text = "days that differ in weight, friction, belt and effort; from 2 on, means with intervals (1)"
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help=text)
+    parser.add_argument(
+        "--seeds", type=int, default=1, metavar="N", help="days that differ in all but who walks (1)"
+    )
     options.add_out(parser, "DIR", f"folder to make ({COMPARISONS}/NAME)")
     options.add(parser, "--json")
 
@@ -49,8 +48,9 @@ def add_parser(commands: Any) -> None:
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
     add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
-    text = "leave the transitions as they are"
-    add("--keep-thresholds", action="store_false", dest="thresholds", help=text)
+    add(
+        "--keep-thresholds", action="store_false", dest="thresholds", help="leave the transitions as they are"
+    )
     add("--keep-blending", action="store_false", dest="blending", help="leave the blend as it is")
     add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
     add("--everyone", action="store_true", help="a table for other wearers, supports and belts too")
@@ -70,6 +70,8 @@ def sweep(arguments: argparse.Namespace) -> int:
     Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. The same
     command goes on with a sweep that was stopped or killed.
     """
+    from twin_gait.report.pages import lines
+
     number = options.workers_of(arguments)
     spec = studies.load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
@@ -83,23 +85,11 @@ def sweep(arguments: argparse.Namespace) -> int:
         ):
             result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except studies.WorkersLost as error:
-        return terminal.stopped(str(error), f"what is done is kept, and {again}", FAILED)
+        return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
-    terminal.answer(arguments, report_sweep(result), lambda: document)
-    return (
-        terminal.stopped("interrupted", again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
-    )
-
-
-def report_sweep(result: SweepResult) -> Iterator[str]:
-    """Results in a few lines."""
-    summary = result.summary
-    before = f", {result.resumed} of them before" if result.resumed else ""
-    yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes{before}"
-    yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
-    if summary["not_drawn"]:
-        yield f"  not drawn, because no completed episode has it: {', '.join(summary['not_drawn'])}"
-    yield f"  {result.directory}"
+    shown = lines("sweep.txt", {**document, "resumed": result.resumed})
+    terminal.answer(arguments, shown, lambda: document)
+    return terminal.stopped(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
 
 
 def compare(arguments: argparse.Namespace) -> int:
@@ -124,7 +114,7 @@ def compare(arguments: argparse.Namespace) -> int:
     with terminal.watched("compare", "run") as watch:
         comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
     if comparison is None:
-        return terminal.stopped("interrupted", "nothing was written")
+        return terminal.stopped("nothing was written")
     writing.write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     lines = [text, "", str(out / writing.PAGE_FILE)]
@@ -158,7 +148,7 @@ def tune(arguments: argparse.Namespace) -> int:
         )  # fmt: skip
     terminal.clear_line()
     if tuning is None:
-        return terminal.stopped("interrupted", "nothing was written")
+        return terminal.stopped("nothing was written")
     wearer = _wearer(options.person_of(arguments.settings), experiment)
     found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})

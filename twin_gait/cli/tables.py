@@ -29,8 +29,7 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     add("name", nargs="?", help="preset, person or table to print as YAML")
     add("--as-table", action="store_true", help="print the gait table where a preset has its name")
-    text = "print the JSON Schema of a kind of file, for editors"
-    add("--schema", choices=["experiment", "table", "modes"], help=text)
+    add("--schema", choices=["experiment", "table", "modes"], help="print the JSON Schema of a kind of file")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "diagram", draw_diagram)
@@ -42,8 +41,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "check", check_table)
     add = parser.add_argument
     add("table", nargs="?", metavar="TABLE", help="packaged table, YAML file, or a preset for its own")
-    text = "preset, experiment file or run directory that it drives; without TABLE its own is checked"
-    add("--experiment", metavar="FILE", help=text)
+    add("--experiment", metavar="FILE", help="what it drives: a preset, a file or a run (whose own table)")
     options.add_settings(parser)
     options.add(parser, "--json")
     add("--rules", action="store_true", help="list the rules and end")
@@ -55,8 +53,7 @@ def add_parser(commands: Any) -> None:
     add("--convention", metavar="NAME", help="names and signs of the angles in the log")
     text = "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"
     add("--columns", default="", metavar="Q=NAME,…", help=text)
-    text = "phases at the start (the recorded ones, or the table's first)"
-    add("--start", default="", metavar="SIDE=PHASE,…", help=text)
+    add("--start", default="", metavar="SIDE=PHASE,…", help="phases at the start (recorded, or first)")
     add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
     add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
     add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")

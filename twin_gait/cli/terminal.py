@@ -97,7 +97,7 @@ def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None
         yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
 
 
-def stopped(why: str, hint: str, status: int = INTERRUPTED) -> int:
+def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> int:
     """Say why the work ended early, and what is kept; gives the exit status."""
     print(f"twin-gait: {why}; {hint}", file=sys.stderr)
     return status

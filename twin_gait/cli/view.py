@@ -36,8 +36,9 @@ def add_parser(commands: Any) -> None:
     """Add the commands to the parser."""
     parser = options.add_command(commands, "view", view)
     add = parser.add_argument
-    text = "one or two run directories, or a URDF file"
-    add("targets", type=Path, nargs="+", metavar="RUN|URDF", help=text)
+    add(
+        "targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF file"
+    )
     options.add_out(parser, "FILE.html", "write the page and open nothing")
     add("--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing")
     add("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
@@ -47,22 +48,28 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "plot", plot)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
-    text = "gait_cycle, torques, …; may be repeated (all that the run has)"
-    add("--figure", action="append", metavar="NAME", dest="figures", help=text)
+    add(
+        "--figure",
+        action="append",
+        metavar="NAME",
+        dest="figures",
+        help="such as gait_cycle; repeatable (all)",
+    )
     add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
-    text = "85 for one column (the default), 174 for two"
-    add("--width", type=float, default=85.0, metavar="MM", help=text)
+    add("--width", type=float, default=85.0, metavar="MM", help="85 for one column (85), 174 for two")
     options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
 
     parser = options.add_command(commands, "export", export)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
-    text = "format; without it that of --out's ending, mot with --convention, else csv"
-    add("--format", choices=tuple(NAMES), help=text)
-    text = f"model whose names and signs a motion has ({DEFAULT_CONVENTION})"
-    add("--convention", choices=MODELS, help=text)
-    text = "whose angles a motion has where braces let the two move apart (the wearer's)"
-    add("--of", choices=("wearer", "device"), default="wearer", help=text)
+    add("--format", choices=tuple(NAMES), help="(by the name of --out; mot with --convention, else csv)")
+    add("--convention", choices=MODELS, help=f"names and signs of a motion ({DEFAULT_CONVENTION})")
+    add(
+        "--of",
+        choices=("wearer", "device"),
+        default="wearer",
+        help="whose angles a motion has (the wearer's)",
+    )
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
 
 

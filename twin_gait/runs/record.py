@@ -1,6 +1,5 @@
 """The run directory: what a run leaves behind, written atomically, and how it is read again."""
 
-import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -136,12 +135,12 @@ def switches_csv(
 def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
     places = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = [
-                (int(row["tick"]), Side(row["side"]), row["from"], row["to"], row["cause"])
-                for row in csv.DictReader(file)
-            ]
-        return tuple(PhaseSwitch(*row, -1 if row[-1] == POSTURE else places[row[2:]]) for row in rows)
+        rows = pd.read_csv(path, dtype=str, keep_default_na=False)
+        ways = zip(rows["from"], rows["to"], rows["cause"], strict=True)
+        return tuple(
+            PhaseSwitch(int(tick), Side(side), *way, -1 if way[-1] == POSTURE else places[way])
+            for tick, side, way in zip(rows["tick"], rows["side"], ways, strict=True)
+        )
     except (OSError, ValueError, KeyError) as error:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
 
@@ -198,9 +197,6 @@ def _trip_of(safety: Mapping[str, Any]) -> Trip | None:
     if not safety["tripped"]:
         return None
     side, _, joint = safety["place"].partition(" ")
-    return Trip(
-        round(safety["time_s"] / TICK),
-        TripCause(safety["cause"]),
-        Side(side) if joint else None,
-        JointName(joint) if joint in list(JointName) else None,
-    )
+    known = JointName(joint) if joint in list(JointName) else None
+    at = Side(side) if joint else None
+    return Trip(round(safety["time_s"] / TICK), TripCause(safety["cause"]), at, known)
