@@ -146,7 +146,7 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (("--columns", "speed=dq2"), "--columns: no 'speed'; there are time"),
+        (("--columns", "speed=dq2"), "--columns: expected NAME=VALUE,…, each name of time"),
         (("--units", "velocity"), "--units: expected NAME=VALUE"),
         (("--model", "gauss"), "model: no 'gauss'"),
         (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),

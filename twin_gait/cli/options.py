@@ -183,14 +183,11 @@ def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
 def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[str, str]:
     """Read ``a=b,c=d``."""
     found: dict[str, str] = {}
+    of = "" if allowed is None else f" of {', '.join(allowed)}"
     for part in filter(None, (item.strip() for item in text.split(","))):
-        key, separator, value = (item.strip() for item in part.partition("="))
-        if not separator or not key or not value:
-            raise ParameterError(f"{flag}: expected NAME=VALUE,…, got {part!r}")
-        if allowed is not None and key not in allowed:
-            raise ParameterError(f"{flag}: no {key!r}; there are {', '.join(allowed)}")
-        if key in found:
-            raise ParameterError(f"{flag}: {key} is given twice")
+        key, _, value = (item.strip() for item in part.partition("="))
+        if not key or not value or key in found or (allowed is not None and key not in allowed):
+            raise ParameterError(f"{flag}: expected NAME=VALUE,…, each name{of} once, got {part!r}")
         found[key] = value
     return found
 

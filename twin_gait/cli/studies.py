@@ -14,7 +14,7 @@ from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.runs.folders import check_target
 
 if TYPE_CHECKING:
-    from twin_gait.experiment import Experiment
+    pass
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -129,6 +129,7 @@ def tune(arguments: argparse.Namespace) -> int:
     report.
     """
     from twin_gait.report.tune import summary
+    from twin_gait.report.walk_words import describe
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.tune import Settings
 
@@ -149,16 +150,11 @@ def tune(arguments: argparse.Namespace) -> int:
     terminal.clear_line()
     if tuning is None:
         return terminal.stopped("nothing was written")
-    wearer = _wearer(options.person_of(arguments.settings), experiment)
+    person, size = options.person_of(arguments.settings), describe(experiment)
+    wearer = size if person is None else f"{person} ({size})"
     found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
     return DONE
-
-
-def _wearer(person: str | None, experiment: Experiment) -> str:
-    patient = experiment.patient
-    size = "" if patient is None else f"{patient.mass:g} kg, {patient.height:g} m, {patient.sex}"
-    return size if person is None else f"{person} ({size})"
 
 
 def faults(arguments: argparse.Namespace) -> int:

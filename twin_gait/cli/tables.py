@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration, gait, replay
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from twin_gait.checking.finding import Finding
 
 
-WIDTH = 100
 # What each format of a diagram is called in a folder.
 _ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
 
@@ -146,6 +144,7 @@ def check_table(arguments: argparse.Namespace) -> int:
     left, both legs in swing, and more. Ends with 1 if there is an error.
     """
     from twin_gait.checking.check import check, counts, load_case, report, rules
+    from twin_gait.report.pages import lines
 
     if arguments.rules:
         answer(arguments, listed(rules()), rules)
@@ -154,25 +153,9 @@ def check_table(arguments: argparse.Namespace) -> int:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
     case = load_case(arguments.table, arguments.experiment, arguments.settings)
     findings = check(case)
-    against = "by itself" if case.experiment is None else f"against {case.experiment.name}"
-    last = f"{case.table.name}, {against}: {counted(counts(findings))}"
-    answer(arguments, [*draw(findings), last], lambda: report(case, findings))
+    content = {"case": case, "findings": findings, "heading": heading, "counted": counted(counts(findings))}
+    answer(arguments, lines("check.txt", content), lambda: report(case, findings))
     return FAILED if counts(findings)["errors"] else DONE
-
-
-def draw(findings: Sequence[Finding]) -> Iterator[str]:
-    """Findings as lines, grouped by severity; a waived one in two lines at the end of its group."""
-    for finding in findings:
-        yield f"{'waived ' if finding.waived else ''}{heading(finding)}"
-        texts = [finding.waived or finding.reason]
-        if finding.counterexample and not finding.waived:
-            signals = finding.counterexample.items()
-            at = [f"{name} {x if isinstance(x, str) else format(x, '.7g')}" for name, x in signals]
-            texts.append(f"at {', '.join(at)}")
-        if finding.severity != "note" and not finding.waived:
-            texts.append(f"→ {finding.suggestion}")
-        for text in texts:
-            yield from textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
 
 
 def heading(finding: Finding) -> str:

@@ -36,9 +36,7 @@ def add_parser(commands: Any) -> None:
     """Add the commands to the parser."""
     parser = options.add_command(commands, "view", view)
     add = parser.add_argument
-    add(
-        "targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF file"
-    )
+    add("targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF")
     options.add_out(parser, "FILE.html", "write the page and open nothing")
     add("--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing")
     add("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
@@ -48,13 +46,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "plot", plot)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
-    add(
-        "--figure",
-        action="append",
-        metavar="NAME",
-        dest="figures",
-        help="such as gait_cycle; repeatable (all)",
-    )
+    add("--figure", action="append", metavar="NAME", dest="figures", help="such as gait_cycle (all)")
     add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
     add("--width", type=float, default=85.0, metavar="MM", help="85 for one column (85), 174 for two")
     options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
@@ -64,12 +56,7 @@ def add_parser(commands: Any) -> None:
     add("directory", type=Path, metavar="RUN", help="run directory")
     add("--format", choices=tuple(NAMES), help="(by the name of --out; mot with --convention, else csv)")
     add("--convention", choices=MODELS, help=f"names and signs of a motion ({DEFAULT_CONVENTION})")
-    add(
-        "--of",
-        choices=("wearer", "device"),
-        default="wearer",
-        help="whose angles a motion has (the wearer's)",
-    )
+    add("--of", choices=("wearer", "device"), default="wearer", help="whose angles (the wearer's)")
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
 
 
@@ -111,8 +98,6 @@ def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
     if arguments.out is None and arguments.png is None:
         fragment = "" if at is None else f"#t={at:.3f}"
         return serve(make(), arguments.port, fragment=fragment, browser=not arguments.no_browser)
-    if arguments.png is not None:
-        viewer.picture.find_browser()  # before the work, not after it
     page = make()
     if arguments.out is not None:
         write_atomically(arguments.out.expanduser(), page)

@@ -188,15 +188,6 @@ def shown_strides(record: LegRecord) -> np.ndarray:
     return settled if len(settled) else record.strides(skip=0)[-1:]
 
 
-def shown_phases(run: Run, record: LegRecord, rows: slice) -> np.ndarray:
-    """Phases of a leg in some rows; from a trip on the legs are held, whatever the machine says.
-
-    Returns index of the phase, or ``HELD``, shape ``(n,)``.
-    """
-    phases, held = record.phases[rows], held_from(run.events)
-    return phases if held is None else np.where(run.log["time_s"].to_numpy()[rows] >= held, HELD, phases)
-
-
 def flexion(joint: str) -> str:
     """Label of an axis with the angle of a joint."""
     return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
@@ -254,9 +245,18 @@ class Sheet:
                     shade_phases(axes, self.time, self.phases(record), self.names)
                 yield axes, record, joint
 
-    def phases(self, record: LegRecord) -> np.ndarray:
-        """Phases of a leg in the window: index of the phase, or ``HELD``, shape ``(n,)``."""
-        return shown_phases(self.run, record, self.window)
+    def phases(self, record: LegRecord, rows: slice | None = None) -> np.ndarray:
+        """Phases of a leg in some rows; from a trip on the legs are held, whatever the machine says.
+
+        ``rows``: by default those of the window. Returns index of the phase, or ``HELD``, shape ``(n,)``.
+        """
+        rows, held = rows or self.window, held_from(self.run.events)
+        phases = record.phases[rows]
+        return (
+            phases
+            if held is None
+            else np.where(self.run.log["time_s"].to_numpy()[rows] >= held, HELD, phases)
+        )
 
     def curve(self, axes: Axes, values: str | np.ndarray, label: str, color: str, **style: Any) -> None:
         """Draw a column of the log, or one value per row of it, over time; ``style`` as for ``plot``."""

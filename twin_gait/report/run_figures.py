@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from twin_gait import palette
@@ -19,7 +18,7 @@ from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
-from twin_gait.measures.phases import phase_spells, usual_phases
+from twin_gait.measures.phases import usual_phases
 from twin_gait.measures.strides import (
     PERCENT,
     normalise_strides,
@@ -211,17 +210,14 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     for axes, record, joint in sheet.leg_panels(unit, timed=False, sharex="row"):
         bounds = shown_strides(record)[-MOST_STRIDES:]
         rows = slice(*walks(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
-        phases = canvas.shown_phases(run, record, rows)
+        phases = sheet.phases(record, rows)
         speeds = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
         points = np.degrees(np.column_stack((record.angles[joint], speeds))[rows])
-        spells = phase_spells(phases)
-        colours = [canvas.colour_of(spell.phase, sheet.names) for spell in spells]
-        # One collection: a line of its own for each of fifty spells takes ten times as long.
-        paths = [points[spell.start : spell.end + 1] for spell in spells]
-        axes.add_collection(LineCollection(paths, colors=colours, linewidths=1.3, zorder=2))
-        changes = points[[spell.start for spell in spells[1:]]]
-        axes.scatter(changes[:, 0], changes[:, 1], s=4.0**2, c=colours[1:], zorder=2.1)
-        axes.autoscale_view()
+        changed = np.diff(phases, prepend=phases[0]) != 0
+        for phase in np.unique(phases):
+            of_phase, colour = phases == phase, canvas.colour_of(phase, sheet.names)
+            axes.plot(*np.where(of_phase[:, None], points, np.nan).T, color=colour, linewidth=1.3)
+            axes.plot(*points[of_phase & changed].T, "o", color=colour, markersize=4.0)
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
