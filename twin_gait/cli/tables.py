@@ -166,11 +166,8 @@ def heading(finding: Finding) -> str:
 
 def counted(numbers: Mapping[str, int]) -> str:
     """Numbers of findings in words, by the plurals that name them."""
-    parts = []
-    for plural, number in numbers.items():
-        word = plural if number != 1 or plural == "waived" else plural.removesuffix("s")
-        parts.append(f"{number} {word}")
-    return ", ".join(parts)
+    words = (plural.removesuffix("s") if number == 1 else plural for plural, number in numbers.items())
+    return ", ".join(f"{number} {word}" for number, word in zip(numbers.values(), words, strict=True))
 
 
 def replay_walk(arguments: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ needed.
 from __future__ import annotations
 
 import io
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -76,14 +77,11 @@ def colour_of(phase: int, names: Sequence[str]) -> str:
 
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     """Legend entries of the phases that occur. ``occurring``: indices of phases, any shape."""
-    return [
-        Patch(
-            color=colour_of(int(index), names),
-            alpha=STRIP_OPACITY,
-            label="held after the trip" if index == HELD else readable(names[index]),
-        )
-        for index in sorted(np.unique(occurring), key=lambda index: index == HELD)
-    ]
+    order = sorted(np.unique(occurring).tolist(), key=lambda index: index == HELD)
+    labels = ["held after the trip" if index == HELD else readable(names[index]) for index in order]
+    colours = [colour_of(index, names) for index in order]
+    pairs = zip(colours, labels, strict=True)
+    return [Patch(color=colour, alpha=STRIP_OPACITY, label=label) for colour, label in pairs]
 
 
 def readable(name: str) -> str:
@@ -175,8 +173,7 @@ def end_or_events(run: Run, duration: float) -> slice:
     start = len(run.log) - length
     if run.events:
         start = min(start, round(run.events[0].time / TICK - SHOWN_BEFORE_EVENT * length))
-    start = max(0, start)
-    return slice(start, min(start + length, len(run.log)))
+    return slice(max(0, start), max(0, start) + length)
 
 
 def shown_strides(record: LegRecord) -> np.ndarray:
@@ -226,18 +223,17 @@ class Sheet:
             self.figure.suptitle(text, fontsize="large")
 
     def leg_panels(
-        self, unit: Callable[[str], str], *, timed: bool = True, sharex: bool | Literal["row"] = True
+        self, unit: Callable[[str], str], *, timed: bool = True
     ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
         """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
 
-        ``unit``: label of the vertical axes, by the name of the joint; ``timed``: on the phases over time;
-        ``sharex`` as matplotlib's ``subplots`` takes it.
+        ``unit``: label of the vertical axes, by the name of the joint; ``timed``: on the phases over time.
         """
         joints = list(self.records[0].angles)
         self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
-        panels = self.figure.subplots(
-            len(joints), len(self.records), squeeze=False, sharex=sharex, sharey="row"
-        )
+        shape = len(joints), len(self.records)
+        sharex: Literal[True, "row"] = True if timed else "row"
+        panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey="row")
         for row, joint in enumerate(joints):
             for axes, record in zip(panels[row], self.records, strict=True):
                 style_panel(axes, f"{record.side} {joint}", unit(joint) if record is self.records[0] else "")
@@ -250,13 +246,10 @@ class Sheet:
 
         ``rows``: by default those of the window. Returns index of the phase, or ``HELD``, shape ``(n,)``.
         """
-        rows, held = rows or self.window, held_from(self.run.events)
-        phases = record.phases[rows]
-        return (
-            phases
-            if held is None
-            else np.where(self.run.log["time_s"].to_numpy()[rows] >= held, HELD, phases)
-        )
+        phases, held = record.phases, held_from(self.run.events)
+        if held is not None:
+            phases = np.where(self.run.log["time_s"] >= held, HELD, phases)
+        return phases[rows or self.window]
 
     def curve(self, axes: Axes, values: str | np.ndarray, label: str, color: str, **style: Any) -> None:
         """Draw a column of the log, or one value per row of it, over time; ``style`` as for ``plot``."""
@@ -269,21 +262,15 @@ class Sheet:
         options: dict[str, Any] = {"color": LIMIT_COLOUR, "linestyle": style, "linewidth": width}
         self.lines += [axes.axhline(value, label=label, zorder=1, **options) for value in values]
 
-    def _mark_events(self, axes: Axes) -> None:
-        """Draw a line at every event that the window shows."""
-        for event in self.run.events:
-            if self.time[0] <= event.time <= self.time[-1]:
-                style: dict[str, Any] = {"linestyle": _EVENT_STYLES[event.kind], "label": str(event.kind)}
-                mark = axes.axvline(event.time, color=EVENT_COLOUR, linewidth=1.8, zorder=3, **style)
-                self.lines.append(mark)
-
     def finished_over_time(self, *lowest: Axes, phases: bool = True) -> Figure:
         """The picture with events in all panels, the time below the lowest, by default the last row.
 
         ``phases``: whether they are in the legend.
         """
-        for axes in self.figure.axes:
-            self._mark_events(axes)
+        shown = [event for event in self.run.events if self.time[0] <= event.time <= self.time[-1]]
+        for axes, event in itertools.product(self.figure.axes, shown):
+            style: dict[str, Any] = {"linestyle": _EVENT_STYLES[event.kind], "label": str(event.kind)}
+            self.lines.append(axes.axvline(event.time, color=EVENT_COLOUR, linewidth=1.8, zorder=3, **style))
         for axes in lowest or self.figure.axes[-len(self.records) :]:
             axes.set_xlim(self.time[0], self.time[-1])
             axes.set_xlabel("time [s]")

@@ -207,7 +207,7 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     title = "Phase portraits; a dot marks each change of phase"
     sheet, occurring = Sheet(run, title, (width, 8.5)), []
     unit = "{} velocity [°/s]".format
-    for axes, record, joint in sheet.leg_panels(unit, timed=False, sharex="row"):
+    for axes, record, joint in sheet.leg_panels(unit, timed=False):
         bounds = shown_strides(record)[-MOST_STRIDES:]
         rows = slice(*walks(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
         phases = sheet.phases(record, rows)

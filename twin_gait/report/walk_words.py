@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 from twin_gait.experiment import Experiment
 from twin_gait.measures.strides import ErrorParts, stride_count
@@ -21,7 +21,7 @@ def describe(experiment: Experiment) -> str:
     if walking is not None and walking.belt.cruise:
         parts.append(f"{3.6 * walking.belt.cruise:.2f} km/h")
     if walking is not None and walking.support_share:
-        parts.append(f"{walking.support_share:.0%} of the weight supported")
+        parts.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
     return ", ".join(parts)
 
 
@@ -121,7 +121,7 @@ def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _text(value: float | None, places: int, factor: float = 1.0) -> str:
-    if not _is_known(value):
+    if value is None:
         return DASH
     text = f"{value * factor:.{places}f}"
     return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
@@ -155,21 +155,11 @@ def strides_of(leg: Mapping[str, Any]) -> str:
     told = f"{'in the air, by its phases ' if by else ''}{stride_count(counted, leg[f'strides{by}'])}"
     if counted:
         told += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
-    if _is_known(leg.get("swing_share")):
-        told += f", swing {leg['swing_share']:.0%}"
-    off = off_the_reference(leg, 1)
-    return f"{told}, off the Koopman reference by {off} RMS" if off else told
-
-
-def off_the_reference(leg: Mapping[str, Any], places: int) -> str:
-    """RMS errors of the joints of a leg of a summary, as ``3.1° (hip) and 4.2° (knee)``; empty without."""
+    if leg.get("swing_share") is not None:
+        told += f", swing {100.0 * leg['swing_share']:.0f} %"
     errors = {joint: leg.get(f"rmse_{joint}_by_contact_deg") for joint in JointName}
-    told = [f"{error:.{places}f}° ({joint})" for joint, error in errors.items() if _is_known(error)]
-    return " and ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
-
-
-def _is_known(value: float | None) -> TypeGuard[float]:
-    return value is not None and math.isfinite(value)
+    off = [f"{error:.1f}° ({joint})" for joint, error in errors.items() if error is not None]
+    return f"{told}, off the Koopman reference by {', '.join(off)} RMS" if off else told
 
 
 def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
