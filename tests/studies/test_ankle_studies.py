@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -147,13 +146,11 @@ def test_faults_are_drawn_for_the_ankle_too_and_the_step_is_judged_by_it() -> No
 @pytest.mark.parametrize(
     ("errors", "told"),
     [({}, ""), ({"hip": 3.14}, "3.1° (hip)"), ({"hip": 3.0, "knee": 4.0}, "3.0° (hip), 4.0° (knee)"),
-     ({"hip": math.nan, "knee": 4.0}, "4.0° (knee)"),
+     ({"hip": None, "knee": 4.0}, "4.0° (knee)"),
      ({"hip": 3.0, "knee": 4.0, "ankle": 5.0}, "3.0° (hip), 4.0° (knee), 5.0° (ankle)")],
 )  # fmt: skip
 def test_errors_of_all_joints_are_told_in_one_line(errors: dict[str, float], told: str) -> None:
     leg = {f"rmse_{joint}_by_contact_deg": error for joint, error in errors.items()}
     off = f", off the Koopman reference by {told} RMS" if told else ""
-    assert (
-        strides_of({"strides": 5, "strides_counted": 0, **leg}) == f"0 strides (the first 2 of 5 settle){off}"
-    )
+    assert strides_of({"strides": 0, "strides_counted": 0, **leg}) == f"0 strides{off}"
     assert set(ERRORS) == set(JOINTS)

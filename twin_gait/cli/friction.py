@@ -32,9 +32,7 @@ def add_parser(commands: Any) -> None:
     """Add the commands to the parser."""
     about = "Simulate the joint test bench of the thesis. All data that it writes are synthetic."
     parser = commands.add_parser("bench", help="simulate the joint test bench", description=about)
-    actions = parser.add_subparsers(
-        dest="action", required=True, parser_class=type(parser), metavar="campaign"
-    )
+    actions = parser.add_subparsers(required=True, parser_class=type(parser), metavar="campaign")
     add = options.add_command(actions, "campaign", run_campaign_command).add_argument
     add("--joint", choices=("knee", "hip"), required=True, help="whose motor and friction")
     add("--out", type=Path, metavar="DIR", required=True, help="folder to make")
@@ -125,9 +123,8 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
         return {of.Quantity(name): value for name, value in given.items()}
 
     WHOLE.require("--seed", arguments.seed)
-    processing = options.given(
-        processing=arguments.processing and of.Processing(arguments.processing), cutoff=arguments.cutoff_Hz
-    )
+    named = arguments.processing and of.Processing(arguments.processing)
+    processing = options.given(processing=named, cutoff=arguments.cutoff_Hz)
     names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)
     return of.IdentificationOptions(
         columns=of.LogColumns(names=names, units=units),

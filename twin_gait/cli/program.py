@@ -38,7 +38,7 @@ class OneLineParser(argparse.ArgumentParser):
         super().__init__(*arguments, **options)
         # Without a default, because the parser of a sub-command would overwrite what stands before its name.
         self.add_argument(
-            "--debug", action="store_true", default=argparse.SUPPRESS, help="show the whole trace of an error"
+            "--debug", action="store_true", default=argparse.SUPPRESS, help="show the trace of errors"
         )
 
     def error(self, message: str) -> NoReturn:
@@ -80,12 +80,10 @@ def complete_files(parser: argparse.ArgumentParser) -> None:
 
 def build_parser() -> ProgramParser:
     """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
-    parser = ProgramParser(
-        prog="twin-gait", description="Gait simulation of the TWIN leg exoskeleton. Not a medical device."
-    )
+    text = "Gait simulation of the TWIN leg exoskeleton. Not a medical device."
+    parser = ProgramParser(prog="twin-gait", description=text)
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
-    text = "print the completion script of a shell"
-    shtab.add_argument_to(parser, help=text)
+    shtab.add_argument_to(parser, help="print the completion script of a shell")
     commands = parser.add_subparsers(
         dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
     )

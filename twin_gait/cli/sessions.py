@@ -64,9 +64,8 @@ def line_of(entry: Mapping[str, Any]) -> str:
     who, began = entry["user"] or "(nobody named)", entry["began"][:16].replace("T", " ")
     counted = "{changes} changes, {refusals} refused, {versions} table versions".format_map(entry)
     folder = entry["folders"][-1] if entry["folders"] else "no run folder"
-    return (
-        f"{entry['id']:>4}  {began} UTC  {who}  {entry['experiment']}  {entry['status']}  {counted}  {folder}"
-    )
+    what = "{experiment}  {status}".format_map(entry)
+    return f"{entry['id']:>4}  {began} UTC  {who}  {what}  {counted}  {folder}"
 
 
 def show_session(arguments: argparse.Namespace) -> int:

@@ -36,9 +36,7 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds=f"{COMPARED:g}")
     text = f"names with commas between them (all that suit: {NAMES})"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
-    parser.add_argument(
-        "--seeds", type=int, default=1, metavar="N", help="days that differ in all but who walks (1)"
-    )
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="days, which differ (1)")
     options.add_out(parser, "DIR", f"folder to make ({COMPARISONS}/NAME)")
     options.add(parser, "--json")
 
@@ -48,10 +46,8 @@ def add_parser(commands: Any) -> None:
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
     add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
-    add(
-        "--keep-thresholds", action="store_false", dest="thresholds", help="leave the transitions as they are"
-    )
-    add("--keep-blending", action="store_false", dest="blending", help="leave the blend as it is")
+    add("--keep-thresholds", action="store_false", dest="thresholds", help="leave the transitions")
+    add("--keep-blending", action="store_false", dest="blending", help="leave the blend")
     add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
     add("--everyone", action="store_true", help="a table for other wearers, supports and belts too")
     options.add(parser, "--seed", "--workers", "--scheduler", "--json")

@@ -50,11 +50,9 @@ def note_abandoned(out: Path | None) -> None:
     parent = Path("runs") if out is None else out.expanduser().absolute().parent
     found = abandoned(parent)
     if found:
-        print(
-            f"twin-gait: {len(found)} incomplete {'folder' if len(found) == 1 else 'folders'} of killed runs "
-            f"in {parent}; list and remove them with: twin-gait sessions clean {shlex.quote(str(parent))}",
-            file=sys.stderr,
-        )
+        left = f"{len(found)} incomplete folder{'s' * (len(found) > 1)} of killed runs in {parent}"
+        way_out = f"list and remove them with: twin-gait sessions clean {shlex.quote(str(parent))}"
+        print(f"twin-gait: {left}; {way_out}", file=sys.stderr)
 
 
 @contextmanager
@@ -137,8 +135,7 @@ def warn_on_one_line() -> None:
 def note_compilation() -> None:
     """Say why the first run on a machine takes its time; once, however many loops are compiled."""
     clear_line()
-    print(
-        "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …",
-        file=sys.stderr,
-        flush=True,
+    text = (
+        "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …"
     )
+    print(text, file=sys.stderr, flush=True)

@@ -41,7 +41,6 @@ _FORCE_PANELS = (
     ("fore-aft force, forwards positive", "force / carried weight"),
     ("centre of pressure", "place on the sole"),
 )
-BAR = 0.7  # height of a phase bar, in rows
 
 
 def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
@@ -173,13 +172,13 @@ def draw_battery(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
 
 
 def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw foot forces and clearances with the phases of both legs under them; None without ground."""
+    """Draw forces and clearances of both feet; None without ground."""
     records = run.leg_records()
     if any(record.contacts is None for record in records):
         return None
     window = canvas.last_strides(run)
     sheet = Sheet(run, "Feet on the ground", (width, 8.5), window)
-    force, clearance, bars = sheet.figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
+    force, clearance = sheet.figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for record in records:
         assert record.contacts and record.normal_force is not None and record.clearance is not None
         colour, label = palette.SIDE_COLOURS[record.side], f"{record.side} foot"
@@ -195,11 +194,7 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     clearance.axhline(0.0, color="0.6", linewidth=0.8)
     title = "clearance of the lowest point of the sole, negative while it is pressed in"
     style_panel(clearance, title, "height [mm]")
-    rows = [(str(record.side), sheet.phases(record)) for record in records]
-    canvas.draw_phase_bars(bars, sheet.time, rows, sheet.names, height=BAR, alpha=0.9)
-    style_panel(bars, "phase", "")
-    bars.grid(visible=False, axis="y")
-    return sheet.finished_over_time(bars)
+    return sheet.finished_over_time(clearance, phases=False)
 
 
 def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:

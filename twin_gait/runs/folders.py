@@ -47,7 +47,7 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
         staging = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=PARTIAL, dir=target.parent))
     except OSError as error:
         raise RunDirectoryError(
-            f"{target}: cannot be written ({error.strerror}); choose another --out"
+            f"{target}: cannot be written ({error.strerror}); try another --out"
         ) from error
     held = hold(staging)
     try:

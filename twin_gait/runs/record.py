@@ -65,7 +65,7 @@ def write_run(
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     tell(LOG_FILE)
     write_log(run.log, directory / LOG_FILE, run.status)
-    switches = switches_csv(run.switches, ("hip", "knee"), run_signal(run.log))
+    switches = switches_csv(run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy())
     write_atomically(directory / SWITCHES_FILE, switches)
     summary = summarise(run)
     if accuracy is not None:
@@ -94,21 +94,11 @@ def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool
     return target
 
 
-def run_signal(log: pd.DataFrame) -> Callable[[Side, str, str], np.ndarray]:
-    """Quantities of a log by side, joint and name."""
-    return lambda side, joint, name: log[f"{side}_{joint}_{name}"].to_numpy()
-
-
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     """Write a log as parquet, with units, meanings, schema version and status in the metadata."""
-    write_parquet(
-        path,
-        log,
-        schema_version=str(LOG_SCHEMA_VERSION),
-        status=status,
-        units=json.dumps({name: unit_of(name) for name in log.columns}),
-        meanings=json.dumps({name: meaning_of(name) for name in log.columns}),
-    )
+    units, meanings = (json.dumps({name: of(name) for name in log.columns}) for of in (unit_of, meaning_of))
+    about = {"schema_version": str(LOG_SCHEMA_VERSION), "status": status}
+    write_parquet(path, log, **about, units=units, meanings=meanings)
 
 
 def switches_csv(
@@ -160,9 +150,8 @@ def read_run(directory: Path) -> StoredRun:
     """Read a run back with its summary; raises as :func:`load_run`."""
     directory = directory.expanduser()
     if journal_of(directory.absolute()).is_file():
-        raise RunDirectoryError(
-            f"{directory}: its walk is going on, or was killed; twin-gait sessions complete {directory}"
-        )
+        way_out = f"twin-gait sessions complete {directory}"
+        raise RunDirectoryError(f"{directory}: its walk is going on, or was killed; {way_out}")
     for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
         if not (directory / name).is_file():
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
