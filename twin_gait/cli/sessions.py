@@ -15,6 +15,7 @@ from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
+from twin_gait.report.pages import lines
 from twin_gait.runs import folders
 
 _ABOUT = (
@@ -71,11 +72,7 @@ def line_of(entry: Mapping[str, Any]) -> str:
 def show_session(arguments: argparse.Namespace) -> int:
     """One session with every change."""
     found = live.session_records.read_session(_records(arguments), arguments.session)
-    print(line_of(found))
-    for item in found["log"]:
-        who = f" {item['user']}" if item["user"] else ""
-        about = f"{item['subject']}: " if item["response"] == "refused" and item["subject"] else ""
-        print(f"  tick {item['tick']:>7}  {item['response']}{who}  {about}{item['text']}")
+    print("\n".join(lines("session.txt", {"head": line_of(found), "log": found["log"]})))
     return DONE
 
 

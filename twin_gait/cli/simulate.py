@@ -193,7 +193,6 @@ def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
         print("\n".join(report(summary, *session.folders)))
     if news.death:
         print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
-        return terminal.FAILED
-    if summary.get("status") == "diverged":
-        return terminal.FAILED
-    return terminal.INTERRUPTED if interrupted else terminal.DONE
+    if news.death or summary.get("status") == "diverged":
+        return FAILED
+    return INTERRUPTED if interrupted else DONE

@@ -55,9 +55,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "faults", faults)
     options.add_experiment(parser, seconds=f"{FAULTY:g}")
     parser.add_argument("--count", type=int, default=100, metavar="N", help="faults (100)")
-    options.add(parser, "--seed", "--workers")
-    options.add_out(parser, "FILE", "also write one row per fault as CSV")
-    options.add(parser, "--json")
+    options.add(parser, "--seed", "--workers", "--json")
 
 
 def sweep(arguments: argparse.Namespace) -> int:
@@ -160,12 +158,9 @@ def faults(arguments: argparse.Namespace) -> int:
     and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, or a
     trip did not end in the hold.
     """
-    from twin_gait.files import write_atomically
     from twin_gait.studies.fault_campaign import limit_lines, violations
 
     workers, seed = options.workers_of(arguments), arguments.seed
-    if arguments.out is not None:
-        options.check_file("--out", arguments.out, force=arguments.force)
     base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
     drawn = studies.draw_faults(base, arguments.count, seed)
     with terminal.watched("faults", "fault") as watch:
@@ -182,8 +177,6 @@ def faults(arguments: argparse.Namespace) -> int:
         "violations": broken, "faults": table.to_dict("records"),
     }  # fmt: skip
     terminal.answer(arguments, lines, lambda: document)
-    if len(table) and arguments.out is not None:
-        write_atomically(arguments.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
     if campaign.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     return FAILED if broken else DONE

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration, gait, replay
 from twin_gait.cli import options
-from twin_gait.cli.terminal import DONE, FAILED, answer, listed, progress_bar
+from twin_gait.cli.terminal import DONE, FAILED, answer, progress_bar
 from twin_gait.exceptions import ParameterError
 from twin_gait.vocabulary import Side
 
@@ -67,29 +67,22 @@ def show_presets(arguments: argparse.Namespace) -> int:
     import yaml
 
     from twin_gait.configuration.schema import json_schema
+    from twin_gait.report.pages import lines
 
     if arguments.schema is not None:
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
-    elif arguments.name is None and not arguments.as_table:
+    elif arguments.name is None:
         experiments, persons = configuration.presets(), configuration.people()
         tables, modes = configuration.packaged_gait_tables(), configuration.packaged_mode_tables()
         known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
-        lines = [
-            "experiments:",
-            *listed(experiments, "  "),
-            "people (--patient NAME):",
-            *listed(persons, "  "),
-            f"gait tables: {', '.join(tables)}",
-            f"operating modes: {', '.join(modes)}",
-        ]
-        answer(arguments, lines, lambda: known)
+        answer(arguments, lines("presets.txt", known), lambda: known)
     else:
         text = _text_of(arguments.name, as_table=arguments.as_table)
         answer(arguments, [text.removesuffix("\n")], lambda: yaml.safe_load(text))
     return DONE
 
 
-def _text_of(name: str | None, *, as_table: bool) -> str:
+def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.experiments import person_text
     from twin_gait.configuration.gait_table_file import mode_table_path
     from twin_gait.configuration.schema import comment_for
@@ -100,7 +93,7 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
         return gait_table_path(name).read_text(encoding="utf-8")
     if name in configuration.packaged_mode_tables():
         return mode_table_path(name).read_text(encoding="utf-8")
-    if name is None or as_table:
+    if as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     if name in configuration.people():
         return person_text(name)
@@ -147,7 +140,7 @@ def check_table(arguments: argparse.Namespace) -> int:
     from twin_gait.report.pages import lines
 
     if arguments.rules:
-        answer(arguments, listed(rules()), rules)
+        answer(arguments, lines("rules.txt", {"rules": rules()}), rules)
         return DONE
     if arguments.table is None and arguments.experiment is None:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")

@@ -7,7 +7,7 @@ import shlex
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
@@ -27,13 +27,6 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callab
         print("\n".join(lines))
         return
     print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def listed(entries: Mapping[str, str], indent: str = "") -> Iterator[str]:
-    """Names and what they stand for in two columns."""
-    width = max(map(len, entries))
-    for name, meaning in entries.items():
-        yield f"{indent}{name:<{width}}  {meaning}"
 
 
 def write_on_any_terminal() -> None:

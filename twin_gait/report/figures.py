@@ -138,8 +138,8 @@ def _letter_panels(figure: Figure) -> str:
 
 def _size(figure: Figure) -> None:
     """Height after the panels and the legend, and lines and ticks after the size."""
-    spots = [axes.get_subplotspec() for axes in figure.axes]
-    rows = 1 + max(spot.rowspan.start for spot in spots if spot is not None)
+    grid = figure.axes[0].get_gridspec()
+    rows = 1 if grid is None else grid.nrows
     (legend,) = figure.legends
     entries = math.ceil(len(legend.get_texts()) / max(1, int(figure.get_figwidth() / LEGEND_COLUMN)))
     width = figure.get_figwidth()

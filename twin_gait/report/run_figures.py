@@ -120,14 +120,12 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     sheet = Sheet(run, "Joint angles", (width, 7.5), window)
     for axes, record, joint in sheet.leg_panels(flexion):
         name = f"{record.side}_{joint}"
-        shown = [
-            (record.angles[joint], "angle", BLACK, "-"),
-            (run.log[f"{name}_equilibrium_rad"].to_numpy(), "equilibrium angle", REFERENCE_COLOUR, ":"),
-        ]
+        sheet.curve(axes, np.degrees(record.angles[joint]), "angle", BLACK)
+        equilibrium = np.degrees(run.log[f"{name}_equilibrium_rad"].to_numpy())
+        sheet.curve(axes, equilibrium, "equilibrium angle", REFERENCE_COLOUR, linestyle=":")
         if run.experiment.interface is not None:
-            shown.append((run.log[f"{name}_angle_rad"].to_numpy(), "angle of the device", ORANGE, "--"))
-        for values, label, colour, style in shown:
-            sheet.curve(axes, np.degrees(values), label, colour, linestyle=style)
+            device = np.degrees(run.log[f"{name}_angle_rad"].to_numpy())
+            sheet.curve(axes, device, "angle of the device", ORANGE, linestyle="--")
     return sheet.finished_over_time()
 
 

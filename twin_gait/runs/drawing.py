@@ -7,12 +7,12 @@ because drawing holds the interpreter's lock.
 from __future__ import annotations
 
 import contextlib
-import gc
 import os
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from functools import partial
+from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,14 +32,9 @@ def drawing_beside(*, wanted: bool = True) -> Iterator[Executor | None]:
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         # Ctrl-C reaches every process of a terminal, and only this one knows what to do about it.
         heeded = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        pool.submit(_prepare)
+        pool.submit(import_module, "twin_gait.report.figures")
         signal.signal(signal.SIGINT, heeded)
         yield pool
-
-
-def _prepare() -> None:
-    gc.disable()  # a few figures are little to keep, and much to look through again and again
-    import twin_gait.report.figures  # noqa: F401
 
 
 def draw(run: Run, folder: Path) -> None:
