@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.verify:
             document |= _verify(loaded, staging)
     terminal.clear_line()
-    terminal.answer(arguments, lines("firmware.txt", document), lambda: document)
+    terminal.answer(arguments, lines("firmware.txt", document), document)
     return FAILED if document.get("passed") is False else DONE
 
 
@@ -62,7 +62,6 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
 
     experiment = loaded.experiment
     document = resolved_document(experiment, loaded.document, runs.versions())
-    terminal.note_step("C", "printing")
     project = print_project(experiment)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:

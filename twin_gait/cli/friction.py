@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin_gait import identification as of
 from twin_gait import parameters, simulation, studies
@@ -14,9 +14,6 @@ from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, answer, progress_bar
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.vocabulary import JointName
-
-if TYPE_CHECKING:
-    from twin_gait.studies.campaign import CampaignResult
 
 _PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
 # Numbers of the bench on which logs were made, by their field of a BenchSetup.
@@ -73,18 +70,13 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.watched(str(protocol), "test") as watch:
         result = studies.run_campaign(campaign, out, **watch)
-    print("\n".join(report_campaign(result)))
+    print(f"{result.status}: {len(result.tests)} synthetic logs in {result.directory}")
+    diverged = [test["file"] for test in result.tests if test["status"] == "diverged"]
+    if diverged:
+        print(f"  diverged: {', '.join(diverged)}")
     if result.status is simulation.RunStatus.INTERRUPTED:
         return terminal.stopped("the logs so far are kept")
     return DONE
-
-
-def report_campaign(result: CampaignResult) -> Iterator[str]:
-    """Results in a few lines."""
-    yield f"{result.status}: {len(result.tests)} synthetic logs in {result.directory}"
-    diverged = [test["file"] for test in result.tests if test["status"] == "diverged"]
-    if diverged:
-        yield f"  diverged: {', '.join(diverged)}"
 
 
 def identify(arguments: argparse.Namespace) -> int:
@@ -110,7 +102,7 @@ def identify(arguments: argparse.Namespace) -> int:
     counts = [test["samples"] for test in document["tests"]]
     samples = sum(count.get("after_decimation", count["read"]) for count in counts)
     shown = {**told, "laws": PARAMETER_FILES, "samples": samples}
-    answer(arguments, lines("identification.txt", shown), lambda: told)
+    answer(arguments, lines("identification.txt", shown), told)
     return DONE
 
 

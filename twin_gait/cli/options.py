@@ -44,9 +44,10 @@ _SHORTHANDS = {
 }
 
 
-def add_command(
-    commands: Any, name: str, run: Callable[[argparse.Namespace], int]
-) -> argparse.ArgumentParser:
+Command = Callable[[argparse.Namespace], int]
+
+
+def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentParser:
     """Add a command whose help and description are the docstring of what runs it."""
     summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
     text = summary[:1].lower() + summary[1:].rstrip(".")
@@ -125,11 +126,8 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
     """Stop at errors of the gait table, and say on one line how many warnings there are."""
     from twin_gait.checking.check import check_before_run, counts
     from twin_gait.cli.tables import counted, heading
-    from twin_gait.cli.terminal import clear_line, note_step
 
-    note_step("the gait table", "checking")
     findings = check_before_run(experiment)
-    clear_line()
     if not findings:
         return
     numbers = {name: number for name, number in counts(findings).items() if number}

@@ -5,7 +5,7 @@ import gc
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import shtab
 
 from twin_gait import __version__
-from twin_gait.cli import terminal
+from twin_gait.cli import options, terminal
 from twin_gait.exceptions import TwinGaitError
 
 # Modules of this package by the group in which --help shows their commands.
@@ -109,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Before NumPy is loaded: with two threads a fit takes half as long again, and twice the processor time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = build_parser().parse_args(argv)
-    command: Callable[[argparse.Namespace], int] = arguments.run
+    command: options.Command = arguments.run
     try:
         status = command(arguments)
         if arguments.command in ("simulate", "live") or getattr(arguments, "out", None) is not None:

@@ -56,7 +56,7 @@ def list_sessions(arguments: argparse.Namespace) -> int:
     """One line per session, the newest first."""
     entries = live.session_records.list_sessions(_records(arguments), arguments.user)
     nobody = "no sessions" if arguments.user is None else f"no sessions of {arguments.user}"
-    answer(arguments, [line_of(entry) for entry in entries] or [nobody], lambda: entries)
+    answer(arguments, [line_of(entry) for entry in entries] or [nobody], entries)
     return DONE
 
 

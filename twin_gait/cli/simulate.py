@@ -88,7 +88,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     lines = report(summary, out)
     if arguments.accuracy and accuracy is None:
         lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
-    terminal.answer(arguments, lines, lambda: {**summary, "directory": out})
+    terminal.answer(arguments, lines, {**summary, "directory": out})
     if result.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:

@@ -6,15 +6,12 @@ import argparse
 import textwrap
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin_gait import simulation, studies
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.runs.folders import check_target
-
-if TYPE_CHECKING:
-    pass
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -82,7 +79,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
     shown = lines("sweep.txt", {**document, "resumed": result.resumed})
-    terminal.answer(arguments, shown, lambda: document)
+    terminal.answer(arguments, shown, document)
     return terminal.stopped(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
 
 
@@ -112,7 +109,7 @@ def compare(arguments: argparse.Namespace) -> int:
     writing.write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     lines = [text, "", str(out / writing.PAGE_FILE)]
-    terminal.answer(arguments, lines, lambda: {**writing.summary_of(comparison, who), "directory": out})
+    terminal.answer(arguments, lines, {**writing.summary_of(comparison, who), "directory": out})
     return DONE
 
 
@@ -147,7 +144,7 @@ def tune(arguments: argparse.Namespace) -> int:
     person, size = options.person_of(arguments.settings), describe(experiment)
     wearer = size if person is None else f"{person} ({size})"
     found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
-    terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
+    terminal.answer(arguments, [*summary(found), f"  {out}"], {**found, "directory": out})
     return DONE
 
 
@@ -176,7 +173,7 @@ def faults(arguments: argparse.Namespace) -> int:
         "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(campaign.status),
         "violations": broken, "faults": table.to_dict("records"),
     }  # fmt: skip
-    terminal.answer(arguments, lines, lambda: document)
+    terminal.answer(arguments, lines, document)
     if campaign.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     return FAILED if broken else DONE

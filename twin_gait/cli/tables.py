@@ -75,10 +75,10 @@ def show_presets(arguments: argparse.Namespace) -> int:
         experiments, persons = configuration.presets(), configuration.people()
         tables, modes = configuration.packaged_gait_tables(), configuration.packaged_mode_tables()
         known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
-        answer(arguments, lines("presets.txt", known), lambda: known)
+        answer(arguments, lines("presets.txt", known), known)
     else:
         text = _text_of(arguments.name, as_table=arguments.as_table)
-        answer(arguments, [text.removesuffix("\n")], lambda: yaml.safe_load(text))
+        answer(arguments, [text.removesuffix("\n")], yaml.safe_load(text))
     return DONE
 
 
@@ -140,14 +140,14 @@ def check_table(arguments: argparse.Namespace) -> int:
     from twin_gait.report.pages import lines
 
     if arguments.rules:
-        answer(arguments, lines("rules.txt", {"rules": rules()}), rules)
+        answer(arguments, lines("rules.txt", {"rules": rules()}), rules())
         return DONE
     if arguments.table is None and arguments.experiment is None:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
     case = load_case(arguments.table, arguments.experiment, arguments.settings)
     findings = check(case)
     content = {"case": case, "findings": findings, "heading": heading, "counted": counted(counts(findings))}
-    answer(arguments, lines("check.txt", content), lambda: report(case, findings))
+    answer(arguments, lines("check.txt", content), report(case, findings))
     return FAILED if counts(findings)["errors"] else DONE
 
 
@@ -196,5 +196,5 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     summary = replay.summarise_replay(result)
     folder = [] if arguments.out is None else [str(arguments.out)]
     shown = [*lines("replay.txt", summary), *folder]
-    answer(arguments, shown, lambda: {**summary, "directory": arguments.out})
+    answer(arguments, shown, {**summary, "directory": arguments.out})
     return DONE

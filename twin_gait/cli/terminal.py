@@ -18,15 +18,14 @@ from twin_gait.files import plain
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 
 
-def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callable[[], Any]) -> None:
+def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Any) -> None:
     """Print the result: lines for a reader or, with ``--json``, one document for a program.
 
     In the document numbers that are not finite become null.
     """
-    if not arguments.json:
-        print("\n".join(lines))
-        return
-    print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
+    if arguments.json:
+        lines = [json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)]
+    print("\n".join(lines))
 
 
 def write_on_any_terminal() -> None:
@@ -94,9 +93,9 @@ def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> i
     return status
 
 
-def note_step(name: str, doing: str = "writing") -> None:
-    """Say on a terminal what is being done, such as which file is being written."""
-    note_line(f"{doing} {name}")
+def note_step(name: str) -> None:
+    """Say on a terminal what is being written."""
+    note_line(f"writing {name}")
 
 
 def note_line(line: str) -> None:

@@ -81,11 +81,10 @@ _HEADLINE, _LINE = 36.0, 16.0  # [px] of a box
 _BELOW = 26.0  # [px] between boxes
 _DIGITS = 4
 
-_LEGEND = (
-    "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins.",
-    "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation",
+_ARROWS = "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins."
+_NUMBERS = (
+    "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation"
 )
-_MODE_LEGEND = (_LEGEND[0], "A trip of the safety monitor leads from every mode to {}.")
 # Characters that XML 1.0 does not allow even as references.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -169,8 +168,9 @@ def _transition_lines(table: StateTable) -> Iterator[str]:
 
 
 def _legend(table: StateTable) -> list[str]:
-    texts = _MODE_LEGEND if isinstance(table, ModeTable) else _LEGEND
-    return [text.format(readable(getattr(table, "hold", ""))) for text in texts]
+    if isinstance(table, ModeTable):
+        return [_ARROWS, f"A trip of the safety monitor leads from every mode to {readable(table.hold)}."]
+    return [_ARROWS, _NUMBERS]
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
