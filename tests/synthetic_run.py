@@ -121,13 +121,6 @@ def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
     )
 
 
-def on_crutches(run: Run) -> Run:
-    """The same walk with an upright trunk over two crutches that carry 100 N each."""
-    values = {"crutch_normal_force_N": 100.0, "arm_power_W": 20.0}
-    columns = {f"{side}_{name}": value for side in Side for name, value in values.items()}
-    return replace(run, log=run.log.assign(trunk_pitch_rad=0.0, **columns))
-
-
 def _leg_columns(side: Side, experiment: Experiment) -> dict[str, np.ndarray]:
     scenario, patient = experiment.scenario, experiment.patient
     assert isinstance(scenario, Treadmill) and patient is not None

@@ -7,9 +7,9 @@ from .gait import GaitStateMachine as GaitStateMachine
 from .gait import GaitTable as GaitTable
 from .leg_model import LegModel as LegModel
 from .parameters import Patient as Patient
-from .runs.public import load_run as load_run
-from .runs.public import plot_run as plot_run
-from .runs.public import save_run as save_run
+from .report.figures import plot_run as plot_run
+from .runs.record import load_run as load_run
+from .runs.record import save_run as save_run
 from .runs.summary import summarise as summarise
 from .simulation import Run as Run
 from .simulation import RunStatus as RunStatus

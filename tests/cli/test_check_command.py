@@ -7,6 +7,7 @@ import json
 import re
 import shlex
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,10 +16,11 @@ from twin_gait.checking.check import check_before_run, rules
 from twin_gait.checking.finding import Finding, Severity
 from twin_gait.cli import main
 from twin_gait.cli import tables as command
-from twin_gait.cli.tables import draw
+from twin_gait.cli.tables import heading
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.configuration.table_inheritance import gait_table_path
 from twin_gait.exceptions import TwinGaitError
+from twin_gait.report.pages import render
 
 
 def run(*arguments: str) -> int:
@@ -130,15 +132,23 @@ def finding(**changes: object) -> Finding:
     return Finding(**{**values, **changes})  # type: ignore[arg-type]
 
 
+def shown(one: Finding) -> list[str]:
+    case = SimpleNamespace(table=SimpleNamespace(name="mine"), experiment=None)
+    content = {"case": case, "findings": [one], "heading": heading, "counted": "1 warning"}
+    *lines, last = render("check.txt", content).splitlines()
+    assert last == "mine, by itself: 1 warning"
+    return lines
+
+
 def test_waived_finding_shows_the_reason_of_the_table() -> None:
-    assert list(draw([finding(waived="the belt is slow")])) == [
+    assert shown(finding(waived="the belt is slow")) == [
         "waived warning cascade: early_stance",
         "    the belt is slow",
     ]
 
 
 def test_live_finding_shows_reason_counterexample_and_suggestion() -> None:
-    assert list(draw([finding()])) == [
+    assert shown(finding()) == [
         "warning cascade: early_stance",
         "    it is left in its first tick",
         "    at hip.angle_deg -2.5, other.phase late_stance",

@@ -124,7 +124,7 @@ def test_logs_of_the_bench_are_taken_as_a_folder(tmp_path, capsys):
     for number, (mass, columns) in enumerate(campaign(1, tests=2, duration=2.0)):
         write_log(logs / f"knee_{number}.log", columns, mass)
     (logs / "notes.md").write_text("not a log")
-    options = ("--model", "rotational,coulomb_viscous", "--no-pictures", "--start-angle-deg", "as-logged")
+    options = ("--model", "rotational,coulomb_viscous", "--no-pictures", "--angles-as-logged")
     assert call(logs, "--joint", "knee", *options, "--out", tmp_path / "out") == DONE
     printed = capsys.readouterr().out
     assert "10 files" in printed and "with weight left out" in printed and "breakaway_torque_Nm" in printed
@@ -146,13 +146,13 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (("--columns", "speed=dq2"), "--columns: no 'speed'; there are time"),
+        (("--columns", "speed=dq2"), "--columns: expected NAME=VALUE,…, each name of time"),
         (("--units", "velocity"), "--units: expected NAME=VALUE"),
         (("--model", "gauss"), "model: no 'gauss'"),
         (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),
         (("--cutoff-Hz", "0"), "cutoff: expected a number above 0"),
         (("--joint", "knee", "--lever-m", "-1"), "lever: expected a number above 0"),
-        (("--joint", "knee", "--start-angle-deg", "up"), "--start-angle-deg: expected a number or as-logged"),
+        (("--joint", "knee", "--start-angle-deg", "nan"), "start_angle: expected a finite number"),
     ],
 )
 def test_wrong_options_are_one_line_and_leave_no_folder(tmp_path, extra, message):
@@ -167,7 +167,7 @@ def test_a_wrong_log_leaves_no_folder(tmp_path):
     (tmp_path / "a.csv").write_text("velocity,friction_torque\n1,2\n")
     with pytest.raises(ParameterFileError, match="1 usable rows"):
         call(tmp_path / "a.csv", "--out", tmp_path / "out")
-    with pytest.raises(ParameterError, match=r"has no \.log, \.csv, \.txt, \.tsv or \.dat file"):
+    with pytest.raises(ParameterError, match=r"has no \.log file"):
         (tmp_path / "empty").mkdir()
         call(tmp_path / "empty", "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -186,15 +186,12 @@ def test_a_series_needs_no_option_but_the_column_names(tmp_path):
 def test_what_keeps_the_parameter_files_from_being_written_is_said(tmp_path, capsys):
     log = write_series(tmp_path / "arm.csv", 0)
     assert call(log, *COLUMNS, "--out", tmp_path / "a", "--no-pictures") == DONE
-    assert (
-        "no plant.yaml and no compensator.yaml: say whose friction it is with --joint"
-        in capsys.readouterr().out
-    )
+    assert "no plant.yaml: say whose friction it is with --joint" in capsys.readouterr().out
     other = ("--joint", "knee", "--model", "coulomb_viscous")
     assert call(log, *COLUMNS, *other, "--out", tmp_path / "b", "--no-pictures") == DONE
     printed = capsys.readouterr().out
     assert "no plant.yaml: it takes rotational, asymmetric, asymmetric_stribeck, dahl, lugre" in printed
-    assert "no compensator.yaml: it takes rotational, of which none was fitted; add --model" in printed
+    assert "no compensator.yaml: it takes rotational, and none that was fitted brakes" in printed
     assert call(log, *COLUMNS, "--joint", "knee", "--out", tmp_path / "c", "--no-pictures") == DONE
     assert "plant.yaml: rotational\ncompensator.yaml: rotational" in capsys.readouterr().out
     assert (tmp_path / "c" / "plant.yaml").is_file()
@@ -275,5 +272,5 @@ def test_a_law_that_would_drive_the_joint_is_left_out_of_the_parameter_files(tmp
     log = write_log(tmp_path / "arm.csv", {"t": time, "dq2": velocity, "tau2": torque})
     asked = ("--joint", "knee", "--model", "asymmetric", "--no-pictures", "--out", tmp_path / "out")
     assert call(log, *COLUMNS, *asked) == DONE
-    assert "no plant.yaml: asymmetric, as fitted, would drive the joint" in capsys.readouterr().out
+    assert "no plant.yaml: it takes rotational, asymmetric, " in capsys.readouterr().out
     assert not (tmp_path / "out" / "plant.yaml").exists()

@@ -14,7 +14,7 @@ import pytest
 from table_builder import FIVE_PHASES
 
 from twin_gait.cli import main
-from twin_gait.cli.program import GROUPS, SHELLS, build_parser
+from twin_gait.cli.program import GROUPS, build_parser
 from twin_gait.files import plain
 from twin_gait.live.session_records import SessionRecorder
 
@@ -212,7 +212,7 @@ def test_numbers_that_are_not_finite_become_null():
 # ---------------------------------------------------------------------- completion
 
 
-@pytest.mark.parametrize("shell", SHELLS)
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
 def test_completion_is_printed_for_every_shell(shell, capsys):
     with pytest.raises(SystemExit) as left:
         main(["--print-completion", shell])

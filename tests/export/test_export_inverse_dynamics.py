@@ -23,7 +23,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.export import export_inverse_dynamics
 from twin_gait.gait.table import TICK
 from twin_gait.runs.log_files import read_table
-from twin_gait.runs.record import load_run
+from twin_gait.runs.record import read_run
 from twin_gait.vocabulary import JointName, Side
 
 SECONDS = 4.0
@@ -360,7 +360,7 @@ def test_opensim_finds_our_joint_moments(exported):
         [sys.executable, "-c", RUN_TOOL], cwd=folder, capture_output=True, text=True, check=True
     )
     said = json.loads(done.stdout.splitlines()[-1])
-    whole = load_run(exported).run.experiment.build_world().model.total_mass
+    whole = read_run(exported).run.experiment.build_world().model.total_mass
     assert said["done"] and said["mass"] == pytest.approx(whole)
     tables = {}
     for name in ("inverse_dynamics.sto", "joint_moments.sto"):

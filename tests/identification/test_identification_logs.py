@@ -450,7 +450,7 @@ def test_a_binary_file_and_a_missing_one_are_refused(tmp_path):
     path.write_bytes(b"\xff\xfe velocity")
     with pytest.raises(ParameterFileError, match="is not UTF-8 text"):
         read_log(path)
-    with pytest.raises(ParameterFileError, match="no such file"):
+    with pytest.raises(ParameterFileError, match="No such file"):
         read_log(tmp_path / "none.csv")
 
 

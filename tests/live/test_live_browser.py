@@ -25,7 +25,7 @@ from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import CHANGES_FILE
 from twin_gait.live.stepping import FADE_TICKS
-from twin_gait.runs.record import LOG_FILE, load_run
+from twin_gait.runs.record import LOG_FILE, read_run
 from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
@@ -274,8 +274,8 @@ def bench_session(
     finally:
         walk.close()
     changes = read_changes(walk)
-    again = load_run(walk.folder.with_name("run-2"))
-    return table, monitor, load_run(walk.folder).run.log, again.run.log, changes
+    again = read_run(walk.folder.with_name("run-2"))
+    return table, monitor, read_run(walk.folder).run.log, again.run.log, changes
 
 
 def read_changes(walk: Walk) -> list[dict[str, str]]:
@@ -652,10 +652,10 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.close()
     status = treadmill.end()
     second = treadmill.folder.with_name("run-2")
-    first = load_run(treadmill.folder)
+    first = read_run(treadmill.folder)
     changes = read_changes(treadmill)
     return {"seen": seen, "status": status, "log": first.run.log, "changes": changes, "events": events,
-            "again": load_run(second).run.log, "summary": first.summary, "curves": curves,
+            "again": read_run(second).run.log, "summary": first.summary, "curves": curves,
             "hold": hold}  # fmt: skip
 
 

@@ -28,7 +28,7 @@ from twin_gait.live.protocol import MessageRefused
 from twin_gait.live.realtime import PERIOD
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
-from twin_gait.runs.record import load_run
+from twin_gait.runs.record import read_run
 from twin_gait.simulation import simulate
 
 MESSAGES = load_messages()
@@ -356,7 +356,7 @@ def walked(tmp_path_factory):
     done.set()
     listener.join()
     bus.shutdown()
-    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=load_run(folder).run)
+    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=read_run(folder).run)
 
 
 def test_what_was_on_the_bus_is_the_log_of_the_walk(walked):

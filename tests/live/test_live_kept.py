@@ -30,7 +30,7 @@ from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
-from twin_gait.runs.record import load_run
+from twin_gait.runs.record import read_run
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import parse_fault
@@ -116,12 +116,12 @@ def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem
     with pytest.raises(RunDirectoryError, match="still going on"):
         complete(journals.path)
     with pytest.raises(RunDirectoryError, match="twin-gait sessions complete"):
-        load_run(folder)
+        read_run(folder)
     journals.keep(Piece(rows=run.rows()[:0], over=True))
     journals.close()
     done = complete(journals.path)
     assert done == [folder] and not journals.path.exists()
-    assert load_run(folder).summary["duration_s"] == pytest.approx(1.4)
+    assert read_run(folder).summary["duration_s"] == pytest.approx(1.4)
     with pytest.raises(RunDirectoryError, match="cannot be used"):
         complete(journals.path)
 
@@ -207,7 +207,7 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
         last = session.news.frame
         assert last["status"] == session.news.status == "died"
         assert "died" in session.book.after(0)[-1].text and "signal 9" in session.news.death
-    stored = load_run(tmp_path / "run")
+    stored = read_run(tmp_path / "run")
     assert len(stored.run.log) >= last["tick"] - MOST_LOST
     assert (
         stored.summary["status"] == "interrupted" and "process of the walk died" in stored.summary["reason"]
@@ -241,7 +241,7 @@ def test_the_command_says_that_its_walk_died_and_ends_with_1(tmp_path):
             command.kill()
     assert command.returncode == 1
     assert str(tmp_path / "run") in output and "process of the walk died" in errors
-    assert len(load_run(tmp_path / "run").run.log) > 0
+    assert len(read_run(tmp_path / "run").run.log) > 0
 
 
 PARENT = """
@@ -297,12 +297,12 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
         events = max((events for at, events, _ in told if last - at > 1.0 or events == 0), default=0)
         assert main(["sessions", "--records", str(database), "list"]) == 0
         assert "its processes were killed" in capsys.readouterr().err
-        assert len(load_run(folder).run.log) >= tick - MOST_LOST
+        assert len(read_run(folder).run.log) >= tick - MOST_LOST
         found = read_session(database, number + 1)
         assert (found["status"], found["folders"]) == ("killed", [str(folder)])
         assert found["ended"] is not None and "processes were killed" in found["log"][-1]["text"]
         assert len(found["log"]) - 1 >= events
-        assert found["summary"]["duration_s"] * 1e3 == pytest.approx(len(load_run(folder).run.log))
+        assert found["summary"]["duration_s"] * 1e3 == pytest.approx(len(read_run(folder).run.log))
     assert list(finishing.recover(database)) == []
 
 
@@ -322,4 +322,4 @@ def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded,
     written(loaded, problem, tmp_path / "run")
     with pytest.raises(RunDirectoryError, match="exists"):
         LiveSession(loaded, tmp_path / "run", pictures=False).start()
-    assert load_run(tmp_path / "run").summary["duration_s"] == pytest.approx(1.4)
+    assert read_run(tmp_path / "run").summary["duration_s"] == pytest.approx(1.4)

@@ -40,7 +40,7 @@ from twin_gait.live.settings import loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.live.tuning import errors_of
 from twin_gait.runs.folders import journal_of
-from twin_gait.runs.record import load_run
+from twin_gait.runs.record import read_run
 from twin_gait.simulation import simulate
 from twin_gait.simulation.problem import build_problem
 
@@ -671,7 +671,7 @@ def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
 def test_changes_are_applied_with_their_tick_and_logged(finished):
     _, said, folder = finished
     assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == ["applied"] * 5
-    log = load_run(folder / "run").run.log
+    log = read_run(folder / "run").run.log
     pushed = np.flatnonzero(log["right_knee_patient_torque_Nm"] == -6.0)
     assert pushed[0] == said["push"].tick and len(pushed) == 200
     assert np.flatnonzero(log["safety_state"])[0] == said["stop"].tick
@@ -685,7 +685,7 @@ def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished)
     assert said["unsafe"].response is said["range"].response == "refused"
     assert "unstable (middle_stance)" in said["unsafe"].text
     assert "expected 0 to 1, got 7" in said["range"].text
-    assert load_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
+    assert read_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
     gain = next(item for item in said["state"].controls if item.name == "middle_stance.hip.gain")
     assert not gain.changed
 
@@ -702,10 +702,10 @@ def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
     session, _, folder = finished
     assert session.folders == [folder / "run", folder / "run-3"] and session.failure == ""
     for path in session.folders:
-        stored = load_run(path)
+        stored = read_run(path)
         assert stored.summary["status"] == "interrupted" and len(stored.run.log) > 200
         assert stored.run.experiment.duration == pytest.approx(len(stored.run.log) * 1e-3)
-    assert load_run(folder / "run").summary["safety"]["cause"] == "operator"
+    assert read_run(folder / "run").summary["safety"]["cause"] == "operator"
     assert not list(folder.glob(".*")) and not list((folder / "run-2").iterdir())
 
 
@@ -744,7 +744,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
 
 def test_frames_of_the_process_are_those_of_its_log(finished):
     _, said, folder = finished
-    frame, log = said["frame"], load_run(folder / "run").run.log
+    frame, log = said["frame"], read_run(folder / "run").run.log
     row = log.iloc[frame["tick"]]
     assert frame["log"]["right_phase"] == row["right_phase"]
     assert frame["log"]["right_knee_angle_rad"] == row["right_knee_angle_rad"]
@@ -810,7 +810,7 @@ def test_an_end_of_input_ends_the_process_with_a_complete_journal(tmp_path):
     assert process.returncode == 0
     assert messages[-1]["status"] == "ended"
     complete(journal_of(tmp_path / "run"))
-    assert load_run(tmp_path / "run").summary["reason"].startswith("stopped at")
+    assert read_run(tmp_path / "run").summary["reason"].startswith("stopped at")
 
 
 PARENT = """
@@ -837,7 +837,7 @@ def test_a_parent_that_is_killed_takes_the_loop_with_it_and_leaves_the_run(tmp_p
         parent.send_signal(signal.SIGKILL)
     wait_for(lambda: not Path(f"/proc/{child}").exists() if os.path.isdir("/proc") else gone(child))
     complete(journal_of(tmp_path / "run"))
-    assert load_run(tmp_path / "run").summary["status"] == "interrupted"
+    assert read_run(tmp_path / "run").summary["status"] == "interrupted"
 
 
 def gone(pid):

@@ -9,7 +9,7 @@ from twin_gait.control.safety import Trip, TripCause
 from twin_gait.live.journal import Piece, walked_run
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from
-from twin_gait.runs.record import load_run, write_run
+from twin_gait.runs.record import read_run, write_run
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import RunStatus, run_events
 from twin_gait.worlds.faults import parse_fault
@@ -49,7 +49,7 @@ def test_the_trip_is_the_first_tick_of_the_hold_in_the_log(tripped):
 
 def test_a_directory_tells_the_same_events(tripped, tmp_path):
     write_run(tripped, tmp_path, pictures=False)
-    stored = load_run(tmp_path)
+    stored = read_run(tmp_path)
     assert stored.run.trip == tripped.trip
     assert stored.run.events == tripped.events
 
@@ -86,4 +86,4 @@ def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tm
     assert (fault.kind, fault.time, fault.text) == ("fault", 0.73, "fault: encoder offset, right hip")
     assert trip.time == kept.trip.time >= 0.73
     write_run(kept, tmp_path, pictures=False)
-    assert load_run(tmp_path).run.events == kept.events
+    assert read_run(tmp_path).run.events == kept.events

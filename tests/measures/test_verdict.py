@@ -12,7 +12,6 @@ from table_builder import FIVE_PHASES
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli.program import main
-from twin_gait.cli.simulate import summary_lines
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.outcome import (
     HIGHEST_FLIGHT_SHARE,
@@ -23,6 +22,7 @@ from twin_gait.measures.outcome import (
 )
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.report.run_figures import draw_cycle
+from twin_gait.report.walk_words import strides_of
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.batch import flat_summary
@@ -183,9 +183,7 @@ def test_terminal_figure_and_summary_count_the_same_strides(walk):
     counted, found = left["strides_counted"], left["strides"]
     assert found - SKIPPED_STRIDES == counted >= 1
     told = f"{counted} stride{'s' * (counted > 1)} (the first 2 of {found} settle)"
-    assert next(line for line in summary_lines(summary) if line.startswith("left")).startswith(
-        f"left: {told} of "
-    )
+    assert strides_of(left).startswith(f"{told} of ")
     titles = [axes.get_title(loc=place) for axes in draw_cycle(walk).axes for place in ("left", "center")]
     assert any(title.startswith(f"left hip, {told}, RMSE") for title in titles)
 

@@ -10,7 +10,6 @@ import pytest
 from table_builder import phase, transition, two_phase_table
 
 from twin_gait import load_experiment, save_run, simulate
-from twin_gait.cli.tables import replay_lines
 from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import GaitTableError, ParameterError
 from twin_gait.gait.scaling import scale_table
@@ -27,6 +26,7 @@ from twin_gait.replay import (
 )
 from twin_gait.replay.request import replay_log
 from twin_gait.replay.writing import meant_cycles, stride_phases, summarise_replay
+from twin_gait.report.pages import render
 from twin_gait.vocabulary import JointName, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
@@ -180,7 +180,7 @@ def test_a_run_is_replayed_with_what_the_legs_were_told_by_belt_and_modes(tmp_pa
     result = replay_log(str(tmp_path / "run"))
     assert len(run.switches) > 7 and (run.trip is not None) == trips
     assert result.switches == run.switches
-    told = "\n".join(replay_lines(summarise_replay(result)))
+    told = render("replay.txt", summarise_replay(result))
     assert "taken as" not in told and told.count("100.0 % of the ticks equal") == 2
     assert ("1 × sit → lean (posture)" in told) == (preset == "sit_to_stand")
 
@@ -343,7 +343,7 @@ def test_what_is_taken_for_a_signal_that_nothing_recorded_is_told():
     recording = one_leg(np.zeros(100), device={"trunk.pitch_deg": np.zeros(100)})
     result = replay(recording, table)
     assert result.assumed == {"walk": 1.0}
-    told = "\n".join(replay_lines(summarise_replay(result)))
+    told = render("replay.txt", summarise_replay(result))
     assert "not in the log, so taken as: walk 1\n" in told
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
-from synthetic_run import on_crutches, synthetic_run
+from synthetic_run import synthetic_run
 
 import twin_gait
 from twin_gait import load_experiment, load_run, plot_run, save_run, simulate, summarise
@@ -26,7 +26,7 @@ LEAST_LETTERS = 5.5  # [pt]: "small" of 7 pt is 5.8
 @pytest.fixture(scope="module")
 def walk():
     trip = Trip(6500, TripCause.ENCODER_FROZEN, Side.LEFT, JointName.KNEE)
-    return replace(on_crutches(synthetic_run()), trip=trip, status=RunStatus.FELL, reason="fell at 7.200 s")
+    return replace(synthetic_run(), trip=trip, status=RunStatus.FELL, reason="fell at 7.200 s")
 
 
 @pytest.fixture(scope="module")
@@ -129,9 +129,7 @@ def test_plot_draws_all_that_the_run_has(folder):
     assert main(["plot", str(folder), "--format", "svg"]) == 0
     drawn = {path.name for path in (folder / "figures").glob("*.svg")}
     assert drawn == {
-        f"{name}-85mm.svg"
-        for name in FIGURES
-        if name not in ("gait_cycle", "ground_forces", "feet", "crutches")
+        f"{name}-85mm.svg" for name in FIGURES if name not in ("gait_cycle", "ground_forces", "feet")
     }
 
 

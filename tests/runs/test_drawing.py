@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import subprocess
+import signal
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from synthetic_run import synthetic_run
 
 from twin_gait.report.figures import FIGURES, write_figures
 from twin_gait.runs import drawing
-from twin_gait.runs.drawing import drawing_beside
+from twin_gait.runs.drawing import begin_drawing, drawing_beside
 from twin_gait.simulation.run import Run
 
 
@@ -44,47 +43,28 @@ def drawn_here(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
     return runs
 
 
-@pytest.fixture
-def processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
-    """Processes that are started to draw."""
-    started: list[subprocess.Popen[bytes]] = []
-
-    class Noted(subprocess.Popen):
-        def __init__(self, *arguments: Any, **options: Any) -> None:
-            super().__init__(*arguments, **options)
-            started.append(self)
-
-    monkeypatch.setattr(drawing.subprocess, "Popen", Noted)
-    return started
-
-
 @pytest.mark.parametrize(("processors", "expected"), [(1, False), (2, True), (16, True)])
 def test_a_process_draws_what_this_one_would(
-    processors: int,
-    expected: bool,
-    walk: Run,
-    pictures: dict[str, bytes],
-    tmp_path: Path,
-    monkeypatch,
+    processors: int, expected: bool, walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch,
     drawn_here,
-    processes,
-) -> None:
+) -> None:  # fmt: skip
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
-    with drawing_beside() as draw:
-        draw(walk, tmp_path)()
-    assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES) - 1  # no crutches
-    assert len(processes) == expected and len(drawn_here) == (not expected)
-    assert all(process.returncode == 0 for process in processes)
+    with drawing_beside() as beside:
+        begin_drawing(walk, tmp_path, beside)()
+    assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES)
+    assert (beside is not None) == expected and len(drawn_here) == (not expected)
 
 
 @pytest.mark.slow
 def test_a_process_that_is_lost_is_done_without(
-    walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here, processes
+    walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_beside() as draw:
-        processes[0].kill()
-        draw(walk, tmp_path)()
+    with drawing_beside() as beside:
+        finish = begin_drawing(walk, tmp_path, beside)
+        for number in beside._processes:
+            os.kill(number, signal.SIGKILL)
+        finish()
     assert contents(list(tmp_path.iterdir())) == pictures
     assert len(drawn_here) == 1
 
@@ -94,25 +74,22 @@ def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
     walk: Run, tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_beside() as draw:
-        finish = draw(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path)
+    with drawing_beside() as beside:
+        finish = begin_drawing(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path, beside)
         with pytest.raises(KeyError, match="battery_power_W"):
             finish()
 
 
-def test_a_process_that_is_not_needed_is_ended(monkeypatch, processes) -> None:
+def test_no_process_is_started_where_none_is_wanted(monkeypatch) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with drawing_beside(wanted=False):
-        assert not processes
-    with drawing_beside():
-        pass
-    assert processes[0].returncode is not None
+    with drawing_beside(wanted=False) as beside:
+        assert beside is None
 
 
 @pytest.mark.slow
 def test_a_long_log_stays_in_this_process(walk: Run, tmp_path: Path, monkeypatch, drawn_here) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(drawing, "LARGEST_LOG", 1000)
-    with drawing_beside() as draw:
-        draw(walk, tmp_path)()
+    with drawing_beside() as beside:
+        begin_drawing(walk, tmp_path, beside)()
     assert len(drawn_here) == 1

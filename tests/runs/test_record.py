@@ -17,7 +17,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.runs.folders import staged_directory
-from twin_gait.runs.record import RUN_DIRECTORY, load_run, write_run
+from twin_gait.runs.record import RUN_DIRECTORY, read_run, write_run
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, LogLayout, unit_of
 
@@ -45,12 +45,12 @@ def test_holds_every_file(directory):
 
 
 def test_log_is_read_back_bit_for_bit(run, directory):
-    log = load_run(directory).run.log
+    log = read_run(directory).run.log
     pd.testing.assert_frame_equal(log, run.log, check_exact=True)
 
 
 def test_a_run_is_read_back_with_all_that_it_had(run, directory):
-    again = load_run(directory).run
+    again = read_run(directory).run
     assert (again.table, again.switches, again.trip) == (run.table, run.switches, run.trip)
     assert (again.status, again.reason, again.wall_s) == (run.status, run.reason, run.wall_s)
     assert (again.body_weight, again.duration) == (run.body_weight, run.duration)
@@ -61,7 +61,7 @@ def test_an_experiment_with_numbers_of_numpy_is_written_and_read(run, tmp_path):
     plant = replace(run.experiment.plant, friction_ratio={"knee": np.float64(0.5)}, gravity=np.float32(9.5))
     changed = simulate(replace(run.experiment, plant=plant, seed=np.int64(3), duration=np.float64(0.1)))
     write_run(changed, tmp_path, pictures=False)
-    assert load_run(tmp_path).run.experiment.plant == plant
+    assert read_run(tmp_path).run.experiment.plant == plant
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "a\nb", None])
@@ -76,7 +76,7 @@ def test_switches_that_the_table_does_not_have_are_refused(directory, tmp_path):
     switches = broken / "transitions.csv"
     switches.write_text(switches.read_text().replace(",late_stance,", ",last_stance,"))
     with pytest.raises(RunDirectoryError, match=r"transitions.csv: cannot be read"):
-        load_run(broken)
+        read_run(broken)
 
 
 def test_log_carries_units_schema_version_and_status(directory):
@@ -154,7 +154,7 @@ def test_force_replaces_a_run_but_nothing_else(tmp_path, directory):
 
 def test_a_folder_that_is_not_a_run_is_refused(tmp_path):
     with pytest.raises(RunDirectoryError, match=r"not a run directory: it has no experiment\.yaml"):
-        load_run(tmp_path)
+        read_run(tmp_path)
 
 
 def test_a_run_with_other_columns_is_refused_with_what_makes_it_again(tmp_path, directory):
@@ -162,7 +162,7 @@ def test_a_run_with_other_columns_is_refused_with_what_makes_it_again(tmp_path, 
     summary = json.loads((old / "summary.json").read_text())
     (old / "summary.json").write_text(json.dumps({**summary, "log_schema_version": 1}))
     with pytest.raises(RunDirectoryError, match=r"twin-gait simulate .*old/experiment\.yaml$"):
-        load_run(old)
+        read_run(old)
 
 
 def test_a_broken_log_is_one_line(tmp_path, directory):
@@ -170,7 +170,7 @@ def test_a_broken_log_is_one_line(tmp_path, directory):
         (tmp_path / name).write_bytes((directory / name).read_bytes())
     (tmp_path / "log.parquet").write_bytes(b"PAR1 broken")
     with pytest.raises(RunDirectoryError) as caught:
-        load_run(tmp_path)
+        read_run(tmp_path)
     assert "\n" not in str(caught.value)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.cli.simulate import summary_lines
+from twin_gait.cli.simulate import report
 from twin_gait.parameters import HIP_FRICTION, KNEE_ACTUATOR, KNEE_FRICTION
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, simulate
@@ -121,7 +121,5 @@ def test_summary_says_how_long_the_battery_lasts(free: Run) -> None:
     assert summary["battery_life_h"] == pytest.approx(92.2 / summary["battery_power_mean_W"])
     assert summary["battery_life_stated_h"] == 4.0
     power, life = summary["battery_power_mean_W"], summary["battery_life_h"]
-    assert f"battery: {power:.1f} W, 92 Wh last {life:.1f} h (stated: 4 h)" in [*summary_lines(summary)]
-    assert "battery: " not in "".join(
-        summary_lines({**summary, "battery_life_h": None})
-    )  # motors that feed it
+    assert f"  battery: {power:.1f} W, 92 Wh last {life:.1f} h (stated: 4 h)" in report(summary)
+    assert "battery: " not in "".join(report({**summary, "battery_life_h": None}))  # motors that feed it

@@ -16,7 +16,7 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.gait.machine import POSTURE
 from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.runs.record import load_run
+from twin_gait.runs.record import read_run
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
@@ -94,7 +94,7 @@ def test_an_early_request_for_the_chair_says_how_long_the_wearer_has_stood():
     assert early.refused == "standing for 2.999 s, less than 3 s"
     told = f"sit at 2.999 s: {early.refused}"
     assert summarise(done)["requests_refused"] == told
-    assert f"  refused: {told}" in report(done, summarise(done), Path("run"))
+    assert f"  refused: {told}" in report(summarise(done))
     assert late.after == "sit_down" and late.time == 3.0
 
 
@@ -153,7 +153,7 @@ def test_the_reference_engine_does_the_same(requests, sent):
 
 def test_a_run_with_modes_is_kept_and_read_back(tmp_path):
     done = run(*STAYING, requests="gravity@1s", seconds=1.5)
-    kept = load_run(done.save(tmp_path / "run")).run
+    kept = read_run(done.save(tmp_path / "run")).run
     assert kept.switches == done.switches and kept.answers == done.answers
     names = ["mode", "request", "refused"]
     np.testing.assert_array_equal(kept.log[names], done.log[names])

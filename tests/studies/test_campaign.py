@@ -220,11 +220,11 @@ def test_campaign_from_the_command_line_writes_logs_of_each_protocol(
     monkeypatch.setattr("twin_gait.studies.campaign.TESTS_PER_WEIGHT", 3)
     for protocol in ("drop", "two-way"):
         out = tmp_path / protocol
-        arguments = ("campaign", "--joint", "knee", "--out", str(out), "--friction-ratio", "0.5")
-        assert called(*arguments, "--protocol", protocol, "--current-loop", "ideal", "--seed", "3") == 0
+        arguments = ("campaign", "--joint", "knee", "--out", str(out))
+        assert called(*arguments, "--protocol", protocol, "--seed", "3") == 0
         assert len(list(out.glob("*.log"))) == 6
         assert capsys.readouterr().out.count("synthetic logs") == 1
         settings = json.loads((out / "campaign.json").read_text())
-        assert_allclose(settings["bench"]["friction"]["law"]["viscous_friction"], 1.03)
+        assert_allclose(settings["bench"]["friction"]["law"]["viscous_friction"], 2.06)
         with pytest.raises(TwinGaitError, match="exists"):
             called(*arguments)

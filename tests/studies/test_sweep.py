@@ -17,7 +17,7 @@ from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.parameters import quantities
-from twin_gait.report.sweep import _suffix, axis_of, cell_means, label_of, unit_of_column, values_of
+from twin_gait.report.sweep import _suffix, axis_of, cell_means, label_of, names_of, unit_of_column, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import run_jobs
@@ -131,7 +131,7 @@ def test_going_on_with_a_finished_sweep_changes_nothing(swept, capsys):
     spec, out = swept
     before = (out / "table.parquet").read_bytes()
     assert main(["sweep", str(spec), "--out", str(out), "--workers", "1", "--no-pictures"]) == 0
-    assert "12 were there already" in capsys.readouterr().out
+    assert ", 12 of them before" in capsys.readouterr().out
     assert (out / "table.parquet").read_bytes() == before
 
 
@@ -374,16 +374,15 @@ def test_cells_are_the_means_of_their_episodes():
 def test_bins_hold_every_episode_and_the_last_value():
     table = pd.DataFrame({"a": np.geomspace(0.1, 10.0, 50)})
     axis = axis_of(table, "a")
-    assert axis.binned
-    codes = axis.places.cat.codes.to_numpy()
-    assert codes[0] == 0 and codes[-1] == len(axis.names) - 1
+    codes = axis.cat.codes.to_numpy()
+    assert codes[0] == 0 and codes[-1] == len(names_of(axis)) - 1
     counts = np.bincount(codes)
     assert counts.sum() == 50 and counts.max() - counts.min() <= 1
     assert axis_of(pd.DataFrame({"a": [1.0, 1.0]}), "a") is None
 
 
 def test_numbers_beside_an_axis_are_written_out():
-    assert axis_of(pd.DataFrame({"a": [20000.0, 300000.0]}), "a").names == ["20000", "300000"]
+    assert names_of(axis_of(pd.DataFrame({"a": [20000.0, 300000.0]}), "a")) == ["20000", "300000"]
 
 
 UNITS = [kind.__metadata__[0] for kind in vars(quantities).values() if hasattr(kind, "__metadata__")]

@@ -12,8 +12,6 @@ from synthetic_floor import SPEED, floor_walk
 
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
 from twin_gait.parameters import ChairParameters
-from twin_gait.report.figures import draw_figure
-from twin_gait.report.run_figures import draw_crutches
 from twin_gait.runs.run_page import setting_of
 from twin_gait.simulation.run import Run
 from twin_gait.viewer import surroundings
@@ -200,12 +198,3 @@ def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn
     assert live.window.commands()[-1]["sample"]["mode"] == 0
     assert live.page["modes"] == ["Sitting", "Walking"]
     assert "crutch" in live.page["legs"][0]["shows"]
-
-
-def test_the_picture_of_crutches_is_of_walks_that_have_them(walk: Run) -> None:
-    lean, force, work = draw_figure(walk, "crutches").axes
-    assert lean.lines[0].get_ydata()[0] == pytest.approx(11.5)
-    assert max(force.lines[0].get_ydata()) == walk.log["left_crutch_normal_force_N"].max()
-    assert work.lines[0].get_ydata()[-1] == pytest.approx(12.0 * walk.duration)  # W over the time
-    bare = replace(walk, log=walk.log.drop(columns="left_arm_power_W"))
-    assert draw_crutches(bare) is None

@@ -40,7 +40,7 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.runs.record import load_run, write_run
+from twin_gait.runs.record import read_run, write_run
 from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, shown_run
 from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.commands import Window
@@ -156,7 +156,7 @@ def tripped(tmp_path_factory) -> Path:
 
 
 def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
-    stored = load_run(tripped).run
+    stored = read_run(tripped).run
     trip = stored.trip
     assert trip is not None and 1.0 <= trip.time < 3.0
     (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
@@ -177,7 +177,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
 
 
 def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path) -> None:
-    stored = load_run(run_folder).run
+    stored = read_run(run_folder).run
     power = {"belt_W": 9.0, "motors_W": 1.0, "wearer_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
     leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}}
     summary = {
@@ -404,15 +404,10 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         (["RUN", "--at", "-1", "--png", "NEW"], "--at"),
         (["RUN", "--at", "nan", "--png", "NEW"], "--at"),
         (["RUN", "--at", "soon"], "soon"),
-        (["RUN", "--png", "NEW", "--size", "large"], "1600x1000"),
-        (["RUN", "--png", "NEW", "--size", "10x10"], "200 to 4000"),
-        (["RUN", "--png", "NEW", "--size", "1600x99999"], "200 to 4000"),
-        (["RUN", "--size", "800x600"], "--png"),
         (["RUN", "--out", "OLD"], "--force"),
         (["RUN", "--out", "FOLDER"], "directory"),
         (["RUN", "--png", "FOLDER/nowhere/a.png"], "no directory"),
         (["twin.urdf", "--png", "NEW", "--at", "1"], "run directory"),
-        (["twin.urdf", "--png", "NEW", "--size", "10x10"], "200 to 4000"),
         (["twin.urdf", "--out", "OLD"], "--force"),
         (["twin.urdf", "--up", "w"], "--up"),
         (["RUN", "--up", "y"], "is for a URDF"),

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait import configuration, firmware, runs, simulation
+from twin_gait import configuration, firmware, runs
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
@@ -36,26 +35,22 @@ def run(arguments: argparse.Namespace) -> int:
     Exits with 1 if --verify finds a difference.
     """
     from twin_gait.firmware.project import MANIFEST
+    from twin_gait.report.pages import lines
     from twin_gait.runs.folders import FolderKind, staged_directory
 
     out = arguments.out
     if out is None and not arguments.verify:
         raise ParameterError("--out: expected the folder to write, or --verify to keep nothing")
     loaded = options.experiment_of(arguments)
-    lines: list[str] = []
     document: dict[str, Any] = {}
     kind = FolderKind("a firmware folder", MANIFEST)
     with nullcontext() if out is None else staged_directory(out, kind, force=arguments.force) as staging:
         if staging is not None:
-            manifest = _write(loaded, staging)
-            lines += report(manifest, out)
-            document |= {**manifest, "directory": out}
+            document |= {**_write(loaded, staging), "directory": out}
         if arguments.verify:
-            found = _verify(loaded, staging)
-            lines += checks(found)
-            document |= found
+            document |= _verify(loaded, staging)
     terminal.clear_line()
-    terminal.answer(arguments, lines, lambda: document)
+    terminal.answer(arguments, lines("firmware.txt", document), document)
     return FAILED if document.get("passed") is False else DONE
 
 
@@ -67,7 +62,6 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
 
     experiment = loaded.experiment
     document = resolved_document(experiment, loaded.document, runs.versions())
-    terminal.note_step("C", "printing")
     project = print_project(experiment)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
@@ -82,47 +76,11 @@ def _verify(loaded: configuration.LoadedExperiment, folder: Path | None) -> dict
 
     with terminal.progress_bar("verifying", "tick") as progress:
         found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
-    document = _document(found)
+    document = {
+        "source_sha256": found.source_hash,
+        "passed": found.passed,
+        "checks": [item._asdict() for item in found.checks],
+    }
     if folder is not None:
         write_json(folder / VERIFICATION, document)
     return document
-
-
-def _document(found: firmware.Verification) -> dict[str, Any]:
-    named = [item._asdict() for item in found.checks]
-    walks = {"simulation": found.walk, "processor_in_the_loop": found.loop_walk}
-    gaits = {name: _gait(run) for name, run in walks.items() if run is not None}
-    return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named, "walks": gaits}
-
-
-def _gait(run: simulation.Run) -> dict[str, Any]:
-    """Strides of each leg, and how far they are off the reference."""
-    from twin_gait.runs.leg_summary import side_in_brief
-
-    briefs = {str(side): side_in_brief(run, side) for side in run.sides}
-    kept = ("strides_by_phase", *(f"rmse_{joint}_by_contact_deg" for joint in run.table.joints))
-    return {side: {name: brief.get(name) for name in kept} for side, brief in briefs.items()}
-
-
-def report(manifest: Mapping[str, Any], out: Path) -> Iterator[str]:
-    """What was printed, in a few lines."""
-    yield f"{manifest['experiment']}, gait table {manifest['table']}: source {manifest['source_sha256'][:16]}"
-    sizes = (f"{name} {size}" for name, size in manifest["record_bytes"].items())
-    yield f"  bytes of RAM on a Cortex-M: {', '.join(sizes)}"
-    if not manifest["can_codec"]:
-        yield "  without can_codec: pip install cantools, and print again"
-    yield f"  {out}; make -C {out} test compares it with the simulation"
-
-
-def checks(document: Mapping[str, Any]) -> Iterator[str]:
-    """What was compared, in a line each."""
-    from twin_gait.report.walk_words import off_the_reference
-
-    words = {True: "passed", False: "FAILED", None: "skipped"}
-    for item in document["checks"]:
-        yield f"{words[item['passed']]}: {item['name']}: {item['text']}"
-    for name, sides in document["walks"].items():
-        for side, gait in sides.items():
-            off = off_the_reference(gait, 4)
-            of = f", off the reference by {off} RMS" if off else ""
-            yield f"  {name.replace('_', ' ')}, {side}: {gait['strides_by_phase']} strides{of}"

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import inspect
 import json
-import math
 import os
 import shlex
 import sys
@@ -45,9 +44,10 @@ _SHORTHANDS = {
 }
 
 
-def add_command(
-    commands: Any, name: str, run: Callable[[argparse.Namespace], int]
-) -> argparse.ArgumentParser:
+Command = Callable[[argparse.Namespace], int]
+
+
+def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentParser:
     """Add a command whose help and description are the docstring of what runs it."""
     summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
     text = summary[:1].lower() + summary[1:].rstrip(".")
@@ -113,18 +113,6 @@ def add_shorthand(
     parser.add_argument(flag, action="append", dest="settings", type=setting, metavar=unit, help=text)
 
 
-def add_numbers(parser: Any, entries: Sequence[tuple[str, float | None, str, str]]) -> None:
-    """Add options with a number each: option, default, unit, meaning."""
-    for flag, default, unit, text in entries:
-        parser.add_argument(flag, type=float, default=default, metavar=unit, help=text)
-
-
-def add_choices(parser: Any, entries: Sequence[tuple[str, Sequence[str], str | None, str]]) -> None:
-    """Add options of which one word is chosen: option, words, default, meaning."""
-    for flag, words, default, text in entries:
-        parser.add_argument(flag, choices=words, default=default, help=text)
-
-
 def experiment_of(arguments: argparse.Namespace, *defaults: str) -> configuration.LoadedExperiment:
     """The experiment that the user asked for, its gait table checked."""
     loaded = configuration.load_experiment(arguments.experiment, [*defaults, *arguments.settings])
@@ -138,23 +126,18 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
     """Stop at errors of the gait table, and say on one line how many warnings there are."""
     from twin_gait.checking.check import check_before_run, counts
     from twin_gait.cli.tables import counted, heading
-    from twin_gait.cli.terminal import clear_line, note_step
 
-    note_step("the gait table", "checking")
     findings = check_before_run(experiment)
-    clear_line()
     if not findings:
         return
     numbers = {name: number for name, number in counts(findings).items() if number}
-    words = [word for text in settings for word in ("--set", text)]
-    table = f"gait table {experiment.table.name}: {counted(numbers)}"
-    see = ""
+    table, see = f"gait table {experiment.table.name}: {counted(numbers)}", ""
     if source is not None:
+        words = [word for text in settings for word in ("--set", text)]
         see = f"; see {shlex.join(['twin-gait', 'check', '--experiment', source, *words])}"
     if "errors" in numbers:
-        raise GaitTableError(
-            f"{table}; {heading(findings[0])}: {findings[0].reason}{see}; --unchecked runs it as it is"
-        )
+        worst = f"{heading(findings[0])}: {findings[0].reason}"
+        raise GaitTableError(f"{table}; {worst}{see}; --unchecked runs it as it is")
     print(f"{table}{see}", file=sys.stderr)
 
 
@@ -185,11 +168,8 @@ def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
     ending = path.suffix[1:].lower()
     if form and ending in _ENDINGS and ending != form:
         raise ParameterError(f"{flag} {path}: ends in .{ending}, but {form} is written")
-    try:
-        with contextlib.suppress(FileNotFoundError):
-            path.stat()  # of a name that is too long Python 3.14 says that there is nothing
-    except OSError as error:
-        raise RunDirectoryError(f"{flag} {path}: cannot be written ({error.strerror})") from error
+    with contextlib.suppress(FileNotFoundError):
+        path.stat()  # of a name that is too long Python 3.14 says that there is nothing
     if path.is_dir():
         raise RunDirectoryError(f"{flag} {path}: is a directory; name a file")
     if path.exists() and not force:
@@ -201,27 +181,13 @@ def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
 def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[str, str]:
     """Read ``a=b,c=d``."""
     found: dict[str, str] = {}
+    of = "" if allowed is None else f" of {', '.join(allowed)}"
     for part in filter(None, (item.strip() for item in text.split(","))):
-        key, separator, value = (item.strip() for item in part.partition("="))
-        if not separator or not key or not value:
-            raise ParameterError(f"{flag}: expected NAME=VALUE,…, got {part!r}")
-        if allowed is not None and key not in allowed:
-            raise ParameterError(f"{flag}: no {key!r}; there are {', '.join(allowed)}")
-        if key in found:
-            raise ParameterError(f"{flag}: {key} is given twice")
+        key, _, value = (item.strip() for item in part.partition("="))
+        if not key or not value or key in found or (allowed is not None and key not in allowed):
+            raise ParameterError(f"{flag}: expected NAME=VALUE,…, each name{of} once, got {part!r}")
         found[key] = value
     return found
-
-
-def number(flag: str, text: str, expected: str = "a number") -> float:
-    """Read a finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ParameterError(f"{flag}: expected {expected}, got {text!r}")
-    return value
 
 
 def given(**values: Any) -> dict[str, Any]:

@@ -5,24 +5,25 @@ import gc
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+import shtab
+
 from twin_gait import __version__
-from twin_gait.cli import terminal
+from twin_gait.cli import options, terminal
 from twin_gait.exceptions import TwinGaitError
 
 # Modules of this package by the group in which --help shows their commands.
 GROUPS = {
-    "run and look": ("simulate", "view", "export", "sessions"),
+    "run and look": ("simulate", "view", "sessions"),
     "gait tables": ("tables",),
     "test bench and identification": ("friction",),
     "the device": ("firmware",),
     "many runs": ("studies",),
 }
-SHELLS = ("bash", "zsh", "tcsh")
 # New objects until Python looks for cycles among them; its own 700 cost a twentieth of
 # a command, most of it while modules are imported, of which nothing is ever thrown away.
 COLLECT_AFTER = 50_000
@@ -37,7 +38,7 @@ class OneLineParser(argparse.ArgumentParser):
         super().__init__(*arguments, **options)
         # Without a default, because the parser of a sub-command would overwrite what stands before its name.
         self.add_argument(
-            "--debug", action="store_true", default=argparse.SUPPRESS, help="show the whole trace of an error"
+            "--debug", action="store_true", default=argparse.SUPPRESS, help="show the trace of errors"
         )
 
     def error(self, message: str) -> NoReturn:
@@ -67,39 +68,22 @@ class ProgramParser(OneLineParser):
         return formatter.format_help()
 
 
-class PrintCompletion(argparse.Action):
-    """Print the completion of a shell and end."""
-
-    def __call__(self, parser: argparse.ArgumentParser, _: Any, shell: Any, __: Any = None) -> None:
-        """Called by argparse."""
-        import shtab
-
-        complete_files(parser)
-        print(shtab.complete(parser, shell))
-        parser.exit(terminal.DONE)
-
-
 def complete_files(parser: argparse.ArgumentParser) -> None:
     """Let shells complete the names of files and folders where paths are expected, in sub-commands too."""
-    import shtab
-
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
                 complete_files(command)
         elif action.type is Path or action.metavar in ("FILE", "LOG", "TABLE"):
-            folder = action.metavar in ("DIR", "RUN")
-            action.complete = shtab.DIRECTORY if folder else shtab.FILE  # type: ignore[attr-defined]
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
 def build_parser() -> ProgramParser:
     """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
-    parser = ProgramParser(
-        prog="twin-gait", description="Gait simulation of the TWIN leg exoskeleton. Not a medical device."
-    )
+    text = "Gait simulation of the TWIN leg exoskeleton. Not a medical device."
+    parser = ProgramParser(prog="twin-gait", description=text)
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
-    text = "print the completion script of a shell"
-    parser.add_argument("--print-completion", action=PrintCompletion, choices=SHELLS, help=text)
+    shtab.add_argument_to(parser, help="print the completion script of a shell")
     commands = parser.add_subparsers(
         dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
     )
@@ -109,6 +93,7 @@ def build_parser() -> ProgramParser:
         for name in modules:
             import_module(f"twin_gait.cli.{name}").add_parser(commands)
         parser.groups[title] = list(commands._choices_actions[before:])
+    complete_files(parser)
     return parser
 
 
@@ -124,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Before NumPy is loaded: with two threads a fit takes half as long again, and twice the processor time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = build_parser().parse_args(argv)
-    command: Callable[[argparse.Namespace], int] = arguments.run
+    command: options.Command = arguments.run
     try:
         status = command(arguments)
         if arguments.command in ("simulate", "live") or getattr(arguments, "out", None) is not None:

@@ -9,7 +9,7 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import private_files
-from twin_gait.runs.drawing import Draw, drawing_beside
+from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
 
 if TYPE_CHECKING:
@@ -34,15 +34,14 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds="that of the experiment")
     options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>)")
-    text = "compiled (the default), or pinocchio, the reference implementation in Python"
+    text = "compiled, or pinocchio, the reference implementation"
     options.add_shorthand(parser, "--engine", "NAME", "engine", text, str)
     text = "what fails, and when, such as encoder_freeze:left_knee@4.2s; may be repeated"
     add("--fault", action="append", default=[], metavar="KIND:SIDE_JOINT@TIMEs", dest="faults", help=text)
     add("--view", action="store_true", help="play the run in the browser afterwards")
     options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
-    text = "run again at a tenth of the step and report the difference (takes ten times as long)"
-    add("--accuracy", action="store_true", help=text)
+    add("--accuracy", action="store_true", help="run again at a tenth of the step and tell the difference")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "live", walk_live)
@@ -63,11 +62,6 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     Simulate a preset or an experiment file and write a run directory.
     """
-    with drawing_beside(wanted=not arguments.no_pictures) as draw:
-        return _simulate(arguments, draw)
-
-
-def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
     from twin_gait.studies.accuracy import step_error
 
@@ -78,6 +72,7 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
     with (
         terminal.stop_on_interrupt() as should_stop,
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
+        drawing_beside(wanted=not arguments.no_pictures) as beside,
     ):
         with terminal.watched("simulating", "tick", should_stop) as watch:
             result = simulation.simulate(loaded.experiment, **watch)
@@ -87,13 +82,13 @@ def _simulate(arguments: argparse.Namespace, draw: Draw) -> int:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
         summary = write_run(
             result, staging, document=loaded.document, pictures=not arguments.no_pictures, accuracy=accuracy,
-            on_step=terminal.note_step, draw=draw,
+            on_step=terminal.note_step, beside=beside,
         )  # fmt: skip
     terminal.clear_line()
-    lines = list(report(result, summary, out))
+    lines = report(summary, out)
     if arguments.accuracy and accuracy is None:
         lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
-    terminal.answer(arguments, lines, lambda: {**summary, "directory": out})
+    terminal.answer(arguments, lines, {**summary, "directory": out})
     if result.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
@@ -111,58 +106,12 @@ def default_folder(name: str) -> Path:
     return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
 
 
-def report(result: simulation.Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
-    """Results in a few lines."""
-    pace = summary["realtime_factor"]
-    ended = f"{result.status}, " if result.status is simulation.RunStatus.INTERRUPTED else ""
-    word = result.verdict.outcome or result.status
-    yield f"{ended}{word}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)"
-    if result.verdict.reason:
-        yield f"  {result.verdict.reason}"
-    for text in result.refused:
-        yield f"  refused: {text}"
-    for line in summary_lines(summary):
-        yield f"  {line}"
-    if "accuracy" in summary:
-        yield f"  {accuracy_line(summary['accuracy'])}"
-    yield f"  {out}"
+def report(summary: Mapping[str, Any], *folders: Path) -> list[str]:
+    """Results in a few lines, and where they are."""
+    from twin_gait.report import pages, walk_words
 
-
-def accuracy_line(accuracy: Mapping[str, Any]) -> str:
-    """What a tenth of the step changes, of :func:`~twin_gait.studies.accuracy.step_error`, in one line."""
-    error = f"{math.degrees(accuracy['largest_angle_error_rad']):.2g}°"
-    line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves the joints by up to {error}"
-    slip = accuracy["first_slip_s"]
-    return line if slip is None else f"{line} until a switch first falls in another tick, at {slip:.3f} s"
-
-
-def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
-    """The figures that a reader wants first."""
-    from twin_gait.measures import stride_count
-    from twin_gait.report import walk_words
-
-    for side, values in summary["sides"].items():
-        found, counted = values.get("strides"), values.get("strides_counted")
-        if found is None:  # in the air there are no contacts
-            found, counted = values["strides_by_phase"], values["strides_by_phase_counted"]
-            times = f" of {values['stride_time_by_phase_mean_s']:.2f} s" if counted else ""
-            yield f"{side}: in the air, by its phases {stride_count(counted, found)}{times}"
-            continue
-        if not counted:
-            yield f"{side}: {stride_count(0, found)}"
-            continue
-        line = f"{side}: {stride_count(counted, found)} of {values['stride_time_mean_s']:.2f} s"
-        if values["swing_share"] is not None:
-            line = f"{line}, swing {values['swing_share'] * 100:.0f} %"
-        off = walk_words.off_the_reference(values, 1)
-        yield f"{line}, off the Koopman reference by {off} RMS" if off else line
-    yield from walk_words.lines_of(walk_words.table_of_walk(summary))
-    yield from filter(None, (walk_words.who_drives(summary), walk_words.carried_by_belt(summary)))
-    yield from walk_words.lines_of(walk_words.table_of_network(summary))
-    power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
-    if life is not None:
-        lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"
-        yield f"battery: {power:.1f} W, {lasts} (stated: {summary['battery_life_stated_h']:g} h)"
+    content = {"summary": summary, "words": walk_words, "degrees": math.degrees, "folders": folders}
+    return pages.lines("run.txt", {**summary, **content})
 
 
 def walk_live(arguments: argparse.Namespace) -> int:
@@ -241,16 +190,9 @@ def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
     if session.failure:
         raise RunDirectoryError(session.failure)
     if summary:
-        print(f"{summary['outcome'] or summary['status']}: {summary['duration_s']:g} s")
-        if summary["outcome_reason"]:
-            print(f"  {summary['outcome_reason']}")
-        for line in summary_lines(summary):
-            print(f"  {line}")
-    for folder in session.folders:
-        print(f"  {folder}")
+        print("\n".join(report(summary, *session.folders)))
     if news.death:
         print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
-        return terminal.FAILED
-    if summary.get("status") == "diverged":
-        return terminal.FAILED
-    return terminal.INTERRUPTED if interrupted else terminal.DONE
+    if news.death or summary.get("status") == "diverged":
+        return FAILED
+    return INTERRUPTED if interrupted else DONE

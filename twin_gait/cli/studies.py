@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin_gait import simulation, studies
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.runs.folders import check_target
-
-if TYPE_CHECKING:
-    from twin_gait.experiment import Experiment
-    from twin_gait.studies.sweep.sweep import SweepResult
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -38,8 +33,7 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds=f"{COMPARED:g}")
     text = f"names with commas between them (all that suit: {NAMES})"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
-    text = "days that differ in weight, friction, belt and effort; from 2 on, means with intervals (1)"
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help=text)
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="days, which differ (1)")
     options.add_out(parser, "DIR", f"folder to make ({COMPARISONS}/NAME)")
     options.add(parser, "--json")
 
@@ -49,9 +43,8 @@ def add_parser(commands: Any) -> None:
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
     add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
-    text = "leave the transitions as they are"
-    add("--keep-thresholds", action="store_false", dest="thresholds", help=text)
-    add("--keep-blending", action="store_false", dest="blending", help="leave the blend as it is")
+    add("--keep-thresholds", action="store_false", dest="thresholds", help="leave the transitions")
+    add("--keep-blending", action="store_false", dest="blending", help="leave the blend")
     add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
     add("--everyone", action="store_true", help="a table for other wearers, supports and belts too")
     options.add(parser, "--seed", "--workers", "--scheduler", "--json")
@@ -59,9 +52,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "faults", faults)
     options.add_experiment(parser, seconds=f"{FAULTY:g}")
     parser.add_argument("--count", type=int, default=100, metavar="N", help="faults (100)")
-    options.add(parser, "--seed", "--workers")
-    options.add_out(parser, "FILE", "also write one row per fault as CSV")
-    options.add(parser, "--json")
+    options.add(parser, "--seed", "--workers", "--json")
 
 
 def sweep(arguments: argparse.Namespace) -> int:
@@ -70,6 +61,8 @@ def sweep(arguments: argparse.Namespace) -> int:
     Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. The same
     command goes on with a sweep that was stopped or killed.
     """
+    from twin_gait.report.pages import lines
+
     number = options.workers_of(arguments)
     spec = studies.load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
@@ -83,24 +76,11 @@ def sweep(arguments: argparse.Namespace) -> int:
         ):
             result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except studies.WorkersLost as error:
-        return terminal.lost(error, again)
+        return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
-    terminal.answer(arguments, report_sweep(result), lambda: document)
-    return terminal.interrupted(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
-
-
-def report_sweep(result: SweepResult) -> Iterator[str]:
-    """Results in a few lines."""
-    summary, last = result.summary, result.summary["last_call"]
-    yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes"
-    if result.resumed:
-        yield f"  {result.resumed} were there already"
-    yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
-    if last["episodes"]:
-        yield f"  {last['wall_s']:.1f} s for {last['episodes']} of them"
-    if summary["not_drawn"]:
-        yield f"  not drawn, because no completed episode has it: {', '.join(summary['not_drawn'])}"
-    yield f"  {result.directory}"
+    shown = lines("sweep.txt", {**document, "resumed": result.resumed})
+    terminal.answer(arguments, shown, document)
+    return terminal.stopped(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
 
 
 def compare(arguments: argparse.Namespace) -> int:
@@ -125,11 +105,11 @@ def compare(arguments: argparse.Namespace) -> int:
     with terminal.watched("compare", "run") as watch:
         comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
     if comparison is None:
-        return terminal.interrupted("nothing was written")
+        return terminal.stopped("nothing was written")
     writing.write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
     lines = [text, "", str(out / writing.PAGE_FILE)]
-    terminal.answer(arguments, lines, lambda: {**writing.summary_of(comparison, who), "directory": out})
+    terminal.answer(arguments, lines, {**writing.summary_of(comparison, who), "directory": out})
     return DONE
 
 
@@ -140,6 +120,7 @@ def tune(arguments: argparse.Namespace) -> int:
     report.
     """
     from twin_gait.report.tune import summary
+    from twin_gait.report.walk_words import describe
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.tune import Settings
 
@@ -159,17 +140,12 @@ def tune(arguments: argparse.Namespace) -> int:
         )  # fmt: skip
     terminal.clear_line()
     if tuning is None:
-        return terminal.interrupted("nothing was written")
-    wearer = _wearer(options.person_of(arguments.settings), experiment)
+        return terminal.stopped("nothing was written")
+    person, size = options.person_of(arguments.settings), describe(experiment)
+    wearer = size if person is None else f"{person} ({size})"
     found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
-    terminal.answer(arguments, [*summary(found), f"  {out}"], lambda: {**found, "directory": out})
+    terminal.answer(arguments, [*summary(found), f"  {out}"], {**found, "directory": out})
     return DONE
-
-
-def _wearer(person: str | None, experiment: Experiment) -> str:
-    patient = experiment.patient
-    size = "" if patient is None else f"{patient.mass:g} kg, {patient.height:g} m, {patient.sex}"
-    return size if person is None else f"{person} ({size})"
 
 
 def faults(arguments: argparse.Namespace) -> int:
@@ -179,12 +155,9 @@ def faults(arguments: argparse.Namespace) -> int:
     and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, or a
     trip did not end in the hold.
     """
-    from twin_gait.files import write_atomically
     from twin_gait.studies.fault_campaign import limit_lines, violations
 
     workers, seed = options.workers_of(arguments), arguments.seed
-    if arguments.out is not None:
-        options.check_file("--out", arguments.out, force=arguments.force)
     base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
     drawn = studies.draw_faults(base, arguments.count, seed)
     with terminal.watched("faults", "fault") as watch:
@@ -200,9 +173,7 @@ def faults(arguments: argparse.Namespace) -> int:
         "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(campaign.status),
         "violations": broken, "faults": table.to_dict("records"),
     }  # fmt: skip
-    terminal.answer(arguments, lines, lambda: document)
-    if len(table) and arguments.out is not None:
-        write_atomically(arguments.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
+    terminal.answer(arguments, lines, document)
     if campaign.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     return FAILED if broken else DONE

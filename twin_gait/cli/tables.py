@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration, gait, replay
@@ -19,17 +17,8 @@ if TYPE_CHECKING:
     from twin_gait.checking.finding import Finding
 
 
-WIDTH = 100
 # What each format of a diagram is called in a folder.
 _ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
-_REPLAY_TEXTS = (
-    ("--columns", "Q=NAME,…", "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"),
-    ("--start", "SIDE=PHASE,…", "phases at the start (the recorded ones, or the table's first)"),
-)
-_REPLAY_NUMBERS = (
-    ("--speed", None, "KM_PER_H", "belt speed that the table is scaled to"),
-    ("--total-mass", None, "KG", "of wearer and device, for foot.load_bw"),
-)
 
 
 def add_parser(commands: Any) -> None:
@@ -38,8 +27,7 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     add("name", nargs="?", help="preset, person or table to print as YAML")
     add("--as-table", action="store_true", help="print the gait table where a preset has its name")
-    text = "print the JSON Schema of a kind of file, for editors"
-    add("--schema", choices=["experiment", "table", "modes"], help=text)
+    add("--schema", choices=["experiment", "table", "modes"], help="print the JSON Schema of a kind of file")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "diagram", draw_diagram)
@@ -51,8 +39,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "check", check_table)
     add = parser.add_argument
     add("table", nargs="?", metavar="TABLE", help="packaged table, YAML file, or a preset for its own")
-    text = "preset, experiment file or run directory that it drives; without TABLE its own is checked"
-    add("--experiment", metavar="FILE", help=text)
+    add("--experiment", metavar="FILE", help="what it drives: a preset, a file or a run (whose own table)")
     options.add_settings(parser)
     options.add(parser, "--json")
     add("--rules", action="store_true", help="list the rules and end")
@@ -62,10 +49,12 @@ def add_parser(commands: Any) -> None:
     add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
     add("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
     add("--convention", metavar="NAME", help="names and signs of the angles in the log")
-    for flag, metavar, text in _REPLAY_TEXTS:
-        add(flag, default="", metavar=metavar, help=text)
+    text = "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"
+    add("--columns", default="", metavar="Q=NAME,…", help=text)
+    add("--start", default="", metavar="SIDE=PHASE,…", help="phases at the start (recorded, or first)")
     add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
-    options.add_numbers(parser, _REPLAY_NUMBERS)
+    add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
+    add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
     options.add(parser, "--no-pictures", "--json")
 
@@ -78,27 +67,22 @@ def show_presets(arguments: argparse.Namespace) -> int:
     import yaml
 
     from twin_gait.configuration.schema import json_schema
+    from twin_gait.report.pages import lines
 
     if arguments.schema is not None:
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
-    elif arguments.name is None and not arguments.as_table:
+    elif arguments.name is None:
         experiments, persons = configuration.presets(), configuration.people()
         tables, modes = configuration.packaged_gait_tables(), configuration.packaged_mode_tables()
         known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
-        lines = [
-            *_listed("experiments", experiments),
-            *_listed("people (--patient NAME)", persons),
-            f"gait tables: {', '.join(tables)}",
-            f"operating modes: {', '.join(modes)}",
-        ]
-        answer(arguments, lines, lambda: known)
+        answer(arguments, lines("presets.txt", known), known)
     else:
         text = _text_of(arguments.name, as_table=arguments.as_table)
-        answer(arguments, [text.removesuffix("\n")], lambda: yaml.safe_load(text))
+        answer(arguments, [text.removesuffix("\n")], yaml.safe_load(text))
     return DONE
 
 
-def _text_of(name: str | None, *, as_table: bool) -> str:
+def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.experiments import person_text
     from twin_gait.configuration.gait_table_file import mode_table_path
     from twin_gait.configuration.schema import comment_for
@@ -109,7 +93,7 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
         return gait_table_path(name).read_text(encoding="utf-8")
     if name in configuration.packaged_mode_tables():
         return mode_table_path(name).read_text(encoding="utf-8")
-    if name is None or as_table:
+    if as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     if name in configuration.people():
         return person_text(name)
@@ -117,18 +101,12 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
     return f"{comment_for('experiment')}\n{configuration.dump_yaml(document)}"
 
 
-def _listed(title: str, entries: Mapping[str, str]) -> Iterator[str]:
-    yield f"{title}:"
-    width = max(len(name) for name in entries)
-    for name, description in entries.items():
-        yield f"  {name:<{width}}  {description}"
-
-
 def draw_diagram(arguments: argparse.Namespace) -> int:
     """Draw the state machine of a gait table.
 
     State diagram, state-transition table and truth table of a gait table.
     """
+    from twin_gait.files import write_atomically
     from twin_gait.gait.documents import transition_table, truth_table
     from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
 
@@ -141,22 +119,15 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
         print(writers[arguments.format or "transitions"](table), end="")
         return DONE
     formats = list(_ENDINGS) if arguments.format is None else [arguments.format]
-    _write_diagrams(table, arguments.out, {name: writers[name](table) for name in formats}, arguments.force)
-    return DONE
-
-
-def _write_diagrams(table: gait.StateTable, folder: Path, texts: dict[str, str], force: bool) -> None:
-    """Write formats of a table into a folder, all of them or none, and say where."""
-    from twin_gait.files import write_atomically
-
     stem = "".join(char if char.isalnum() or char in "-_" else "_" for char in table.name)[:100] or "table"
-    paths = {folder / f"{stem}{_ENDINGS[name]}": text for name, text in texts.items()}
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in paths:
-        options.check_file("--out", path, force=force)
-    for path, text in paths.items():
+    texts = {arguments.out / f"{stem}{_ENDINGS[name]}": writers[name](table) for name in formats}
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for path in texts:  # all of them or none
+        options.check_file("--out", path, force=arguments.force)
+    for path, text in texts.items():
         write_atomically(path, text)
         print(path)
+    return DONE
 
 
 def check_table(arguments: argparse.Namespace) -> int:
@@ -166,34 +137,18 @@ def check_table(arguments: argparse.Namespace) -> int:
     left, both legs in swing, and more. Ends with 1 if there is an error.
     """
     from twin_gait.checking.check import check, counts, load_case, report, rules
+    from twin_gait.report.pages import lines
 
     if arguments.rules:
-        width = max(map(len, rules()))
-        answer(arguments, [f"{name:<{width}}  {meaning}" for name, meaning in rules().items()], rules)
+        answer(arguments, lines("rules.txt", {"rules": rules()}), rules())
         return DONE
     if arguments.table is None and arguments.experiment is None:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
     case = load_case(arguments.table, arguments.experiment, arguments.settings)
     findings = check(case)
-    against = "by itself" if case.experiment is None else f"against {case.experiment.name}"
-    last = f"{case.table.name}, {against}: {counted(counts(findings))}"
-    answer(arguments, [*draw(findings), last], lambda: report(case, findings))
+    content = {"case": case, "findings": findings, "heading": heading, "counted": counted(counts(findings))}
+    answer(arguments, lines("check.txt", content), report(case, findings))
     return FAILED if counts(findings)["errors"] else DONE
-
-
-def draw(findings: Sequence[Finding]) -> Iterator[str]:
-    """Findings as lines, grouped by severity; a waived one in two lines at the end of its group."""
-    for finding in findings:
-        yield f"{'waived ' if finding.waived else ''}{heading(finding)}"
-        texts = [finding.waived or finding.reason]
-        if finding.counterexample and not finding.waived:
-            signals = finding.counterexample.items()
-            at = [f"{name} {x if isinstance(x, str) else format(x, '.7g')}" for name, x in signals]
-            texts.append(f"at {', '.join(at)}")
-        if finding.severity != "note" and not finding.waived:
-            texts.append(f"→ {finding.suggestion}")
-        for text in texts:
-            yield from textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
 
 
 def heading(finding: Finding) -> str:
@@ -204,11 +159,8 @@ def heading(finding: Finding) -> str:
 
 def counted(numbers: Mapping[str, int]) -> str:
     """Numbers of findings in words, by the plurals that name them."""
-    parts = []
-    for plural, number in numbers.items():
-        word = plural if number != 1 or plural == "waived" else plural.removesuffix("s")
-        parts.append(f"{number} {word}")
-    return ", ".join(parts)
+    words = (plural.removesuffix("s") if number == 1 else plural for plural, number in numbers.items())
+    return ", ".join(f"{number} {word}" for number, word in zip(numbers.values(), words, strict=True))
 
 
 def replay_walk(arguments: argparse.Namespace) -> int:
@@ -220,6 +172,7 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.conventions import find_convention
     from twin_gait.measures import KILOMETRES_PER_HOUR
+    from twin_gait.report.pages import lines
 
     speed, named = arguments.speed, arguments.convention
     starts = options.pairs("--start", arguments.start, list(Side))
@@ -242,41 +195,6 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = replay.summarise_replay(result)
     folder = [] if arguments.out is None else [str(arguments.out)]
-    answer(arguments, [*replay_lines(summary), *folder], lambda: {**summary, "directory": arguments.out})
+    shown = [*lines("replay.txt", summary), *folder]
+    answer(arguments, shown, {**summary, "directory": arguments.out})
     return DONE
-
-
-def replay_lines(summary: dict[str, Any]) -> Iterator[str]:
-    """What a reader wants first: strides, switches by cause, agreement."""
-    yield f"{summary['log']}: {summary['duration_s']:g} s through the table {summary['table']}"
-    if summary["assumed_signals"]:
-        taken = ", ".join(f"{name} {value:g}" for name, value in summary["assumed_signals"].items())
-        yield f"not in the log, so taken as: {taken}"
-    for side, values in summary["sides"].items():
-        yield f"{side}: {_strides(values, summary['cycles'])}"
-        for item in values["switches"]:
-            yield f"  {item['count']:4d} × {item['from']} → {item['to']} ({item['cause']})"
-        if values["agreement"] is not None:
-            yield f"  {_agreement(values['agreement'])}"
-
-
-def _strides(values: dict[str, Any], cycles: list[list[str]]) -> str:
-    if not values["strides"]:
-        return "no whole stride"
-    plural = "s" if values["strides"] > 1 else ""
-    cycle = (
-        f"all {len(cycles[0])} phases once and in order" if len(cycles) == 1 else "one of the table's cycles"
-    )
-    return (
-        f"{values['strides']} stride{plural} of {values['stride_time_mean_s']:.2f} s, "
-        f"{values['strides_with_the_whole_cycle']} with {cycle}"
-    )
-
-
-def _agreement(values: dict[str, Any]) -> str:
-    lags = [lag for phase in values["entry_lags_s"].values() for lag in phase]
-    matched = [abs(lag) for lag in lags if lag is not None]
-    text = f"recorded phases: {100 * values['equal_share']:.1f} % of the ticks equal"
-    if matched:
-        text += f", {len(matched)} of {len(lags)} switches found, at most {1000 * max(matched):.0f} ms apart"
-    return text

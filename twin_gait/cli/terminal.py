@@ -18,15 +18,14 @@ from twin_gait.files import plain
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 
 
-def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callable[[], Any]) -> None:
+def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Any) -> None:
     """Print the result: lines for a reader or, with ``--json``, one document for a program.
 
     In the document numbers that are not finite become null.
     """
-    if not arguments.json:
-        print("\n".join(lines))
-        return
-    print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
+    if arguments.json:
+        lines = [json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)]
+    print("\n".join(lines))
 
 
 def write_on_any_terminal() -> None:
@@ -43,11 +42,9 @@ def note_abandoned(out: Path | None) -> None:
     parent = Path("runs") if out is None else out.expanduser().absolute().parent
     found = abandoned(parent)
     if found:
-        print(
-            f"twin-gait: {len(found)} incomplete {'folder' if len(found) == 1 else 'folders'} of killed runs "
-            f"in {parent}; list and remove them with: twin-gait sessions clean {shlex.quote(str(parent))}",
-            file=sys.stderr,
-        )
+        left = f"{len(found)} incomplete folder{'s' * (len(found) > 1)} of killed runs in {parent}"
+        way_out = f"list and remove them with: twin-gait sessions clean {shlex.quote(str(parent))}"
+        print(f"twin-gait: {left}; {way_out}", file=sys.stderr)
 
 
 @contextmanager
@@ -90,21 +87,15 @@ def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None
         yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
 
 
-def interrupted(hint: str) -> int:
-    """Say that the work was stopped, and what is kept; gives the exit status."""
-    print(f"twin-gait: interrupted; {hint}", file=sys.stderr)
-    return INTERRUPTED
+def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> int:
+    """Say why the work ended early, and what is kept; gives the exit status."""
+    print(f"twin-gait: {why}; {hint}", file=sys.stderr)
+    return status
 
 
-def lost(error: Exception, hint: str) -> int:
-    """Say that workers were lost, and what is kept; gives the exit status."""
-    print(f"twin-gait: {error}; what is done is kept, and {hint}", file=sys.stderr)
-    return FAILED
-
-
-def note_step(name: str, doing: str = "writing") -> None:
-    """Say on a terminal what is being done, such as which file is being written."""
-    note_line(f"{doing} {name}")
+def note_step(name: str) -> None:
+    """Say on a terminal what is being written."""
+    note_line(f"writing {name}")
 
 
 def note_line(line: str) -> None:
@@ -136,8 +127,7 @@ def warn_on_one_line() -> None:
 def note_compilation() -> None:
     """Say why the first run on a machine takes its time; once, however many loops are compiled."""
     clear_line()
-    print(
-        "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …",
-        file=sys.stderr,
-        flush=True,
+    text = (
+        "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …"
     )
+    print(text, file=sys.stderr, flush=True)

@@ -1,40 +1,66 @@
-"""``twin-gait view``."""
+"""``twin-gait view``, ``plot`` and ``export``: a run looked at, drawn for a paper, and for other programs."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import os
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from twin_gait import viewer
+from twin_gait import runs, viewer
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 
+if TYPE_CHECKING:
+    from twin_gait.conventions import Convention
+    from twin_gait.simulation import Run
+
+PRINT_FORMATS = ("pdf", "svg", "png")
+RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
+DEFAULT_CONVENTION = "opensim_gait2392"
+MODELS = (DEFAULT_CONVENTION, "rajagopal")
+# What each format is called in a run directory.
+NAMES = {
+    "csv": "log.csv", "mot": "log.mot", "sto": "log.sto", "opensim": "opensim", "candump": "can.log",
+    "asc": "can.asc",
+}  # fmt: skip
+CAN = ("candump", "asc")
+
 
 def add_parser(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = options.add_command(commands, "view", run)
+    """Add the commands to the parser."""
+    parser = options.add_command(commands, "view", view)
     add = parser.add_argument
-    text = "one or two run directories, or a URDF file"
-    add("targets", type=Path, nargs="+", metavar="RUN|URDF", help=text)
+    add("targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF")
     options.add_out(parser, "FILE.html", "write the page and open nothing")
     add("--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing")
     add("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
     add("--up", choices=("x", "y", "z"), help="vertical of a URDF (z)")
-    add("--size", metavar="WxH", help="size of the picture in pixels (1600x1000)")
-    add("--dark", action="store_true", help="draw the dark page")
     options.add(parser, "--port", "--no-browser")
 
+    parser = options.add_command(commands, "plot", plot)
+    add = parser.add_argument
+    add("directory", type=Path, metavar="RUN", help="run directory")
+    add("--figure", action="append", metavar="NAME", dest="figures", help="such as gait_cycle (all)")
+    add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
+    add("--width", type=float, default=85.0, metavar="MM", help="85 for one column (85), 174 for two")
+    options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
 
-def run(arguments: argparse.Namespace) -> int:
+    parser = options.add_command(commands, "export", export)
+    add = parser.add_argument
+    add("directory", type=Path, metavar="RUN", help="run directory")
+    add("--format", choices=tuple(NAMES), help="(by the name of --out; mot with --convention, else csv)")
+    add("--convention", choices=MODELS, help=f"names and signs of a motion ({DEFAULT_CONVENTION})")
+    add("--of", choices=("wearer", "device"), default="wearer", help="whose angles (the wearer's)")
+    options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
+
+
+def view(arguments: argparse.Namespace) -> int:
     """Show runs or a URDF in the browser, or draw a picture.
 
     Show a run directory, two of them side by side, or any URDF with a slider for each joint in the browser
@@ -43,7 +69,12 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of, read_shown_run
 
-    _check(arguments)
+    if len(arguments.targets) > 2:
+        raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
+    options.check_port(arguments.port)
+    for option, path, form in (("--out", arguments.out, "html"), ("--png", arguments.png, "png")):
+        if path is not None:
+            options.check_file(option, path.expanduser(), force=arguments.force, form=form)
     urdf = next((path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
     if urdf is not None:
         if len(arguments.targets) > 1:
@@ -54,56 +85,25 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.up is not None:
         raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
     runs = [read_shown_run(path) for path in arguments.targets]
+    moments = [] if arguments.at is None else [arguments.at]
     longest = max(one.duration for one in runs)
-    if arguments.at is not None and not 0.0 <= arguments.at <= longest + 1e-9:
+    if not all(0.0 <= moment <= longest + 1e-9 for moment in moments):
         raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
-    moments = () if arguments.at is None else (arguments.at,)
     return _show(lambda: page_of(runs, moments=moments), arguments)
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    """Refuse what is wrong before anything is read."""
-    if len(arguments.targets) > 2:
-        raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
-    options.check_port(arguments.port)
-    if arguments.at is not None and not math.isfinite(arguments.at):
-        raise ParameterError(f"--at: expected a time in s, got {arguments.at:g}")
-    if arguments.size is not None and arguments.png is None:
-        raise ParameterError("--size: is the size of a picture; give --png FILE too")
-    for option, path, form in (("--out", arguments.out, "html"), ("--png", arguments.png, "png")):
-        if path is not None:
-            options.check_file(option, path.expanduser(), force=arguments.force, form=form)
-
-
-def picture_size(text: str | None) -> tuple[int, int]:
-    """Read a size such as ``1600x1000``; None stands for the default."""
-    if text is None:
-        return viewer.picture.DEFAULT_SIZE
-    found = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", text.strip())
-    if found is None:
-        raise ParameterError(f"--size: expected WIDTHxHEIGHT such as 1600x1000, got {text!r}")
-    least, most = viewer.picture.SMALLEST, viewer.picture.LARGEST
-    size = int(found[1]), int(found[2])
-    if not all(least <= side <= most for side in size):
-        raise ParameterError(f"--size: expected {least} to {most} pixels each way, got {text}")
-    return size
 
 
 def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
     """Write the page, the picture, or both; without either, serve the page until Ctrl-C."""
-    at, dark, size = arguments.at, arguments.dark, picture_size(arguments.size)
+    at = arguments.at
     if arguments.out is None and arguments.png is None:
-        words = [*([] if at is None else [f"t={at:.3f}"]), *(["theme=dark"] if dark else [])]
-        fragment = f"#{'&'.join(words)}" if words else ""
+        fragment = "" if at is None else f"#t={at:.3f}"
         return serve(make(), arguments.port, fragment=fragment, browser=not arguments.no_browser)
-    if arguments.png is not None:
-        viewer.picture.find_browser()  # before the work, not after it
     page = make()
     if arguments.out is not None:
         write_atomically(arguments.out.expanduser(), page)
         print(arguments.out)
     if arguments.png is not None:
-        viewer.picture.take_picture(page, arguments.png.expanduser(), time=at or 0.0, size=size, dark=dark)
+        viewer.picture.take_picture(page, arguments.png.expanduser(), time=at or 0.0)
         print(arguments.png)
     return DONE
 
@@ -151,3 +151,89 @@ def _signpost(url: str) -> Path:
     path = Path(folder) / "open.html"
     path.write_text(f'<meta http-equiv="refresh" content="0;url={html.escape(url)}">', encoding="utf-8")
     return path
+
+
+def plot(arguments: argparse.Namespace) -> int:
+    """Draw figures of a run for a paper.
+
+    Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
+    inside; what the title would say is printed, for the caption.
+    """
+    from twin_gait.report.canvas import FIGURES_FOLDER, save
+    from twin_gait.report.figures import available_figures, draw_for_paper
+
+    shown, out, width = runs.load_run(arguments.directory), arguments.out, arguments.width
+    names = arguments.figures or available_figures(shown)
+    if out is not None and len(names) != 1:
+        raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
+    drawn = {name: draw_for_paper(shown, name, width) for name in names}
+    suffix = "" if out is None else out.suffix[1:]
+    kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
+    folder = arguments.directory / FIGURES_FOLDER
+    paths = {name: out or folder / f"{name}-{width:g}mm.{kind}" for name in names}
+    if out is None:
+        folder.mkdir(exist_ok=True)
+    for path in paths.values():
+        options.check_file("--out", path, force=arguments.force, form=kind)
+    for name, (figure, caption) in drawn.items():
+        save(figure, paths[name], form=kind, resolution=RESOLUTION)
+        print(f"{paths[name]}\n  {caption}")
+    return DONE
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Write the log of a run: CSV, for OpenSim or CAN tools.
+
+    Write the log of a run directory as CSV (every column), its joint angles as a motion of OpenSim (.mot in
+    degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a folder with model, motion,
+    external loads, set-up, and the joint moments to compare with; or the frames of its CAN network (candump's
+    .log, Vector's .asc), which twin.dbc decodes.
+    """
+    from twin_gait.conventions import DEGREES, RADIANS, find_convention
+    from twin_gait.export import export_csv, export_motion
+
+    out, named = arguments.out, arguments.convention
+    endings = {Path(name).suffix: kind for kind, name in NAMES.items() if "." in name}
+    suffix = "" if out is None else out.suffix.lower()
+    kind = arguments.format or endings.get(suffix, "csv" if named is None else "mot")
+    if kind in ("csv", *CAN) and named is not None:
+        raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
+    run, device = runs.load_run(arguments.directory), arguments.of == "device"
+    convention = find_convention(named or DEFAULT_CONVENTION)
+    path = out or arguments.directory / NAMES[kind]
+    if kind == "opensim":
+        return _write_folder(run, path, convention, device=device, force=arguments.force)
+    options.check_file("--out", path, force=arguments.force, form=Path(NAMES[kind]).suffix[1:])
+    if kind in CAN:
+        return _write_frames(run, path, kind)
+    columns = list(run.log.columns)
+    if kind == "csv":
+        export_csv(run.log, path)
+    else:
+        unit = DEGREES if kind == "mot" else RADIANS
+        columns = export_motion(run.log, path, convention, unit=unit, device=device)
+    print(f"{len(run.log)} rows, {len(columns)} columns: {path}")
+    return DONE
+
+
+def _write_frames(run: Run, path: Path, kind: str) -> int:
+    from twin_gait.export.can import export_can, messages_of, run_frames
+    from twin_gait.network.dbc import PACKAGED_DBC, find_dbc
+
+    network = run.experiment.network
+    written = export_can(run_frames(run, messages_of(run.experiment)), path, kind)
+    print(f"{written} frames, for {find_dbc(PACKAGED_DBC if network is None else network.dbc)}: {path}")
+    return DONE
+
+
+def _write_folder(run: Run, path: Path, convention: Convention, *, device: bool, force: bool) -> int:
+    from twin_gait.export import export_inverse_dynamics
+    from twin_gait.export.inverse_dynamics import MODEL_FILE, SETUP_FILE
+    from twin_gait.runs.folders import FolderKind, staged_directory
+
+    kind = FolderKind("a folder of this command", MODEL_FILE)
+    with staged_directory(path, kind, force=force) as staging:
+        names = export_inverse_dynamics(run, staging, convention, device=device)
+    print(f"{len(run.log)} rows, {', '.join(names)}: {path}")
+    print(f"in that folder: opensim-cmd run-tool {SETUP_FILE}")
+    return DONE

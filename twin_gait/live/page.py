@@ -16,7 +16,8 @@ from tornado.web import RequestHandler
 from twin_gait.experiment import Experiment
 from twin_gait.live import protocol
 from twin_gait.live.session import LiveSession
-from twin_gait.runs.run_page import describe, modes_of, setting_of
+from twin_gait.report.walk_words import describe
+from twin_gait.runs.run_page import modes_of, setting_of
 from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.page import About, live_page

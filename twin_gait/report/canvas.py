@@ -7,6 +7,7 @@ needed.
 from __future__ import annotations
 
 import io
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -27,7 +28,7 @@ from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, phase_colour
 from twin_gait.report.pages import render
-from twin_gait.report.walk_words import wearer_words
+from twin_gait.report.walk_words import describe
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -40,17 +41,6 @@ LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
-
-
-def describe(run: Run) -> str:
-    """One line that says whose run it is."""
-    experiment = run.experiment
-    parts = [experiment.name, wearer_words(experiment.patient)]
-    walking = experiment.scenario.walking
-    if walking is not None:
-        parts.append(f"{walking.speed:.2f} m/s")
-        parts.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
-    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 
 def style_panel(axes: Axes, title: str, unit: str) -> None:
@@ -87,14 +77,11 @@ def colour_of(phase: int, names: Sequence[str]) -> str:
 
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     """Legend entries of the phases that occur. ``occurring``: indices of phases, any shape."""
-    return [
-        Patch(
-            color=colour_of(int(index), names),
-            alpha=STRIP_OPACITY,
-            label="held after the trip" if index == HELD else readable(names[index]),
-        )
-        for index in sorted(np.unique(occurring), key=lambda index: index == HELD)
-    ]
+    order = sorted(np.unique(occurring).tolist(), key=lambda index: index == HELD)
+    labels = ["held after the trip" if index == HELD else readable(names[index]) for index in order]
+    colours = [colour_of(index, names) for index in order]
+    pairs = zip(colours, labels, strict=True)
+    return [Patch(color=colour, alpha=STRIP_OPACITY, label=label) for colour, label in pairs]
 
 
 def readable(name: str) -> str:
@@ -169,8 +156,6 @@ def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLU
 SHOWN_STRIDES = 2
 SHOWN_WITHOUT_STRIDES = 6.0  # [s]
 SHOWN_BEFORE_EVENT = 1 / 3  # of a window
-# More points than this do not show in a picture.
-MOST_POINTS = 20_000
 _EVENT_STYLES = {EventKind.FAULT: "--", EventKind.TRIP: "-", EventKind.FALL: ":", EventKind.DIVERGENCE: ":"}
 
 
@@ -188,13 +173,7 @@ def end_or_events(run: Run, duration: float) -> slice:
     start = len(run.log) - length
     if run.events:
         start = min(start, round(run.events[0].time / TICK - SHOWN_BEFORE_EVENT * length))
-    start = max(0, start)
-    return slice(start, min(start + length, len(run.log)))
-
-
-def whole_run(run: Run) -> slice:
-    """Rows of the whole run, thinned out if it is long."""
-    return slice(0, len(run.log), 1 + len(run.log) // MOST_POINTS)
+    return slice(max(0, start), max(0, start) + length)
 
 
 def shown_strides(record: LegRecord) -> np.ndarray:
@@ -204,15 +183,6 @@ def shown_strides(record: LegRecord) -> np.ndarray:
     """
     settled = record.strides(skip=SKIPPED_STRIDES)
     return settled if len(settled) else record.strides(skip=0)[-1:]
-
-
-def shown_phases(run: Run, record: LegRecord, rows: slice) -> np.ndarray:
-    """Phases of a leg in some rows; from a trip on the legs are held, whatever the machine says.
-
-    Returns index of the phase, or ``HELD``, shape ``(n,)``.
-    """
-    phases, held = record.phases[rows], held_from(run.events)
-    return phases if held is None else np.where(run.log["time_s"].to_numpy()[rows] >= held, HELD, phases)
 
 
 def flexion(joint: str) -> str:
@@ -233,36 +203,37 @@ class Sheet:
         lines: Entries of the legend.
     """
 
-    def __init__(self, run: Run, title: str, size: tuple[float, float], window: slice | None = None) -> None:
+    def __init__(self, run: Run, title: str, size: tuple[float, float], window: slice = slice(None)) -> None:
         """Begin a picture; one for print has no title inside.
 
         ``size``: width and height in inches, of two joints where there are panels of legs; one narrower than
         a screen is for print; ``window``: by default all of the run.
         """
-        self.run, self.window = run, window or whole_run(run)
+        self.run, self.window = run, window
         self.time = run.log["time_s"].to_numpy()[self.window]
         self.records, self.names = run.leg_records(), run.table.phase_names
         self.lines: list[Artist] = []
         events = [f"{event.text}, {event.time:.2f} s" for event in run.events[:MOST_EVENTS]]
-        text = "\n".join(filter(None, (title, describe(run), " · ".join(events))))
+        who, how = describe(run.experiment), run.verdict.outcome or run.status
+        about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
+        text = "\n".join(filter(None, (title, about, " · ".join(events))))
         self.figure = Figure(figsize=size, layout="constrained")
         self.figure.set_label(text)
         if size[0] >= SCREEN_WIDTH:
             self.figure.suptitle(text, fontsize="large")
 
     def leg_panels(
-        self, unit: Callable[[str], str], *, timed: bool = True, sharex: bool | Literal["row"] = True
+        self, unit: Callable[[str], str], *, timed: bool = True
     ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
         """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
 
-        ``unit``: label of the vertical axes, by the name of the joint; ``timed``: on the phases over time;
-        ``sharex`` as matplotlib's ``subplots`` takes it.
+        ``unit``: label of the vertical axes, by the name of the joint; ``timed``: on the phases over time.
         """
         joints = list(self.records[0].angles)
         self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
-        panels = self.figure.subplots(
-            len(joints), len(self.records), squeeze=False, sharex=sharex, sharey="row"
-        )
+        shape = len(joints), len(self.records)
+        sharex: Literal[True, "row"] = True if timed else "row"
+        panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey="row")
         for row, joint in enumerate(joints):
             for axes, record in zip(panels[row], self.records, strict=True):
                 style_panel(axes, f"{record.side} {joint}", unit(joint) if record is self.records[0] else "")
@@ -270,9 +241,15 @@ class Sheet:
                     shade_phases(axes, self.time, self.phases(record), self.names)
                 yield axes, record, joint
 
-    def phases(self, record: LegRecord) -> np.ndarray:
-        """Phases of a leg in the window: index of the phase, or ``HELD``, shape ``(n,)``."""
-        return shown_phases(self.run, record, self.window)
+    def phases(self, record: LegRecord, rows: slice | None = None) -> np.ndarray:
+        """Phases of a leg in some rows; from a trip on the legs are held, whatever the machine says.
+
+        ``rows``: by default those of the window. Returns index of the phase, or ``HELD``, shape ``(n,)``.
+        """
+        phases, held = record.phases, held_from(self.run.events)
+        if held is not None:
+            phases = np.where(self.run.log["time_s"] >= held, HELD, phases)
+        return phases[rows or self.window]
 
     def curve(self, axes: Axes, values: str | np.ndarray, label: str, color: str, **style: Any) -> None:
         """Draw a column of the log, or one value per row of it, over time; ``style`` as for ``plot``."""
@@ -285,21 +262,15 @@ class Sheet:
         options: dict[str, Any] = {"color": LIMIT_COLOUR, "linestyle": style, "linewidth": width}
         self.lines += [axes.axhline(value, label=label, zorder=1, **options) for value in values]
 
-    def _mark_events(self, axes: Axes) -> None:
-        """Draw a line at every event that the window shows."""
-        for event in self.run.events:
-            if self.time[0] <= event.time <= self.time[-1]:
-                style: dict[str, Any] = {"linestyle": _EVENT_STYLES[event.kind], "label": str(event.kind)}
-                mark = axes.axvline(event.time, color=EVENT_COLOUR, linewidth=1.8, zorder=3, **style)
-                self.lines.append(mark)
-
     def finished_over_time(self, *lowest: Axes, phases: bool = True) -> Figure:
         """The picture with events in all panels, the time below the lowest, by default the last row.
 
         ``phases``: whether they are in the legend.
         """
-        for axes in self.figure.axes:
-            self._mark_events(axes)
+        shown = [event for event in self.run.events if self.time[0] <= event.time <= self.time[-1]]
+        for axes, event in itertools.product(self.figure.axes, shown):
+            style: dict[str, Any] = {"linestyle": _EVENT_STYLES[event.kind], "label": str(event.kind)}
+            self.lines.append(axes.axvline(event.time, color=EVENT_COLOUR, linewidth=1.8, zorder=3, **style))
         for axes in lowest or self.figure.axes[-len(self.records) :]:
             axes.set_xlim(self.time[0], self.time[-1])
             axes.set_xlabel("time [s]")

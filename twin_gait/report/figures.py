@@ -12,11 +12,10 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report import run_figures
-from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
+from twin_gait.report.canvas import FORMATS, LEGEND_COLUMN, SCREEN_WIDTH, save
 from twin_gait.simulation.run import Run
 
 # By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
@@ -28,7 +27,6 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
     "currents": run_figures.draw_currents,
     "battery": run_figures.draw_battery,
     "feet": run_figures.draw_feet,
-    "crutches": run_figures.draw_crutches,
     "phase_portrait": run_figures.draw_portrait,
 }
 
@@ -53,12 +51,12 @@ def available_figures(run: Run) -> list[str]:
 
     Returned of ``FIGURES``, in order; none of a log of less than two rows.
     """
-    if len(run.log) < 2:
-        return []
     return [name for name, _ in _drawn(run)]
 
 
 def _drawn(run: Run) -> Iterator[tuple[str, Figure]]:
+    if len(run.log) < 2:
+        return
     for name, draw in FIGURES.items():
         figure = draw(run, width=SCREEN_WIDTH)
         if figure is not None:
@@ -97,6 +95,35 @@ def draw_for_paper(run: Run, name: str, width: float) -> tuple[Figure, str]:
     return figure, caption
 
 
+def plot_run(
+    run: Run, figure: str = "gait_cycle", *, width_mm: float | None = None, out: str | Path | None = None
+) -> Figure:
+    """Draw a picture of a run.
+
+    Args:
+        run: The run.
+        figure: ``gait_cycle``, ``ground_forces``, ``joint_angles``, ``torques``, ``currents``,
+            ``battery``, ``feet`` or ``phase_portrait``.
+        width_mm: Of a figure for print, 85 or 174 for one column or two, with letters and without a title;
+            None draws for a screen.
+        out: A .pdf, .svg or .png file to write it into, or None.
+
+    Returns:
+        The figure; notebooks show it after ``%matplotlib inline``.
+
+    Raises:
+        ParameterError: If there is no such picture, none of this run, or the width or the format is another.
+        RunDirectoryError: If the file cannot be written.
+    """
+    path = None if out is None else Path(out)
+    if path is not None and path.suffix[1:] not in FORMATS:
+        raise ParameterError(f"out: expected a name ending in .{', .'.join(FORMATS)}, got {path.name!r}")
+    drawn = draw_figure(run, figure) if width_mm is None else draw_for_paper(run, figure, width_mm)[0]
+    if path is not None:
+        save(drawn, path)
+    return drawn
+
+
 def _letter_panels(figure: Figure) -> str:
     """Letters and a few words in the place of the panels' titles; what the titles said."""
     parts = [str(figure.get_label()).replace("\n", "; ")]
@@ -111,8 +138,8 @@ def _letter_panels(figure: Figure) -> str:
 
 def _size(figure: Figure) -> None:
     """Height after the panels and the legend, and lines and ticks after the size."""
-    spots = [axes.get_subplotspec() for axes in figure.axes]
-    rows = 1 + max(spot.rowspan.start for spot in spots if spot is not None)
+    grid = figure.axes[0].get_gridspec()
+    rows = 1 if grid is None else grid.nrows
     (legend,) = figure.legends
     entries = math.ceil(len(legend.get_texts()) / max(1, int(figure.get_figwidth() / LEGEND_COLUMN)))
     width = figure.get_figwidth()
@@ -123,9 +150,8 @@ def _size(figure: Figure) -> None:
         line.set_markersize(_THINNER * line.get_markersize())
     for item in (item for axes in figure.axes for item in axes.collections):
         item.set_linewidth((_THINNER * np.asarray(item.get_linewidth())).tolist())
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if not isinstance(axis.get_major_locator(), FixedLocator):
-            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    for axes in figure.axes:
+        axes.locator_params(nbins=5)
 
 
 def write_figures(run: Run, directory: Path) -> list[Path]:

@@ -36,10 +36,15 @@ def render(template: str, content: Mapping[str, Any]) -> str:
     return _environment().get_template(template).render(version=__version__, **content)
 
 
+def lines(template: str, content: Mapping[str, Any]) -> list[str]:
+    """Fill a template of what a terminal shows."""
+    return render(template, content).splitlines()
+
+
 def paragraphs(template: str, content: Mapping[str, Any]) -> list[str]:
     """Fill a template of prose, whose paragraphs are apart by blank lines; each becomes one line."""
-    lines = (line.strip() for line in render(template, content).splitlines())
-    texts = "\n".join(lines).split("\n\n")
+    stripped = (line.strip() for line in lines(template, content))
+    texts = "\n".join(stripped).split("\n\n")
     return [" ".join(text.split()) for text in texts if text.strip()]
 
 

@@ -1,4 +1,4 @@
-"""The pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits, crutches.
+"""The pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits.
 
 Each takes a run and the width of the figure in inches (one narrower than a screen is for print), and gives
 the figure, or None where it does not apply.
@@ -11,16 +11,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from twin_gait import palette
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK
-from twin_gait.measures.crutches import TRUNK_PITCH
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
-from twin_gait.measures.phases import phase_spells, usual_phases
+from twin_gait.measures.phases import usual_phases
 from twin_gait.measures.strides import (
     PERCENT,
     normalise_strides,
@@ -43,7 +41,6 @@ _FORCE_PANELS = (
     ("fore-aft force, forwards positive", "force / carried weight"),
     ("centre of pressure", "place on the sole"),
 )
-BAR = 0.7  # height of a phase bar, in rows
 
 
 def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
@@ -123,14 +120,12 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     sheet = Sheet(run, "Joint angles", (width, 7.5), window)
     for axes, record, joint in sheet.leg_panels(flexion):
         name = f"{record.side}_{joint}"
-        shown = [
-            (record.angles[joint], "angle", BLACK, "-"),
-            (run.log[f"{name}_equilibrium_rad"].to_numpy(), "equilibrium angle", REFERENCE_COLOUR, ":"),
-        ]
+        sheet.curve(axes, np.degrees(record.angles[joint]), "angle", BLACK)
+        equilibrium = np.degrees(run.log[f"{name}_equilibrium_rad"].to_numpy())
+        sheet.curve(axes, equilibrium, "equilibrium angle", REFERENCE_COLOUR, linestyle=":")
         if run.experiment.interface is not None:
-            shown.append((run.log[f"{name}_angle_rad"].to_numpy(), "angle of the device", ORANGE, "--"))
-        for values, label, colour, style in shown:
-            sheet.curve(axes, np.degrees(values), label, colour, linestyle=style)
+            device = np.degrees(run.log[f"{name}_angle_rad"].to_numpy())
+            sheet.curve(axes, device, "angle of the device", ORANGE, linestyle="--")
     return sheet.finished_over_time()
 
 
@@ -175,13 +170,13 @@ def draw_battery(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
 
 
 def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw foot forces and clearances with the phases of both legs under them; None without ground."""
+    """Draw forces and clearances of both feet; None without ground."""
     records = run.leg_records()
     if any(record.contacts is None for record in records):
         return None
     window = canvas.last_strides(run)
     sheet = Sheet(run, "Feet on the ground", (width, 8.5), window)
-    force, clearance, bars = sheet.figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
+    force, clearance = sheet.figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for record in records:
         assert record.contacts and record.normal_force is not None and record.clearance is not None
         colour, label = palette.SIDE_COLOURS[record.side], f"{record.side} foot"
@@ -197,11 +192,7 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     clearance.axhline(0.0, color="0.6", linewidth=0.8)
     title = "clearance of the lowest point of the sole, negative while it is pressed in"
     style_panel(clearance, title, "height [mm]")
-    rows = [(str(record.side), sheet.phases(record)) for record in records]
-    canvas.draw_phase_bars(bars, sheet.time, rows, sheet.names, height=BAR, alpha=0.9)
-    style_panel(bars, "phase", "")
-    bars.grid(visible=False, axis="y")
-    return sheet.finished_over_time(bars)
+    return sheet.finished_over_time(clearance, phases=False)
 
 
 def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
@@ -209,40 +200,18 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     title = "Phase portraits; a dot marks each change of phase"
     sheet, occurring = Sheet(run, title, (width, 8.5)), []
     unit = "{} velocity [°/s]".format
-    for axes, record, joint in sheet.leg_panels(unit, timed=False, sharex="row"):
+    for axes, record, joint in sheet.leg_panels(unit, timed=False):
         bounds = shown_strides(record)[-MOST_STRIDES:]
         rows = slice(*walks(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
-        phases = canvas.shown_phases(run, record, rows)
+        phases = sheet.phases(record, rows)
         speeds = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
         points = np.degrees(np.column_stack((record.angles[joint], speeds))[rows])
-        spells = phase_spells(phases)
-        colours = [canvas.colour_of(spell.phase, sheet.names) for spell in spells]
-        # One collection: a line of its own for each of fifty spells takes ten times as long.
-        paths = [points[spell.start : spell.end + 1] for spell in spells]
-        axes.add_collection(LineCollection(paths, colors=colours, linewidths=1.3, zorder=2))
-        changes = points[[spell.start for spell in spells[1:]]]
-        axes.scatter(changes[:, 0], changes[:, 1], s=4.0**2, c=colours[1:], zorder=2.1)
-        axes.autoscale_view()
+        changed = np.diff(phases, prepend=phases[0]) != 0
+        for phase in np.unique(phases):
+            of_phase, colour = phases == phase, canvas.colour_of(phase, sheet.names)
+            axes.plot(*np.where(of_phase[:, None], points, np.nan).T, color=colour, linewidth=1.3)
+            axes.plot(*points[of_phase & changed].T, "o", color=colour, markersize=4.0)
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
     return sheet.finished(occurring)
-
-
-def draw_crutches(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw lean of the trunk, forces on the crutches and work of the arms; None without crutches."""
-    if any(f"{side}_arm_power_W" not in run.log for side in run.sides):
-        return None
-    sheet = Sheet(run, "Trunk, crutches and arms", (width, 8.0))
-    lean, force, work = panels = sheet.figure.subplots(3, 1, sharex=True)
-    sheet.curve(lean, np.degrees(run.log[TRUNK_PITCH].to_numpy()), "trunk", BLACK)
-    for side in run.sides:
-        label, colour = f"{side} arm and crutch", palette.SIDE_COLOURS[side]
-        sheet.curve(force, f"{side}_crutch_normal_force_N", label, colour)
-        sheet.curve(work, TICK * np.cumsum(run.log[f"{side}_arm_power_W"].to_numpy()), label, colour)
-    style_panel(lean, "lean of the trunk, forwards positive", "angle [°]")
-    style_panel(force, "force of the ground on the crutch, upwards", "force [N]")
-    style_panel(work, "work of the arm since the start", "work [J]")
-    for axes in panels:
-        axes.axhline(0.0, color="0.6", linewidth=0.8)
-    return sheet.finished_over_time(work, phases=False)

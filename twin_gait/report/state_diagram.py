@@ -6,6 +6,7 @@ import math
 import re
 import textwrap
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from twin_gait.gait.documents import mode_words, number
 from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership, bracketed
@@ -13,7 +14,6 @@ from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, State, StateTable, Transition
 from twin_gait.palette import phase_colour
-from twin_gait.report.diagram_layout import arrow_groups, arrows, badges, bounds, ring
 from twin_gait.report.pages import render
 
 
@@ -26,14 +26,6 @@ def duration(ticks: int) -> str:
     """Write a number of ticks as milliseconds, or seconds from one second on."""
     seconds = ticks * TICK
     return f"{number(seconds)} s" if seconds >= 1.0 else f"{number(1000.0 * seconds)} ms"
-
-
-def damping_words(joint: JointImpedance, digits: int = 10) -> str:
-    """Write the damping of a joint as the table gives it: ``ζ`` or ``b`` in [Nms/rad]."""
-    if joint.damping_ratio is not None:
-        return f"ζ {number(joint.damping_ratio, digits)}"
-    assert joint.damping is not None  # JointImpedance holds exactly one of them
-    return f"b {number(joint.damping, digits)}"
 
 
 def signal_words(signal: str) -> tuple[str, str]:
@@ -84,63 +76,87 @@ def _mermaid(text: str) -> str:
     return "".join(char if char.isalnum() or char in " _.,°/−ζθ()[]-+" else f"#{ord(char)};" for char in text)
 
 
-LINE, SMALL_LINE = 17.0, 16.0  # [px] from line to line below the drawing and in boxes
-_LINE_CHARACTERS = 110
-_BADGE = 19.0  # [px], height of a number on an arrow
-_CHARACTER = 7.1  # [px], width of a letter of these lines, on the safe side
-_COLUMNS = (14.0, 92.0, 152.0, 208.0, 280.0)  # [px] from the left edge of a box
-_BOX_WIDTH = 322.0
+_LINE_CHARACTERS = 110  # below the drawing
+_HEADLINE, _LINE = 36.0, 16.0  # [px] of a box
+_BELOW = 26.0  # [px] between boxes
 _DIGITS = 4
-_MARGIN, _HEAD = 20.0, 34.0  # [px] around the drawing, and above it for the title
-_TITLE_CHARACTER = 11.0
 
-_LEGEND = (
-    "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins.",
-    "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation",
+_ARROWS = "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins."
+_NUMBERS = (
+    "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation"
 )
-_MODE_LEGEND = (_LEGEND[0], "A trip of the safety monitor leads from every mode to {}.")
 # Characters that XML 1.0 does not allow even as references.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
+class Way(NamedTuple):
+    """What one arrow stands for: the transitions between two phases that are time-outs, or are not."""
+
+    source: int  # position of the phase that is left
+    target: int  # position of the phase that is entered
+    time_out: bool  # whether they are time-outs
+
+
+class Arrow(NamedTuple):
+    """An arrow from the edge of a box to a lane beside the boxes, along it, and back to a box."""
+
+    start: float  # where it leaves a box, downwards in [px]
+    end: float  # where it enters one
+    lane: int  # which of the lanes, the innermost being 1; in one lane no two arrows meet
+    time_out: bool
+    numbers: str  # of its transitions in the list below
+
+
 def state_diagram_svg(table: StateTable) -> str:
-    """Draw the phases on a ring in the order of the cycle, with an arrow for each way out.
+    """Draw the phases one below the other, with an arrow for each way out in a lane beside them.
 
     Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
-    lines = [_box_lines(table, phase) for phase in table.phases]
-    names = [f"{place} {readable(phase)}" for place, phase in enumerate(table.phases, start=1)]
-    box_width = max(_BOX_WIDTH, 66.0 + 1.3 * _CHARACTER * max(map(len, names)))
-    box_height = 36.0 + SMALL_LINE * max(map(len, lines))
-    groups = arrow_groups(table)
-    boxes = ring(len(table.phases), box_width, box_height)
-    curves = arrows(groups, boxes)
-    numbers = [
-        ", ".join(str(1 + table.transitions.index(item)) for item in group.transitions) for group in groups
+    boxes = [
+        (f"{place} {readable(phase)}", phase_colour(phase, place - 1), _box_lines(table, phase))
+        for place, phase in enumerate(table.phases, start=1)
     ]
-    marks = badges(curves, boxes, [10.0 + _CHARACTER * len(number) for number in numbers], _BADGE)
-    said, legend = list(_transition_lines(table)), _legend(table)
-    left, top, width, height = bounds([*boxes, *marks], _MARGIN)
-    widths = [_TITLE_CHARACTER * len(table.name), *(_CHARACTER * len(text) for text in (*said, *legend))]
-    colours = [phase_colour(name, place) for place, name in enumerate(table.phase_names)]
+    height = _HEADLINE + _LINE * max(len(lines) for *_, lines in boxes)
     content = {
         "name": table.name,
-        "x": left + _MARGIN,
-        "foot": top + height,
-        "left": left,
-        "top": top - _HEAD,
-        "width": max(width, 2.0 * _MARGIN + max(widths)),
-        "height": _HEAD + height + LINE * len((*said, *legend)) + _MARGIN,
-        "arrows": list(zip(curves, groups, strict=True)),
-        "boxes": list(zip(boxes, colours, names, lines, strict=True)),
-        "badges": list(zip(marks, numbers, strict=True)),
-        "said": said,
-        "legend": legend,
-        "columns": _COLUMNS,
-        "line": LINE,
-        "small_line": SMALL_LINE,
+        "boxes": boxes,
+        "box_height": height,
+        "below": _BELOW,
+        "arrows": arrows(table, height),
+        "said": list(_transition_lines(table)),
+        "legend": _legend(table),
     }
     return _FORBIDDEN.sub("\ufffd", render("state_diagram.svg", content)) + "\n"
+
+
+def arrows(table: StateTable, box_height: float) -> list[Arrow]:
+    """Lay the arrows of a table beside its boxes, short ones within long ones."""
+    ways: dict[Way, list[str]] = {}
+    for place, item in enumerate(table.transitions, start=1):
+        way = Way(table.phase_index(item.source), table.phase_index(item.target), item.is_time_out)
+        ways.setdefault(way, []).append(str(place))
+    # Of each box those who come to its edge, arrows that lead upwards above the others.
+    edges = [
+        sorted((sum(way[:2]) - place, way) for way in ways if place in way[:2])
+        for place in range(len(table.phases))
+    ]
+
+    def level(place: int, way: Way) -> float:
+        edge = edges[place]
+        rank = edge.index((sum(way[:2]) - place, way))
+        return place * (box_height + _BELOW) + box_height * (1 + rank) / (1 + len(edge))
+
+    laid: list[Arrow] = []
+    for way in sorted(ways, key=lambda way: abs(way.source - way.target)):
+        start, end = level(way.source, way), level(way.target, way)
+        taken = {
+            other.lane
+            for other in laid
+            if min(start, end) < max(other.start, other.end) and min(other.start, other.end) < max(start, end)
+        }
+        lane = next(lane for lane in range(1, len(laid) + 2) if lane not in taken)
+        laid.append(Arrow(start, end, lane, way.time_out, ", ".join(ways[way])))
+    return laid
 
 
 def _transition_lines(table: StateTable) -> Iterator[str]:
@@ -152,8 +168,9 @@ def _transition_lines(table: StateTable) -> Iterator[str]:
 
 
 def _legend(table: StateTable) -> list[str]:
-    texts = _MODE_LEGEND if isinstance(table, ModeTable) else _LEGEND
-    return [text.format(readable(getattr(table, "hold", ""))) for text in texts]
+    if isinstance(table, ModeTable):
+        return [_ARROWS, f"A trip of the safety monitor leads from every mode to {readable(table.hold)}."]
+    return [_ARROWS, _NUMBERS]
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
@@ -175,10 +192,12 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
 
 
 def _cells(joint: JointImpedance) -> tuple[str, ...]:
+    sign, damping = ("b", joint.damping) if joint.damping is not None else ("ζ", joint.damping_ratio)
+    assert damping is not None  # JointImpedance holds exactly one of them
     return (
         number(joint.stiffness / math.degrees(1.0), _DIGITS),
         f"{number(math.degrees(joint.equilibrium_angle), _DIGITS)}°",
-        damping_words(joint, _DIGITS),
+        f"{sign} {number(damping, _DIGITS)}",
         number(joint.friction_compensation_gain, _DIGITS),
     )
 

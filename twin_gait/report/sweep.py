@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -67,28 +66,23 @@ def label_of(column: str, *, unit: bool = True) -> str:
     return f"{text} [{named}]" if unit and named != "1" else text
 
 
-class Axis(NamedTuple):
-    """A parameter by its levels, or by bins of equally many episodes where it has too many."""
+def axis_of(table: pd.DataFrame, column: str) -> pd.Series | None:
+    """Lay a parameter out: its level in each episode, or the middle of a bin of equally many episodes.
 
-    # level or middle of the bin of each episode as an ordered category, empty where it has none; its name is
-    # that of the parameter
-    places: pd.Series
-    names: list[str]  # what stands beside each level
-    binned: bool = False  # whether neighbouring values have been put together
-
-
-def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
-    """Lay a parameter out. Returns the axis; None if it has but one value."""
+    Returns an ordered category, empty where an episode has none; None if there is but one value.
+    """
     values, count = table[column], table[column].nunique()
     if count < 2:
         return None
-    places, binned = values.astype("category"), False
-    if count > MOST_LEVELS and pd.api.types.is_numeric_dtype(values):
-        bins = pd.qcut(values, int(np.clip(len(values) / EPISODES_PER_BIN, 2, MOST_BINS)), duplicates="drop")
-        middles = values.groupby(bins, observed=True).median()
-        places, binned = bins.cat.rename_categories(middles.tolist()), True
-    names = [_short(item) if isinstance(item, float) else str(item) for item in places.cat.categories]
-    return Axis(places, names, binned)
+    if count <= MOST_LEVELS or not pd.api.types.is_numeric_dtype(values):
+        return values.astype("category")
+    bins = pd.qcut(values, int(np.clip(len(values) / EPISODES_PER_BIN, 2, MOST_BINS)), duplicates="drop")
+    return bins.cat.rename_categories(values.groupby(bins, observed=True).median().tolist())
+
+
+def names_of(axis: pd.Series) -> list[str]:
+    """What stands beside the levels of an axis."""
+    return [_short(item) if isinstance(item, float) else str(item) for item in axis.cat.categories]
 
 
 def _short(value: float) -> str:
@@ -133,24 +127,24 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
     return np.where(walked, values, np.nan)
 
 
-def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
+def cell_means(values: np.ndarray, first: pd.Series, second: pd.Series) -> np.ndarray:
     """Mean over the episodes of each combination of two parameters' levels.
 
     ``values``: one per episode, shape ``(n,)``. Returns means, NaN where there is no episode, shape
     ``(k_first, k_second)``.
     """
-    cells = pd.Series(values, first.places.index).groupby([first.places, second.places], observed=False)
+    cells = pd.Series(values, first.index).groupby([first, second], observed=False)
     means: np.ndarray = cells.mean().unstack().to_numpy()
     return means
 
 
-def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
+def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: str, title: str) -> Figure:
     """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others."""
     # One vertical scale, so that effects can be compared.
     figure, panels = _panels(f"{title}: {_what(measure)}", len(axes), height=3.0, sharey=True)
     for panel, axis in zip(panels, axes, strict=True):
-        means = pd.Series(values, axis.places.index).groupby(axis.places, observed=False).mean()
-        levels = axis.places.cat.categories
+        means = pd.Series(values, axis.index).groupby(axis, observed=False).mean()
+        levels = axis.cat.categories
         numeric = pd.api.types.is_numeric_dtype(levels) and not pd.api.types.is_bool_dtype(levels)
         centres = levels if numeric else pd.RangeIndex(len(levels))
         panel.plot(centres, means, "o-" if numeric else "o", color=BLUE, linewidth=1.8, markersize=5)
@@ -158,16 +152,16 @@ def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, ti
             panel.set_xscale("log")
             panel.minorticks_off()
         every = 1 + len(levels) // 7 if numeric else 1
-        panel.set_xticks(centres[::every], axis.names[::every])
+        panel.set_xticks(centres[::every], names_of(axis)[::every])
         style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
-        panel.set_xlabel(label_of(str(axis.places.name)))
+        panel.set_xlabel(label_of(str(axis.name)))
         panel.tick_params(labelleft=True)
     if measure == WALKED:
         panels[0].set_ylim(-0.04, 1.04)
     return figure
 
 
-def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
+def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, title: str) -> Figure:
     """Draw the mean of a measure over the first ``MOST_PAIRS`` pairs, averaged over the other parameters."""
     pairs = list(itertools.combinations(axes, 2))[:MOST_PAIRS]
     cells = [cell_means(values, second, first) for first, second in pairs]
@@ -178,10 +172,10 @@ def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title
     for panel, (first, second), means in zip(panels, pairs, cells, strict=True):
         image = panel.imshow(means, origin="lower", aspect="auto", cmap=_COLOURS, vmin=lowest, vmax=highest)
         panel.patch.set(hatch="//", edgecolor="0.8")  # seen where a cell is empty: the lowest is nearly white
-        panel.set_xticks(range(len(first.names)), first.names, rotation=45 if len(first.names) > 6 else 0)
-        panel.set_yticks(range(len(second.names)), second.names)
-        for write, axis in ((panel.set_xlabel, first), (panel.set_ylabel, second)):
-            write(label_of(str(axis.places.name)) + ("\nmiddle of bins" if axis.binned else ""))
+        names = names_of(first)
+        panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
+        panel.set_yticks(range(len(names_of(second))), names_of(second))
+        panel.set(xlabel=label_of(str(first.name)), ylabel=label_of(str(second.name)))
     figure.colorbar(image, ax=panels, label=label_of(measure) if measure != WALKED else "share that walked")
     return figure
 

@@ -81,8 +81,7 @@ def draw_gait(curves: Curves) -> Figure:
         for name, curve in known.items():
             draw_cycle_curve(axes, curve, **styles[name])
         style_panel(axes, f"{joint}, mean stride from foot contact", canvas.flexion(joint))
-    labels = {name: name if name == "reference" else f"{name} leg" for name in styles}
-    put_legend(figure, [Line2D([], [], label=labels[name], **style) for name, style in styles.items()])
+    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in styles.items()])
     return figure
 
 

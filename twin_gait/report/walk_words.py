@@ -5,18 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
-from twin_gait.measures.strides import ErrorParts
+from twin_gait.experiment import Experiment
+from twin_gait.measures.strides import ErrorParts, stride_count
 from twin_gait.measures.walk import WalkMeasures
-from twin_gait.parameters import Patient
 from twin_gait.simulation.engine import BusTraffic
 from twin_gait.vocabulary import JointName
 
 
-def wearer_words(patient: Patient | None) -> str:
-    """Mass and height of a wearer, if there is one."""
-    return "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
+def describe(experiment: Experiment) -> str:
+    """One line on the wearer, the speed of a belt between its ramps, and the weight that is supported."""
+    patient, walking = experiment.patient, experiment.scenario.walking
+    parts = ["no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"]
+    if walking is not None and walking.belt.cruise:
+        parts.append(f"{3.6 * walking.belt.cruise:.2f} km/h")
+    if walking is not None and walking.support_share:
+        parts.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
+    return ", ".join(parts)
 
 
 DASH = "–"
@@ -115,7 +121,7 @@ def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _text(value: float | None, places: int, factor: float = 1.0) -> str:
-    if not _is_known(value):
+    if value is None:
         return DASH
     text = f"{value * factor:.{places}f}"
     return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
@@ -142,15 +148,18 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
     return f"The belt carries this walk: it drags the feet back, and {force} N at the pelvis hold against it."
 
 
-def off_the_reference(leg: Mapping[str, Any], places: int) -> str:
-    """RMS errors of the joints of a leg of a summary, as ``3.1° (hip) and 4.2° (knee)``; empty without."""
+def strides_of(leg: Mapping[str, Any]) -> str:
+    """Strides of a leg of a summary, their time, swing and error; by its phases where it has no ground."""
+    by = "_by_phase" if leg["strides"] is None else ""
+    counted = leg[f"strides{by}_counted"]
+    told = f"{'in the air, by its phases ' if by else ''}{stride_count(counted, leg[f'strides{by}'])}"
+    if counted:
+        told += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
+    if leg.get("swing_share") is not None:
+        told += f", swing {100.0 * leg['swing_share']:.0f} %"
     errors = {joint: leg.get(f"rmse_{joint}_by_contact_deg") for joint in JointName}
-    told = [f"{error:.{places}f}° ({joint})" for joint, error in errors.items() if _is_known(error)]
-    return " and ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
-
-
-def _is_known(value: float | None) -> TypeGuard[float]:
-    return value is not None and math.isfinite(value)
+    off = [f"{error:.1f}° ({joint})" for joint, error in errors.items() if error is not None]
+    return f"{told}, off the Koopman reference by {', '.join(off)} RMS" if off else told
 
 
 def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:

@@ -47,7 +47,7 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
         staging = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=PARTIAL, dir=target.parent))
     except OSError as error:
         raise RunDirectoryError(
-            f"{target}: cannot be written ({error.strerror}); choose another --out"
+            f"{target}: cannot be written ({error.strerror}); try another --out"
         ) from error
     held = hold(staging)
     try:
@@ -86,14 +86,6 @@ def abandoned(parent: Path) -> list[Path]:
                 os.close(held)
                 found.append(path)
     return found
-
-
-def remove_abandoned(path: Path) -> None:
-    """Remove a folder of :func:`abandoned`."""
-    try:
-        shutil.rmtree(path)
-    except OSError as error:
-        raise RunDirectoryError(f"{path}: cannot be removed ({error.strerror})") from error
 
 
 def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:

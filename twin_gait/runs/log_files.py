@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import warnings
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -27,9 +28,8 @@ _REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines that ma
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 _LISTED = 12  # columns that a message names
 END_OF_HEADER = "endheader"
-_ROWS, _COLUMNS, _DEGREES = "nrows", "ncolumns", "indegrees"
-_SIMM = {"datarows": _ROWS, "datacolumns": _COLUMNS}
-_UNITS = {"yes": DEGREES, "no": RADIANS}
+_ROWS, _COLUMNS = ("nrows", "datarows"), ("ncolumns", "datacolumns")  # in OpenSim's form, and in SIMM's
+_UNITS = {"yes": DEGREES, "no": RADIANS, None: None}  # by what inDegrees says
 T = TypeVar("T")
 
 
@@ -176,38 +176,27 @@ def _read_storage(path: Path) -> LogTable:
     end = next((number for number, line in enumerate(lines) if line.lower() == END_OF_HEADER), None)
     if end is None:
         raise ParameterFileError(path, END_OF_HEADER, "is missing; expected an OpenSim .mot or .sto file")
-    header = _header(lines[:end])
+    stated = (re.split(r"\s*[=\s]\s*", line.lower(), maxsplit=1) for line in lines[:end])
+    header = {pair[0]: pair[1] for pair in stated if len(pair) == 2}
     frame = _cells(path, lines[end + 1 :], _BLANKS)
     names, frame = tuple(frame.iloc[0]), frame.iloc[1:]
     short = np.flatnonzero((frame == "").any(axis=1))
     if len(short):
         text = f"expected {len(names)} numbers, one a column, and there are fewer"
         raise ParameterFileError(path, f"row {short[0] + 1}", text)
-    for key, found in ((_ROWS, len(frame)), (_COLUMNS, len(names))):
-        stated = header.get(key, str(found))
-        if number_of(stated) != found:
-            text = f"the header says {stated[:40]}, the file has {found}; is it complete?"
-            raise ParameterFileError(path, key, text)
-    degrees = header.get(_DEGREES)
-    if degrees is not None and degrees.lower() not in _UNITS:
-        raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {degrees[:40]!r}")
-    unit = None if degrees is None else _UNITS[degrees.lower()]
-    return LogTable(str(path), names, frame, unit, opensim=True)
-
-
-def _header(lines: Sequence[str]) -> dict[str, str]:
-    header = {}
-    for line in lines:
-        key, _, value = line.partition("=") if "=" in line else line.partition(" ")
-        name = key.strip().lower()
-        header[_SIMM.get(name, name)] = value.strip()
-    return header
+    for keys, found in ((_ROWS, len(frame)), (_COLUMNS, len(names))):
+        for said in (header[key] for key in keys if key in header):
+            if number_of(said) != found:
+                text = f"the header says {said[:40]}, the file has {found}; is it complete?"
+                raise ParameterFileError(path, keys[0], text)
+    degrees = header.get("indegrees")
+    if degrees not in _UNITS:
+        raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {str(degrees)[:40]!r}")
+    return LogTable(str(path), names, frame, _UNITS[degrees], opensim=True)
 
 
 def _lines(path: Path) -> list[str]:
     """Lines of a text, unless it or one of them is larger than that of any log of a walk."""
-    if not path.is_file():
-        raise ParameterFileError(path, "", "no such file")
     try:
         size = path.stat().st_size
         if size > MOST_TEXT:

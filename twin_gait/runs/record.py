@@ -1,8 +1,8 @@
 """The run directory: what a run leaves behind, written atomically, and how it is read again."""
 
-import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,8 +17,8 @@ from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.runs.drawing import Draw, draw_here
-from twin_gait.runs.folders import FolderKind, journal_of
+from twin_gait.runs.drawing import begin_drawing
+from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
 from twin_gait.simulation.problem import scaled_table
@@ -49,23 +49,23 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
-    draw: Draw = draw_here,
+    beside: Executor | None = None,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
-    ``draw``: what draws the figures, maybe while all else is written.
+    ``beside``: what draws the figures while all else is written.
     """
     tell = on_step or (lambda name: None)
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
-        finish_drawing = draw(run, directory / FIGURES_FOLDER)
+        finish_drawing = begin_drawing(run, directory / FIGURES_FOLDER, beside)
     tell(EXPERIMENT_FILE)
     resolved = resolved_document(run.experiment, document, versions())
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     tell(LOG_FILE)
     write_log(run.log, directory / LOG_FILE, run.status)
-    switches = switches_csv(run.switches, ("hip", "knee"), run_signal(run.log))
+    switches = switches_csv(run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy())
     write_atomically(directory / SWITCHES_FILE, switches)
     summary = summarise(run)
     if accuracy is not None:
@@ -81,21 +81,24 @@ def write_run(
     return summary
 
 
-def run_signal(log: pd.DataFrame) -> Callable[[Side, str, str], np.ndarray]:
-    """Quantities of a log by side, joint and name."""
-    return lambda side, joint, name: log[f"{side}_{joint}_{name}"].to_numpy()
+def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:
+    """Write a run directory, as ``twin-gait simulate`` does.
+
+    ``run``: the run. ``folder``: the directory to make; it appears when all in it is written. ``pictures``:
+    whether to draw figures and animation. ``force``: whether an existing run directory may be replaced.
+    Returns the directory. Raises RunDirectoryError if it exists, or cannot be written.
+    """
+    target = Path(folder).expanduser()
+    with staged_directory(target, RUN_DIRECTORY, force=force) as staging:
+        write_run(run, staging, pictures=pictures)
+    return target
 
 
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     """Write a log as parquet, with units, meanings, schema version and status in the metadata."""
-    write_parquet(
-        path,
-        log,
-        schema_version=str(LOG_SCHEMA_VERSION),
-        status=status,
-        units=json.dumps({name: unit_of(name) for name in log.columns}),
-        meanings=json.dumps({name: meaning_of(name) for name in log.columns}),
-    )
+    units, meanings = (json.dumps({name: of(name) for name in log.columns}) for of in (unit_of, meaning_of))
+    about = {"schema_version": str(LOG_SCHEMA_VERSION), "status": status}
+    write_parquet(path, log, **about, units=units, meanings=meanings)
 
 
 def switches_csv(
@@ -122,23 +125,33 @@ def switches_csv(
 def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
     places = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = [
-                (int(row["tick"]), Side(row["side"]), row["from"], row["to"], row["cause"])
-                for row in csv.DictReader(file)
-            ]
-        return tuple(PhaseSwitch(*row, -1 if row[-1] == POSTURE else places[row[2:]]) for row in rows)
+        rows = pd.read_csv(path, dtype=str, keep_default_na=False)
+        ways = zip(rows["from"], rows["to"], rows["cause"], strict=True)
+        return tuple(
+            PhaseSwitch(int(tick), Side(side), *way, -1 if way[-1] == POSTURE else places[way])
+            for tick, side, way in zip(rows["tick"], rows["side"], ways, strict=True)
+        )
     except (OSError, ValueError, KeyError) as error:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
 
 
-def load_run(directory: Path) -> StoredRun:
-    """Read a run back; raises RunDirectoryError if it is not a complete run directory."""
-    directory = Path(directory).expanduser()
+def load_run(folder: str | Path) -> Run:
+    """Read a run directory back.
+
+    ``folder``: the directory. Returns the run, with log, switches and trip as they were, and the experiment
+    with everything resolved, such as the integrator that its engine chose. Raises ParameterFileError if its
+    experiment file has a mistake, or URDF or table have changed since. Raises RunDirectoryError if it is not
+    a complete run directory.
+    """
+    return read_run(Path(folder)).run
+
+
+def read_run(directory: Path) -> StoredRun:
+    """Read a run back with its summary; raises as :func:`load_run`."""
+    directory = directory.expanduser()
     if journal_of(directory.absolute()).is_file():
-        raise RunDirectoryError(
-            f"{directory}: its walk is going on, or was killed; twin-gait sessions complete {directory}"
-        )
+        way_out = f"twin-gait sessions complete {directory}"
+        raise RunDirectoryError(f"{directory}: its walk is going on, or was killed; {way_out}")
     for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
         if not (directory / name).is_file():
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
@@ -173,9 +186,6 @@ def _trip_of(safety: Mapping[str, Any]) -> Trip | None:
     if not safety["tripped"]:
         return None
     side, _, joint = safety["place"].partition(" ")
-    return Trip(
-        round(safety["time_s"] / TICK),
-        TripCause(safety["cause"]),
-        Side(side) if joint else None,
-        JointName(joint) if joint in list(JointName) else None,
-    )
+    known = JointName(joint) if joint in list(JointName) else None
+    at = Side(side) if joint else None
+    return Trip(round(safety["time_s"] / TICK), TripCause(safety["cause"]), at, known)

@@ -10,8 +10,8 @@ import pandas as pd
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.report.walk_words import carried_by_belt, table_of_network, table_of_walk, wearer_words
-from twin_gait.runs.record import LOG_FILE, load_run
+from twin_gait.report.walk_words import carried_by_belt, describe, table_of_network, table_of_walk
+from twin_gait.runs.record import LOG_FILE, read_run
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
@@ -89,15 +89,9 @@ def modes_of(experiment: Experiment) -> Sequence[str]:
     return () if experiment.modes is None else tuple(experiment.modes.phases)
 
 
-def describe(experiment: Experiment) -> str:
-    """One line on the wearer and the speed of a belt between its ramps."""
-    who, walking = wearer_words(experiment.patient), experiment.scenario.walking
-    return f"{who}, {3.6 * walking.belt.cruise:.2f} km/h" if walking and walking.belt.cruise else who
-
-
 def read_shown_run(directory: Path) -> ShownRun:
     """Read a run to look at it."""
-    run, summary = load_run(directory)
+    run, summary = read_run(directory)
     if run.log.empty:
         raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
     return shown_run(run, summary, name=directory.expanduser().absolute().name)

@@ -16,7 +16,6 @@ BROWSERS = (
     "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome",
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
 )  # fmt: skip
-SMALLEST, LARGEST = 200, 4000  # side of a picture in pixels
 _READY = "ready"
 _SETTLING = 8000  # [ms] of the page's own time
 _FLAGS = (
@@ -90,6 +89,6 @@ def take_picture(
         reason = notes[-1] if notes else "it did not finish the page"
         raise ViewerError(f"{browser} cannot draw the page: {reason}")
     if content[16:24] != struct.pack(">II", *size):  # as the head of a PNG has it
-        raise ViewerError(f"{browser} made no picture of {size[0]}x{size[1]} pixels; try another --size")
+        raise ViewerError(f"{browser} made no picture of {size[0]}x{size[1]} pixels")
     write_atomically(path, content)
     return path

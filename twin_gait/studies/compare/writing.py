@@ -17,8 +17,8 @@ from twin_gait.palette import REFERENCE_COLOUR
 from twin_gait.report.canvas import draw_cycle_curve, picture_bytes, put_legend, style_panel
 from twin_gait.report.pages import paragraphs, render
 from twin_gait.report.reference import reference_cycle
+from twin_gait.report.walk_words import describe
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.run_page import describe
 from twin_gait.runs.summary import versions
 from twin_gait.studies.compare.comparing import Comparison, Controller, Interval
 from twin_gait.vocabulary import JointName, Side
