@@ -115,11 +115,9 @@ def test_nist_reference_problems_come_out_to_six_digits(name):
     model = FrictionModel(
         name=name,
         formula="",
-        names=("b1", "b2"),
-        coefficients="+",
-        shape=(Shape(low=1e-6, high=1e2),),
+        coefficients=("b1",),
+        shape=(Shape("b2", 1e-6, 1e2),),
         torque=lambda samples, b, e: law(samples.velocity, b, e),
-        public=lambda b, e: (*b, *e),
     )
     number = len(x)
     samples = join_tests(

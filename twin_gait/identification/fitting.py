@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from twin_gait.identification.friction_model import FrictionModel
+from twin_gait.identification.laws import SIGNED
 from twin_gait.identification.samples import Samples, thinned, thinned_path
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
@@ -107,7 +108,7 @@ class Fit:
 
 def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
     """Bounds of the parameter vector, scaled to the samples."""
-    low = [0.0 if physical and sign == "+" else -math.inf for sign in model.coefficients]
+    low = [0.0 if physical and name not in SIGNED else -math.inf for name in model.coefficients]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
         scale = item.scale(samples)

@@ -12,43 +12,27 @@ import numpy as np
 
 from twin_gait.identification.samples import Samples
 
-_TINY = 1e-12
-
 
 def unscaled(samples: Samples) -> float:
     """A bound is what it says."""
     return 1.0
 
 
-def usual_speed(samples: Samples) -> float:
-    """The speed that 95 % of the samples stay below, in [rad] / [s]."""
-    return max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
-
-
-def slowness(samples: Samples) -> float:
-    """The inverse of the usual speed, in [s] / [rad]."""
-    return 1.0 / usual_speed(samples)
-
-
-def fineness(samples: Samples) -> float:
-    """The inverse of the way from one sample to the next, in [1] / [rad]: a scale of stiffness."""
-    moved = np.abs(samples.velocity * (0.0 if samples.period is None else samples.period))
-    return 1.0 / max(float(np.median(moved[moved > 0.0])), _TINY) if moved.any() else 1.0
-
-
-def spans_in_a_turn(samples: Samples) -> float:
-    """How many spans of the samples a turn of the joint has."""
-    return 1.0 if samples.angle is None else 2.0 * np.pi / max(float(np.ptp(samples.angle)), _TINY)
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Shape:
     """A parameter that enters non-linearly."""
 
+    name: str  # of the parameter that is reported in its place, with its unit
     low: float  # lower bound, a multiple of the scale
     high: float  # upper bound
     scale: Callable[[Samples], float] = unscaled  # what the bounds are multiples of
     physical_low: float | None = None  # lower bound of a physical friction; ``low`` if None
+    by_factor: bool = True  # whether what is reported is uncertain by a factor: an interval of its logarithm
+
+
+def as_fitted(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Reported as they are fitted."""
+    return (*beta, *eta)
 
 
 @dataclass(frozen=True)
@@ -57,16 +41,20 @@ class FrictionModel:
 
     name: str  # as the user writes it
     formula: str  # in one line, for reports
-    names: tuple[str, ...]  # parameters as they are reported, with their units, in the order of ``public``
-    coefficients: str  # linear ones: + for each that is 0 or more in a physical friction, else ±
+    coefficients: tuple[str, ...]  # parameters that enter linearly, as they are reported with their units
     shape: tuple[Shape, ...]  # the others
     # law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``
     torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
     # coefficients and shape -> reported parameters; works on columns of many at once
-    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
-    needs: frozenset[str] = frozenset()  # columns of the samples, beyond speed and torque
+    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = as_fitted
+    needs: tuple[str, ...] = ()  # columns of the samples, beyond speed and torque
     dynamic: bool = False  # whether it has a state
     two_way: bool = False  # whether it tells the directions apart, which samples of one direction cannot
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of ``public``."""
+        return (*self.coefficients, *(item.name for item in self.shape))
 
     @property
     def size(self) -> int:

@@ -36,7 +36,7 @@ def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     def varies(values: np.ndarray | None) -> bool:
         return values is not None and len(values) > 0 and float(np.ptp(values)) > 1e-9
 
-    missing = tuple(name for name in sorted(model.needs) if not varies(getattr(samples, name)))
+    missing = tuple(name for name in model.needs if not varies(getattr(samples, name)))
     if model.two_way and samples.rarer_direction < ONE_WAY:
         return (*missing, "motion in both directions")
     return missing

@@ -15,7 +15,6 @@ from scipy.stats import t as student
 
 from twin_gait.identification import fitting
 from twin_gait.identification.fitting import Fit
-from twin_gait.identification.laws import LOGARITHMIC
 from twin_gait.identification.samples import FrictionTest, Samples
 
 
@@ -225,9 +224,9 @@ def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[f
     With few tests the bootstrap's spread is too small by sqrt((n-1)/n) and its tails too short.
     """
     reach = float(student.ppf(0.5 + LEVEL / 2.0, number - 1)) * math.sqrt(number / (number - 1))
-    found = {}
+    found, by_factor = {}, {item.name for item in fit.model.shape if item.by_factor}
     for (name, centre), row in zip(fit.model.parameters(fit.x).items(), reported, strict=True):
-        if name in LOGARITHMIC and (row > 0.0).all():
+        if name in by_factor and (row > 0.0).all():
             half = min(reach * float(np.log(row).std()), 300.0)
             found[name] = (centre * math.exp(-half), centre * math.exp(half))
         else:
