@@ -94,7 +94,7 @@ REFUSED = {
     ),
     "mark": (text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)), "a mark for a missing value"),
     "unit": (text_of().replace("dq2", "dq2 [counts/s]"), "no unit 'counts/s' of velocity is known"),
-    "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "a mark|moves in 1 samples only"),
+    "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "a mark|moves in 1 samples, at"),
 }
 
 

@@ -203,7 +203,7 @@ def test_a_campaign_of_files_gives_table_3_1_back(tmp_path):
     best = result.models[0]
     assert best.name == "rotational"
     assert {test.mass for test in result.tests} == {1.0, 1.5, 2.0, 2.5, 3.0}
-    assert [run.by for run in best.validations] == ["files", "weight"]
+    assert [run.left_out for run in best.validations] == ["files", "weight"]
     assert len(best.uncertainty.intervals) == 4
     for name, value in zip(ROTATIONAL, KNEE, strict=True):
         low, high = best.uncertainty.intervals[name]
@@ -392,10 +392,10 @@ def test_rows_that_are_missing_here_and_there_cost_no_samples():
     assert np.abs(test.torque - whole.torque)[both].max() < 0.02
 
 
-def test_what_took_the_samples_is_told_with_a_way_out():
+def test_what_took_the_samples_is_told():
     noisy = dict(SWING, position_rad=SWING["position_rad"] + np.random.default_rng(0).normal(0.0, 2e-3, 5000))
     options = IdentificationOptions(bench=BENCH, models=("coulomb_viscous",))
-    told = r"0 samples are left of 500 \(495 by stop, 5 by edge\).*--cutoff-Hz 10"
+    told = r"0 samples are left of 500 \(495 by stop, 0 by standstill, 0 by reversal, 5 by edge\)"
     with pytest.raises(ParameterError, match=told):
         identify_tests([process_log(as_log(noisy), BENCH, ProcessingOptions())], options)
 

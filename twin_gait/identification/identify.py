@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,16 +31,13 @@ def find_models(names: tuple[str, ...]) -> tuple[FrictionModel, ...]:
     return tuple(MODELS[name] for name in dict.fromkeys(names)) if names else tuple(MODELS.values())
 
 
-def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
+def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     """What a model needs and the samples lack: columns that vary, or motion in both directions."""
-
-    def varies(values: np.ndarray | None) -> bool:
-        return values is not None and len(values) > 0 and float(np.ptp(values)) > 1e-9
-
-    missing = tuple(name for name in model.needs if not varies(getattr(samples, name)))
+    columns = {name: getattr(samples, name) for name in model.needs}
+    lacking = [name for name, values in columns.items() if values is None or np.ptp(values) <= 1e-9]
     if model.two_way and samples.rarer_direction < ONE_WAY:
-        return (*missing, "motion in both directions")
-    return missing
+        lacking.append("motion in both directions")
+    return tuple(lacking)
 
 
 _STIFF = 1e6  # σ0/T_c at which a bristle slides at once: the static law
@@ -164,7 +162,12 @@ def identify_tests(
         options = replace(options, fit=replace(options.fit, loss=Loss.HUBER))
     joined = join_tests(tests)
     samples = thinned(joined, MOST_SAMPLES)
-    models, skipped = _possible(find_models(options.models), samples)
+    asked = find_models(options.models)
+    lacking = {model.name: missing for model in asked if (missing := _lacking(model, samples))}
+    models = [model for model in asked if model.name not in lacking]
+    if not models:
+        wanted = ", ".join(dict.fromkeys(itertools.chain(*lacking.values())))
+        raise ParameterError(f"model: the logs lack {wanted}, or it does not vary")
     _check_number(samples, models, tests)
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done = len(models) * (1 + len(folds)), itertools.count(1)
@@ -184,13 +187,13 @@ def identify_tests(
         tests=tuple(tests),
         samples=samples,
         models=_best_first(found, _TIE + len(tests) / int(samples.used.sum())),
-        skipped=skipped,
+        skipped=lacking,
         options=options,
         warnings=(
             *flipped,
             *diagnostics.balance_warnings(tests, options.bench, options.processing),
             *diagnostics.processing_warnings(options.processing),
-            *diagnostics.file_warnings(tests, options.bench, samples, len(joined), skipped),
+            *diagnostics.file_warnings(tests, options.bench, samples, len(joined)),
             *diagnostics.sample_warnings(samples),
         ),
     )
@@ -227,47 +230,26 @@ def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
     ]
 
 
-def _possible(
-    models: Sequence[FrictionModel], samples: Samples
-) -> tuple[list[FrictionModel], dict[str, tuple[str, ...]]]:
-    """Models whose columns are there, and the others with what they lack."""
-    missing = {model.name: missing_columns(model, samples) for model in models}
-    possible = [model for model in models if not missing[model.name]]
-    if not possible:
-        lacking = sorted({name for names in missing.values() for name in names})
-        raise ParameterError(f"model: the logs lack {', '.join(lacking)}, or it does not vary")
-    return possible, {name: names for name, names in missing.items() if names}
-
-
 def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequence[FrictionTest]) -> None:
-    number = int(samples.used.sum())
-    needed = 3 * max(model.size for model in models)
-    if number < needed:
-        causes = ("stop", "standstill", "reversal", "edge")
-        lost = {cause: sum(test.counts.get(cause, 0) for test in tests) for cause in causes}
-        told = (
-            ", ".join(f"{number} by {cause}" for cause, number in lost.items() if number) or "none left out"
-        )
-        noise = "; a noisy angle reads as impacts at a stop: try --cutoff-Hz 10" if lost["stop"] else ""
-        raise ParameterError(
-            f"logs: {number} samples are left of {len(samples)} ({told}); expected at least {needed}{noise}"
-        )
     velocity = samples.velocity[samples.used]
-    moving = int((velocity != 0.0).sum())
-    if moving < needed:
-        raise ParameterError(f"logs: the joint moves in {moving} samples only; expected at least {needed}")
-    if np.ptp(np.abs(velocity)) < 1e-9 and np.ptp(velocity) < 1e-9:
-        raise ParameterError(f"logs: every sample moves at {velocity[0]:g} rad/s; expected several speeds")
+    needed, moving = 3 * max(model.size for model in models), int((velocity != 0.0).sum())
+    if len(velocity) < needed:
+        lost = sum((Counter(test.counts) for test in tests), Counter[str]())
+        causes = ", ".join(f"{lost[name]} by {name}" for name in ("stop", "standstill", "reversal", "edge"))
+        text = f"{len(velocity)} samples are left of {len(samples)} ({causes}); expected at least {needed}"
+        raise ParameterError(f"logs: {text}")
+    if moving < needed or np.ptp(velocity) < 1e-9:
+        text = f"the joint moves in {moving} samples, at {velocity.min():g} to {velocity.max():g} rad/s"
+        raise ParameterError(f"logs: {text}; expected at least {needed} at several speeds")
 
 
 def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
     values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
-    doubts = (*diagnostics.fit_warnings(fit, known, samples), *diagnostics.drift_warnings(values, samples))
     return IdentifiedModel(
         fit=fit,
         goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
         uncertainty=known,
         validations=tuple(validations),
         residuals=values,
-        warnings=doubts,
+        warnings=tuple(diagnostics.fit_warnings(fit, known, samples)),
     )

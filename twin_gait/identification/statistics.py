@@ -29,7 +29,6 @@ class Goodness:
     adjusted_r_squared: float  # the same per degree of freedom
     rmse: float  # sqrt(SSE/n) in [N m]
     residual_standard_error: float  # sqrt(SSE/(n - p)) in [N m]: what MATLAB's fits call RMSE
-    mean_absolute_error: float  # in [N m]
     aic: float  # Akaike's criterion of normal residuals, up to a constant of the samples
     bic: float  # the Bayesian one. Both count every sample as independent, which samples of a filter are not
 
@@ -49,7 +48,6 @@ def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Go
         adjusted_r_squared=1.0 - (1.0 - r_squared) * (n - 1) / freedom,
         rmse=math.sqrt(sse / n),
         residual_standard_error=math.sqrt(sse / freedom),
-        mean_absolute_error=float(np.abs(residuals).mean()),
         aic=deviance + 2.0 * (parameters + 1),
         bic=deviance + math.log(n) * (parameters + 1),
     )
@@ -63,7 +61,7 @@ _PIECES = 5  # that a single test is cut into
 class CrossValidation:
     """Error on what was left out."""
 
-    by: str  # what was left out: ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file
+    left_out: str  # ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file
     folds: int  # how often
     rmse: float  # over all samples, each predicted by the fit that did not see it, in [N m]
 
@@ -100,7 +98,7 @@ def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> Cr
             left.append(fitting.refit(fit, inside).residuals(outside))
     errors = np.concatenate([*left, np.empty(0)])
     rmse = math.sqrt(float(errors @ errors) / len(errors)) if left else math.nan
-    return CrossValidation(by=by, folds=len(left), rmse=rmse)
+    return CrossValidation(left_out=by, folds=len(left), rmse=rmse)
 
 
 def _without(samples: Samples, out: np.ndarray) -> Samples:
@@ -144,9 +142,9 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     block, by = _blocks(rows.test[rows.used])
     number = int(block[-1]) + 1 if len(block) else 0
     if rank < max(len(free), 1) or number < 2:
-        unknown = dict.fromkeys(model.names, (-math.inf, math.inf))
-        errors = dict.fromkeys(model.names, math.inf)
-        return Uncertainty(unknown, np.full((len(model.names),) * 2, math.nan), errors, by, number)
+        unknown, nothing = (-math.inf, math.inf), np.full((model.size, model.size), math.nan)
+        wide, errors = dict.fromkeys(model.names, unknown), dict.fromkeys(model.names, math.inf)
+        return Uncertainty(wide, nothing, errors, by, number)
     weights = fitting.huber_weights(values, fit.threshold)
     steps = _draws(unit, values, weights, block, number, seed) / scale
     steps = steps[_telling(steps)]
@@ -156,7 +154,9 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     # A shape that the samples hardly determine would overflow; e^±30 of its value says as much.
     draws[:, count:] = np.clip(draws[:, count:], fit.x[count:] - _FURTHEST, fit.x[count:] + _FURTHEST)
     errors, reported = _standard_errors(fit, unit, scale, free, values), _public(fit, draws)
-    return Uncertainty(_intervals(fit, reported, number), _correlations(reported), errors, by, number)
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN for one that does not vary
+        correlations = np.atleast_2d(np.corrcoef(reported))
+    return Uncertainty(_intervals(fit, reported, number), correlations, errors, by, number)
 
 
 def _blocks(test: np.ndarray) -> tuple[np.ndarray, str]:
@@ -233,11 +233,6 @@ def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[f
             half = reach * float(row.std())
             found[name] = (centre - half, centre + half)
     return found
-
-
-def _correlations(reported: np.ndarray) -> np.ndarray:
-    with np.errstate(divide="ignore", invalid="ignore"):  # NaN for one that does not vary
-        return np.atleast_2d(np.corrcoef(reported))
 
 
 def _standard_errors(

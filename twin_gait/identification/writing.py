@@ -3,7 +3,7 @@
 import contextlib
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,10 @@ from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.files import plain, write_atomically, write_json
-from twin_gait.identification import Identification, IdentifiedModel
+from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
+from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.statistics import DRAWS, LEVEL
 from twin_gait.report.canvas import readable, write_figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -70,7 +71,7 @@ def write_identification(
 
 def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
     figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
-    left_out = (f"left out: {run.by} [N m]" for run in result.models[0].validations)
+    left_out = (f"left out: {run.left_out} [N m]" for run in result.models[0].validations)
     heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
     rows = [
         (readable(item.name), item.fit.model.formula, f"{item.goodness.rmse:.3g}",
@@ -83,49 +84,35 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
     """The result as plain numbers, SI units in the keys."""
-    options, validations = result.options, result.models[0].validations
-    left_out = validations[0].by if validations and math.isfinite(validations[0].rmse) else None
+    options, (left_out, _) = result.options, result.models[0].rank
+    balance = any(test.from_bench for test in result.tests)
+    usual = Processing.ZERO_PHASE if balance else Processing.NONE
+    processing = replace(options.processing, processing=options.processing.processing or usual)
+    bench = options.bench if balance else None
     return {
         "schema_version": SCHEMA_VERSION,
-        "joint": None if joint is None else str(joint),
+        "joint": joint,
         "models": [_model(item) for item in result.models],
         "skipped": result.skipped,
         "warnings": result.warnings,
         "method": {
-            "order": "BIC" if left_out is None else f"rmse with {left_out} left out",
-            "loss": str(options.fit.loss),
-            "huber_sigmas": None if options.fit.loss is Loss.LINEAR else HUBER_SIGMAS,
-            "physical": options.fit.physical,
+            "order": f"rmse with {result.models[0].validations[0].left_out} left out"
+            if math.isfinite(left_out)
+            else "BIC",
+            **asdict(options.fit),
+            "huber_sigmas": HUBER_SIGMAS,
             "interval_level": LEVEL,
             "interval_method": "one-step bootstrap over tests, Student's t",
             "bootstrap_draws": DRAWS,
-            "seed": options.fit.seed,
-            "processing": _processing(result),
+            "processing": section_of(ProcessingOptions).document(processing),
+            "bench": None if bench is None else section_of(BenchSetup).document(bench),
         },
         "tests": [{"name": test.name, "mass_kg": test.mass, "samples": test.counts} for test in result.tests],
     }
 
 
-def _processing(result: Identification) -> dict[str, Any]:
-    options, bench = result.options.processing, result.options.bench
-    balance = any(test.from_bench for test in result.tests)
-    default = "zero_phase" if balance else "none"
-    document: dict[str, Any] = {"name": default if options.processing is None else str(options.processing)}
-    if balance and bench is not None:
-        document |= {
-            "cutoff_Hz": options.cutoff,
-            "load_angle": str(bench.load_angle),
-            "lever_m": bench.lever,
-            "link_inertia_kgm2": bench.link_inertia,
-            "torque_constant_Nm_per_A": bench.actuator.torque_constant,
-            "gear_ratio": bench.actuator.gear_ratio,
-            "armature_kgm2": bench.actuator.armature,
-        }
-    return document
-
-
 def _model(item: IdentifiedModel) -> dict[str, Any]:
-    known, threshold = item.uncertainty, item.fit.threshold
+    known = item.uncertainty
     return {
         "name": item.name,
         "formula": item.fit.model.formula,
@@ -134,34 +121,29 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
         "intervals_by": {"drawn": known.by, "blocks": known.blocks},
         "standard_errors_if_independent": known.standard_errors,
         **asdict(item.goodness),
-        "cross_validation": [
-            {"left_out": run.by, "folds": run.folds, "rmse": run.rmse} for run in item.validations
-        ],
-        "loss": str(Loss.LINEAR if math.isinf(threshold) else Loss.HUBER),
+        "cross_validation": [asdict(run) for run in item.validations],
+        "loss": Loss.LINEAR if math.isinf(item.fit.threshold) else Loss.HUBER,
         "robust_sigma_Nm": item.fit.sigma,
-        "beyond_threshold_share": float((np.abs(item.residuals) > threshold).mean()),
         "warnings": item.warnings,
     }
 
 
 def _samples_csv(result: Identification) -> str:
     """Samples that were fitted, and what the best model makes of them; at most 100 000 rows."""
-    samples, best = result.samples, result.models[0]
-    used = np.flatnonzero(samples.used)
-    step = -(-len(used) // _LISTED_SAMPLES)
-    chosen = used[::step]
-    columns: dict[str, np.ndarray | None] = {
+    samples = result.samples.used_only()
+    columns = {
+        "test": np.array([test.name for test in result.tests])[samples.test],
         "time_s": samples.time,
         "angle_rad": samples.angle,
         "velocity_rad_per_s": samples.velocity,
         "load_torque_Nm": samples.load,
         "temperature_degC": samples.temperature,
         "friction_torque_Nm": samples.torque,
+        "model_torque_Nm": samples.torque - result.models[0].residuals,
     }
-    rows = {name: values[chosen] for name, values in columns.items() if values is not None}
-    rows["model_torque_Nm"] = rows["friction_torque_Nm"] - best.residuals[::step]
-    table = pd.DataFrame({"test": [result.tests[test].name for test in samples.test[chosen]], **rows})
-    return table.to_csv(index=False, float_format="%.7g", lineterminator="\n")
+    table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
+    shown = table.iloc[:: -(-len(table) // _LISTED_SAMPLES)]
+    return shown.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 
 def _parameter_laws(result: Identification) -> dict[str, tuple[str, parameters.FrictionLaw]]:
