@@ -53,8 +53,8 @@ def identified(path, text: str, model: str = "coulomb_viscous"):
 
 MENDED = {
     "restarts": (text_of(t=np.tile(TIME[:250], 4)), "time goes back 3 times"),
-    "no clock": (text_of(t=np.zeros(1000)), "time was left out: it is the same in every row"),
-    "disorder": (text_of(t=np.random.default_rng(0).permutation(TIME)), "time was left out: it goes back"),
+    "no clock": (text_of(t=np.zeros(1000)), "time was left out: is the same in every row"),
+    "disorder": (text_of(t=np.random.default_rng(0).permutation(TIME)), "time was left out: goes back"),
     "milliseconds": (text_of(t=1000.0 * TIME), "time advances by 10 s from row to row"),
     "sparse temperature": (
         text_of(temperature=np.where(np.arange(1000) % 50, math.nan, 30.0)),

@@ -63,44 +63,27 @@ _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 _RATE = re.compile(r"_([A-Za-z]+_per_[A-Za-z]+)$")
 
 
-class _Heading(NamedTuple):
-    """A column's name, read as that of a quantity: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
-
-    name: str
-    unit: str | None = None  # that it states
-    strange: str | None = None  # that it states and that is none of the quantity
-
-
-def _read_heading(column: str, quantity: Quantity) -> _Heading:
+def _heading(column: str, quantity: Quantity) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
     text = column.strip()
-    bracketed = _BRACKETED.match(text)
-    if bracketed:
+    if bracketed := _BRACKETED.match(text):
         name, stated = bracketed["name"], bracketed["unit"].strip()
-        unit = known_unit(stated, quantity)
         # A remark in brackets is no unit: units are ratios or short words.
         alike = "/" in stated or (0 < len(stated) <= _SHORT_UNIT and stated not in _NO_UNIT)
-        return _Heading(name, unit, stated if unit is None and alike else None)
+        return name, stated if alike or known_unit(stated, quantity) else None
     for unit in sorted(KINDS[quantity].units, key=len, reverse=True):
         ending = "_" + unit.replace("/", "_per_")
         if text.endswith(ending):
-            return _Heading(text.removesuffix(ending), unit)
+            return text.removesuffix(ending), unit
     rate = _RATE.search(text)
-    return _Heading(text, strange=rate[1] if rate else None)
+    return text, rate and rate[1]
 
 
-def known_unit(text: str, quantity: Quantity) -> str | None:
+def known_unit(text: str | None, quantity: Quantity) -> str | None:
     """A unit in the way it is written here, or None if it is none of the quantity."""
-    wanted = text.strip().replace(" ", "").replace("·", "").replace("_per_", "/")
+    wanted = (text or "").strip().replace(" ", "").replace("·", "").replace("_per_", "/")
     wanted = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}.get(wanted, wanted)
     return wanted if wanted in KINDS[quantity].units else None
-
-
-def _factor_of(unit: str, quantity: Quantity) -> float:
-    """Factor from a unit to SI."""
-    known, units = known_unit(unit, quantity), KINDS[quantity].units
-    if known is None:
-        raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {', '.join(units)}")
-    return units[known]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +97,9 @@ class LogColumns:
 
     def __post_init__(self) -> None:
         for quantity, unit in self.units.items():
-            _factor_of(unit, quantity)
+            if known_unit(unit, quantity) is None:
+                there = ", ".join(KINDS[quantity].units)
+                raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {there}")
 
 
 def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
@@ -139,29 +124,30 @@ def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str
 
 def _known_column(names: tuple[str, ...], quantity: Quantity) -> str | None:
     """The column whose name is the quantity's; an optional one in a strange unit is left."""
-    headings = [_read_heading(name, quantity) for name in names]
-    plain = [heading.name.strip().lower().replace(" ", "_") for heading in headings]
+    headings = [_heading(name, quantity) for name in names]
+    plain = [name.strip().lower().replace(" ", "_") for name, _ in headings]
     for known in KINDS[quantity].names:
         if plain.count(known) == 1:
             place = plain.index(known)
+            stated = headings[place][1]
+            strange = stated is not None and known_unit(stated, quantity) is None
             optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-            return None if optional and headings[place].strange else names[place]
+            return None if optional and strange else names[place]
     return None
 
 
 def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
     """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
-    units, (_, stated, strange) = KINDS[quantity].units, _read_heading(column, quantity)
-    if strange is not None and given is None:
-        text = f"no unit {strange!r} of {quantity} is known; give one of {', '.join(units)} with --units"
-        raise ParameterFileError(source, column, f"{text} {quantity}=…")
-    factor = 1.0 if given is None else _factor_of(given, quantity)
-    if stated is None:
-        return factor
-    if given is not None and factor != units[stated]:
-        text = f"is in {stated} by its name; leave --units {quantity}={given} out"
+    units, (_, stated) = KINDS[quantity].units, _heading(column, quantity)
+    known, told = known_unit(stated, quantity), known_unit(given, quantity)
+    if known and told and units[known] != units[told]:
+        text = f"is in {known} by its name; leave --units {quantity}={given} out"
         raise ParameterFileError(source, column, text)
-    return units[stated]
+    if stated and not (known or told):
+        text = f"no unit {stated!r} of {quantity} is known; give one of {', '.join(units)} with --units"
+        raise ParameterFileError(source, column, f"{text} {quantity}=…")
+    unit = known or told
+    return units[unit] if unit else 1.0
 
 
 _LONGEST_UNIT = 8

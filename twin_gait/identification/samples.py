@@ -21,7 +21,8 @@ class FrictionTest:
     torque: np.ndarray  # friction torque in [N m] with the sign of the velocity, shape ``(n,)``
     # which samples a fit may use, shape ``(n,)``; the others only carry the state of dynamic models
     used: np.ndarray
-    time: np.ndarray | None = None  # in [s], ascending, shape ``(n,)``; None if the file has none
+    # in [s], shape ``(n,)``; None if the file has none. Where it goes back a record begins
+    time: np.ndarray | None = None
     angle: np.ndarray | None = None  # joint angle in [rad], or None
     load: np.ndarray | None = None  # load torque in [N m], or None
     temperature: np.ndarray | None = None  # in [°C], or None
@@ -121,10 +122,12 @@ def thinned(samples: Samples, limit: int) -> Samples:
 
 
 def _fresh(test: FrictionTest) -> np.ndarray:
+    """Where a record begins: at first, behind a gap, and where time goes back."""
     fresh = np.zeros(len(test), dtype=bool)
+    fresh[:1] = True
     if len(test) > 2 and test.time is not None:
         steps = np.diff(test.time)
         forward = steps[steps > 0.0]  # a coarse clock repeats its times
-        fresh[1:] = steps > LONGEST_GAP * float(np.median(forward)) if len(forward) else False
-    fresh[:1] = True
+        gap = LONGEST_GAP * float(np.median(forward)) if len(forward) else np.inf
+        fresh[1:] = (steps > gap) | (steps < 0.0)
     return fresh
