@@ -32,7 +32,6 @@ from numpy.testing import assert_allclose
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.identification import (
     BenchSetup,
-    CurrentSource,
     IdentificationOptions,
     Log,
     LogColumns,
@@ -166,11 +165,12 @@ def test_stand_still_without_an_impact_is_counted_as_such():
     assert 170 <= test.counts["standstill"] <= 230
 
 
-def test_both_currents_can_be_chosen():
+def test_the_thesis_takes_the_target_current_and_zero_phase_the_measured_one_where_there_is_one():
     columns = quiet(swing(TIME, 0.6, 3.0, 0.4))
     columns["target_current_A"] = columns["target_current_A"] + 0.1
     measured = process_log(as_log(columns), BENCH, ProcessingOptions())
-    target = process_log(as_log(columns), BENCH, ProcessingOptions(current=CurrentSource.TARGET))
+    only = {name: values for name, values in columns.items() if "measured" not in name}
+    target = process_log(as_log(only), BENCH, ProcessingOptions())
     assert_allclose(target.torque - measured.torque, 0.1 * 7.05, rtol=1e-6)
     thesis = process_log(as_log(columns), BENCH, ProcessingOptions(processing=Processing.THESIS))
     assert np.median(thesis.torque[thesis.used]) > np.median(measured.torque[measured.used])
@@ -296,6 +296,14 @@ def test_units_come_from_the_name_the_brackets_or_the_user(tmp_path):
         read_log(path, LogColumns(units={Quantity.VELOCITY: "rad/s"}))
     with pytest.raises(ParameterError, match="no unit 'furlong' of velocity; there are rad/s"):
         LogColumns(units={Quantity.VELOCITY: "furlong"})
+
+
+def test_a_column_that_is_asked_for_is_not_found_for_another_quantity(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,measured_current_A,target_current_A\n" + "\n".join(f"{i},1,2" for i in range(30)))
+    log = read_log(path, LogColumns(names={Quantity.MEASURED_CURRENT: "target_current_A"}))
+    assert set(log.columns) == {Quantity.TIME, Quantity.MEASURED_CURRENT}
+    assert (log.columns[Quantity.MEASURED_CURRENT] == 2.0).all()
 
 
 def test_a_file_without_names_has_numbered_columns_and_a_minus_turns_the_sign(tmp_path):

@@ -14,7 +14,7 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.core.friction import advanced_deflection, friction_torque, rotational_friction_torque
 from twin_gait.core.friction_models import bristle_rate, bristle_step
 from twin_gait.identification import MODELS
-from twin_gait.identification.fitting import bounds, jacobian
+from twin_gait.identification.fitting import bounds
 from twin_gait.identification.identify import inherited_starts
 from twin_gait.identification.laws import bristle_deflection, over_arrays, remembered_start
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
@@ -158,7 +158,7 @@ def test_derivative_of_every_model_is_that_of_finite_differences(name):
     """Five-point differences of the prediction, a step and an order apart from the fitter's own."""
     rows, model = samples(), MODELS[name]
     x = vector(name, 3, rows)
-    matrix = jacobian(model, x, rows)
+    matrix = model.jacobian(x, rows)
     for place in range(model.size):
         step = np.zeros(model.size)
         step[place] = h = 1e-3

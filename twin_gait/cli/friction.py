@@ -38,7 +38,6 @@ _LOSS = "weighing of residuals: Huber's for logs and where outliers stand alone,
 _CHOICES = (
     ("--joint", ("hip", "knee"), None, "whose motor and gear it is (for currents)"),
     ("--processing", ("zero_phase", "thesis", "none"), None, "smoothing of the logs"),
-    ("--current", ("measured", "target"), None, "which current drives (measured)"),
     ("--loss", ("auto", "huber", "linear"), "auto", _LOSS),
 )
 _NUMBERS = (
@@ -198,7 +197,6 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
     processing = options.given(
         processing=arguments.processing and of.Processing(arguments.processing),
         cutoff=arguments.cutoff_Hz,
-        current=arguments.current and of.CurrentSource(arguments.current),
         standstill_velocity=arguments.standstill_rad_per_s,
     )
     names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)

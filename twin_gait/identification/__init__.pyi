@@ -1,7 +1,3 @@
-from .bench import BenchSetup as BenchSetup
-from .bench import CurrentSource as CurrentSource
-from .bench import Processing as Processing
-from .bench import ProcessingOptions as ProcessingOptions
 from .fitting import Fit as Fit
 from .fitting import FitOptions as FitOptions
 from .fitting import Loss as Loss
@@ -16,6 +12,9 @@ from .identify import identify_tests as identify_tests
 from .laws import MODELS as MODELS
 from .processing import RATE as RATE
 from .processing import WINDOW as WINDOW
+from .processing import BenchSetup as BenchSetup
+from .processing import Processing as Processing
+from .processing import ProcessingOptions as ProcessingOptions
 from .processing import process_log as process_log
 from .reading import Log as Log
 from .reading import LogColumns as LogColumns

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.fitting import Fit
-from twin_gait.identification.processing import RATE, WINDOW
+from twin_gait.identification.processing import RATE, WINDOW, BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
 from twin_gait.identification.statistics import Uncertainty
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from twin_gait.identification.samples import Samples
 
+_DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shape parameter
+
 
 def unscaled(samples: Samples) -> float:
     """A bound is what it says."""
@@ -69,6 +71,24 @@ class FrictionModel:
     def predict(self, x: np.ndarray, samples: Samples) -> np.ndarray:
         """Friction torque in [N m] of a parameter vector, shape ``(n,)``."""
         return self.torque(samples, *self.split(x))
+
+    def errors(self, x: np.ndarray, samples: Samples) -> np.ndarray:
+        """Predicted less measured torque of the samples that are used, in [N m], shape ``(n_used,)``."""
+        return np.asarray((self.predict(x, samples) - samples.torque)[samples.used])
+
+    def jacobian(self, x: np.ndarray, samples: Samples) -> np.ndarray:
+        """Derivative of the errors by the parameter vector, shape ``(n_used, size)``.
+
+        Exact for the linear coefficients, by central differences for the logarithms of the shape.
+        """
+        count = len(self.coefficients)
+        columns = [self.basis(np.exp(x[count:]), samples)[samples.used]]
+        for place in range(count, self.size):
+            step = np.zeros(self.size)
+            step[place] = _DIFFERENCE
+            change = self.predict(x + step, samples) - self.predict(x - step, samples)
+            columns.append((change[samples.used] / (2.0 * _DIFFERENCE))[:, None])
+        return np.concatenate(columns, axis=1)
 
     def basis(self, shape: np.ndarray, samples: Samples) -> np.ndarray:
         """Torque by each coefficient, shape ``(n, n_coefficients)``: the law is linear in them."""

@@ -1,17 +1,93 @@
-"""From a log to samples of speed and friction torque (thesis 2.3.1, 2.3.2 and 3.1)."""
+"""From a log of the joint test bench to samples of speed and friction torque (thesis 2.2.1, 2.3 and 3.1)."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.identification import signals
-from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.plausibility import FEWEST, clean
 from twin_gait.identification.reading import Log, Quantity
 from twin_gait.identification.samples import FrictionTest
 from twin_gait.identification.signals import decimate, moving_average, zero_phase
+from twin_gait.parameters import ActuatorParameters, quantities
+from twin_gait.worlds import HORIZONTAL, LoadAngle
+
+_GRAVITY = 9.81  # [m] / [s²]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchSetup(quantities.Parameters):
+    """Test bench of one joint (thesis 2.2.1).
+
+    Attributes:
+        actuator: Motor and gear.
+        mass: On the link in [kg], where the log does not say.
+        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        link_inertia: About the axis in [kg m²]; an assumption.
+        link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
+        start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
+        load_angle: Form of the load torque.
+        mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
+    """
+
+    actuator: ActuatorParameters
+    mass: Annotated[quantities.Mass | None, quantities.NOT_NEGATIVE] = None
+    lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
+    link_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.02
+    link_moment: Annotated[float, quantities.Unit("kgm"), quantities.NOT_NEGATIVE] = 0.0
+    start_angle: quantities.Angle | None = HORIZONTAL
+    load_angle: LoadAngle = LoadAngle.CORRECTED
+    mass_as_printed: bool = False
+
+    def joint_angle(self, angle: np.ndarray) -> np.ndarray:
+        """Logged angles, set so that the first one is the start angle, in [rad]."""
+        return angle if self.start_angle is None else angle - angle[0] + self.start_angle
+
+    def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
+        """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
+
+        ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: on the link in [kg].
+        """
+        tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
+        return np.asarray(_GRAVITY * (mass * self.lever + self.link_moment) * np.cos(tilt))
+
+    def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
+        """J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
+        weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
+        return self.actuator.armature + self.link_inertia + weight
+
+    def motor_torque(self, current: np.ndarray) -> np.ndarray:
+        """K_t τ I in [N m] of a motor current in [A]."""
+        return np.asarray(current * self.actuator.torque_constant * self.actuator.gear_ratio)
+
+
+class Processing(StrEnum):
+    """How a log is smoothed before the friction torque is computed."""
+
+    ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
+    THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
+    NONE = "none"  # as recorded
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessingOptions(quantities.Parameters):
+    """How to process logs.
+
+    Attributes:
+        processing: None takes zero phase for logs with a current, and none for friction torques.
+        cutoff: Of the zero-phase filter in [Hz].
+        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
+            current and 0 in series of friction torques.
+    """
+
+    processing: Processing | None = None
+    cutoff: Annotated[quantities.Frequency, quantities.POSITIVE] = 40.0
+    standstill_velocity: Annotated[quantities.AngularVelocity | None, quantities.NOT_NEGATIVE] = None
+
 
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
 WINDOW = 10  # samples of the thesis's moving average
@@ -92,7 +168,10 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: f
 
     raw = bench.joint_angle(columns[Quantity.ANGLE])
     angle, load = smooth(raw), decimate(smooth(bench.load_torque(raw, mass)), step)
-    motor_torque = decimate(smooth(bench.motor_torque(columns[_current(log, options)])), step)
+    currents = (Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT)[:: 1 if thesis else -1]
+    current = next(filter(columns.__contains__, currents), currents[0])
+    _needed(log, current)
+    motor_torque = decimate(smooth(bench.motor_torque(columns[current])), step)
     if thesis:
         speed = columns.get(Quantity.VELOCITY, np.gradient(raw, 1.0 / rate))
         motion = _late_motion(decimate(speed, step), decimate(recorded, step), rate / step)
@@ -192,18 +271,6 @@ def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quanti
     bridged = max(_GAP, _SHORT * rate / cutoff)
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
     return grid, columns, (time[before + 1] - time[before]) * rate < bridged
-
-
-def _current(log: Log, options: ProcessingOptions) -> Quantity:
-    """The current that drives: the one asked for, else the usual one of the processing, else the other."""
-    order = [Quantity.MEASURED_CURRENT, Quantity.TARGET_CURRENT]
-    if options.processing is Processing.THESIS:
-        order.reverse()
-    if options.current is not None:
-        order = [Quantity(f"{options.current}_current")]
-    found = next((quantity for quantity in order if quantity in log.columns), order[0])
-    _needed(log, found)
-    return found
 
 
 def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndarray:

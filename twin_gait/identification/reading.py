@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.runs.log_files import LogTable, is_missing, is_number, read_text_table
+from twin_gait.runs.log_files import LogTable, is_number, read_text_table
 
 
 class Quantity(StrEnum):
@@ -105,10 +105,11 @@ class LogColumns:
 def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
     """Name of the column of each quantity, and the factor to SI with the sign."""
     found: dict[Quantity, tuple[str, float]] = {}
+    asked_for = {name.lstrip("-") for name in columns.names.values()}
     for quantity in Quantity:
         asked, sign = columns.names.get(quantity), 1.0
         if asked is None:
-            name = _known_column(table.names, quantity)
+            name = _known_column([name for name in table.names if name not in asked_for], quantity)
         else:
             if asked.startswith("-") and asked not in table:
                 sign, asked = -1.0, asked[1:].strip()
@@ -122,7 +123,7 @@ def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str
     return found
 
 
-def _known_column(names: tuple[str, ...], quantity: Quantity) -> str | None:
+def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
     """The column whose name is the quantity's; an optional one in a strange unit is left."""
     headings = [_heading(name, quantity) for name in names]
     plain = [name.strip().lower().replace(" ", "_") for name, _ in headings]
@@ -150,7 +151,6 @@ def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> 
     return units[unit] if unit else 1.0
 
 
-_LONGEST_UNIT = 8
 _MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
 _COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*(\d*\.?\d+(?:[eE][-+]?\d+)?)\s*$")
 
@@ -192,14 +192,10 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
 
 
 def _with_units(table: LogTable) -> LogTable:
-    """The table with the units behind its names that stand under them: short words, none of them a number."""
-    if table.frame.empty:
-        return table
-    units = [cell.strip("[]() ") for cell in table.frame.iloc[0]]
-    words = [unit for unit in units if not is_missing(unit)]
-    if any(len(word) > _LONGEST_UNIT or is_number(word, table.decimal) for word in words):
-        return table
-    if not any(known_unit(word, quantity) for word in words for quantity in Quantity):
+    """The table with the units of a line under its names behind them: no number among them, one known."""
+    units = [cell.strip("[]() ") for cell in table.frame.head(1).to_numpy().ravel()]
+    known = any(known_unit(unit, quantity) for unit in units for quantity in Quantity)
+    if not known or any(is_number(unit, table.decimal) for unit in units):
         return table
     names = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(table.names, units, strict=True))
     return replace(table, names=names, frame=table.frame.iloc[1:])

@@ -133,7 +133,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     """Estimate intervals of the parameters of a fit from its samples, by draws of a seed."""
     model = fit.model
     rows = fitting.rows_of(model, samples)  # more than were fitted would promise too much
-    values, matrix = fit.residuals(rows), fitting.jacobian(model, fit.x, rows)
+    values, matrix = fit.residuals(rows), model.jacobian(fit.x, rows)
     free = np.setdiff1d(np.arange(model.size), fit.at_bound)
     scale = np.sqrt((matrix[:, free] ** 2).sum(axis=0))
     free, scale = free[scale > 0.0], scale[scale > 0.0]

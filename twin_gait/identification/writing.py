@@ -14,10 +14,10 @@ from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.files import plain, write_atomically, write_json
-from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel
+from twin_gait.identification.processing import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.statistics import DRAWS, LEVEL
 from twin_gait.report.canvas import readable, write_figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
