@@ -15,7 +15,7 @@ from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import GaitTableError, ParameterError
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.reference import CYCLE, reference_curve
+from twin_gait.measures.reference import CYCLE, WINTER_CYCLE_TIME, reference_curve, reference_cycle_time
 from twin_gait.parameters import Patient
 from twin_gait.replay import (
     Recording,
@@ -220,6 +220,11 @@ def test_a_one_legged_run_gives_the_same_switches_again():
 # ---------------------------------------------------------------------- healthy walking
 
 
+def cycle_time_at(speed: float) -> float:
+    """Of the regression, at a speed in km/h."""
+    return reference_cycle_time(speed / 3.6, Patient().height)
+
+
 def assert_walks(result: Replay, cycle_time: float) -> None:
     """Every stride has all five phases, by its thresholds rather than by time-outs, in the walk's time."""
     for side in result.recording.sides:
@@ -234,14 +239,14 @@ def assert_walks(result: Replay, cycle_time: float) -> None:
 @pytest.mark.parametrize("speed", [0.75, 1.0, 1.5, 3.0, 5.0])
 def test_healthy_walking_passes_through_all_five_phases_of_the_treadmill_table(speed):
     walk = normative_walk(f"koopman@{speed}", strides=4)
-    assert_walks(replay(walk.recording, load_gait_table("treadmill")), walk.cycle_time)
+    assert_walks(replay(walk, load_gait_table("treadmill")), cycle_time_at(speed))
 
 
 def test_healthy_walking_at_1_5_km_per_h_changes_phase_where_the_documentation_says():
     walk = normative_walk("koopman@1.5", strides=3)
-    switches = replay(walk.recording, load_gait_table("treadmill")).switches
+    switches = replay(walk, load_gait_table("treadmill")).switches
     entries = {item.target: item.time for item in switches if item.side is Side.LEFT}  # the last of each
-    share = {name: 100.0 * (instant / walk.cycle_time % 1.0) for name, instant in entries.items()}
+    share = {name: 100.0 * (instant / cycle_time_at(1.5) % 1.0) for name, instant in entries.items()}
     # Heel contact is at 0 %.
     assert {name: round(percent) for name, percent in share.items()} == {
         "middle_stance": 10,
@@ -256,40 +261,40 @@ def test_slower_walking_needs_a_table_whose_steps_shorten_with_the_speed():
     walk = normative_walk("koopman@0.5", strides=4)
     written = load_gait_table("treadmill")
     shortening = replace(written, scaling=replace(written.scaling, speed_exponent=0.12))
-    scaled = scale_table(shortening, carried_mass=None, speed=walk.speed)
-    assert_walks(replay(walk.recording, scaled), walk.cycle_time)
+    scaled = scale_table(shortening, carried_mass=None, speed=0.5 / 3.6)
+    assert_walks(replay(walk, scaled), cycle_time_at(0.5))
     # As it is written no swing begins; with the law that it states swings end by their time-out.
-    assert not any(switch.cause == "trailing_limb" for switch in replay(walk.recording, written).switches)
-    stated = scale_table(written, carried_mass=None, speed=walk.speed)
-    assert any(switch.cause == "time_out" for switch in replay(walk.recording, stated).switches)
+    assert not any(switch.cause == "trailing_limb" for switch in replay(walk, written).switches)
+    stated = scale_table(written, carried_mass=None, speed=0.5 / 3.6)
+    assert any(switch.cause == "time_out" for switch in replay(walk, stated).switches)
 
 
 def test_faster_walking_passes_through_the_table_of_the_bench_too():
     walk = normative_walk("koopman@4", strides=4)
-    assert_walks(replay(walk.recording, load_gait_table("bench_leg")), walk.cycle_time)
+    assert_walks(replay(walk, load_gait_table("bench_leg")), cycle_time_at(4.0))
 
 
 def test_the_walk_of_winter_passes_as_it_is():
     walk = normative_walk("winter", strides=4)
-    assert_walks(replay(walk.recording, load_gait_table("treadmill")), walk.cycle_time)
+    assert_walks(replay(walk, load_gait_table("treadmill")), WINTER_CYCLE_TIME)
 
 
 def test_the_normative_walk_is_the_regression_with_the_legs_half_a_stride_apart():
     walk = normative_walk("koopman@1.5", strides=2)
     ticks = np.array([0, 321, 900])
-    percent = np.mod(ticks * TICK / walk.cycle_time, 1.0) * CYCLE
+    percent = np.mod(ticks * TICK / cycle_time_at(1.5), 1.0) * CYCLE
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 50.0)):
         expected = reference_curve(KNEE, percent + lead, speed=1.5 / 3.6, height=Patient().height)
-        np.testing.assert_allclose(walk.recording.angles[side][KNEE][ticks], expected, atol=1e-12)
+        np.testing.assert_allclose(walk.angles[side][KNEE][ticks], expected, atol=1e-12)
 
 
 def test_the_walk_of_winter_meets_the_table_and_closes_its_cycle():
     walk = normative_walk("winter", strides=3)
-    knee = np.degrees(walk.recording.angles[Side.LEFT][KNEE])
-    mid_swing = round(0.72 * walk.cycle_time / TICK)
+    knee = np.degrees(walk.angles[Side.LEFT][KNEE])
+    mid_swing = round(0.72 * WINTER_CYCLE_TIME / TICK)
     assert knee[mid_swing] == pytest.approx(64.86, abs=0.02)  # printed at 72 %
     assert np.abs(np.diff(knee)).max() < 0.4  # [deg] a tick: no step at heel contact
-    assert len(knee) == pytest.approx(3 * walk.cycle_time / TICK, abs=1.0)
+    assert len(knee) == pytest.approx(3 * WINTER_CYCLE_TIME / TICK, abs=1.0)
 
 
 @pytest.mark.parametrize(

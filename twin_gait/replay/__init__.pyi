@@ -1,10 +1,9 @@
 from .machine import Replay as Replay
 from .machine import replay as replay
-from .reading import LogFormat as LogFormat
-from .reading import read_recording as read_recording
+from .recording import LogFormat as LogFormat
 from .recording import Recording as Recording
 from .recording import at_ticks as at_ticks
-from .request import NormativeWalk as NormativeWalk
+from .recording import read_recording as read_recording
 from .request import normative_walk as normative_walk
 from .request import replay_log as replay_log
 from .writing import Agreement as Agreement

@@ -24,6 +24,7 @@ from twin_gait.vocabulary import Side
 PROGRESS_TICKS = 500
 OTHER_PHASE = f"{OTHER}phase"
 Signals = dict[str, np.ndarray]  # by name in SI, shape ``(n,)``
+Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +48,8 @@ def replay(
     body_weight: float | None = None,
     start_phases: Mapping[Side, str] | None = None,
     postures: Mapping[int, str] | None = None,
-    fast_time_constant: float | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    fast_time_constant: float = SensorParameters.fast_time_constant,
+    progress: Progress = lambda done, total: None,
 ) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
@@ -73,7 +74,7 @@ def replay(
     time, other_time = table.signals.index(TIME), table.signals.index(OTHER_TIME)
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
-        if progress is not None and tick % PROGRESS_TICKS == 0:
+        if tick % PROGRESS_TICKS == 0:
             progress(tick, total)
         posture = (postures or {}).get(tick)
         for machine in machines:
@@ -89,8 +90,7 @@ def replay(
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
-    if progress is not None:
-        progress(total, total)
+    progress(total, total)
     velocities = {
         side: {joint: own[side][VELOCITY.of(joint)] for joint in table.joints if joint in joints}
         for side, joints in recording.angles.items()
@@ -100,11 +100,11 @@ def replay(
 
 
 def _own(
-    recording: Recording, table: GaitTable, side: Side, body_weight: float | None, time_constant: float | None
+    recording: Recording, table: GaitTable, side: Side, body_weight: float | None, time_constant: float
 ) -> Signals:
     """Recorded signals of a leg: angles as its boards have them, fast estimates of velocities, the load."""
     sensors, found = SensorParameters(), Signals()
-    gain = first_order_gain(TICK, sensors.fast_time_constant if time_constant is None else time_constant)
+    gain = first_order_gain(TICK, time_constant)
     for joint in (joint for joint in table.joints if joint in recording.angles[side]):
         encoder, measured = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, recording.n_ticks))
         for tick, value in enumerate(recording.angles[side][joint].tolist()):

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,11 +17,11 @@ from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.signals import DEVICE_SIGNALS, STEP, WALK
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures import reference
-from twin_gait.parameters import Patient, require
+from twin_gait.parameters import Patient, SensorParameters, require
 from twin_gait.parameters.quantities import POSITIVE
-from twin_gait.replay.machine import Replay, replay
-from twin_gait.replay.reading import LogFormat, read_recording
-from twin_gait.replay.recording import Recording
+from twin_gait.replay.machine import Progress, Replay, replay
+from twin_gait.replay.recording import LogFormat, Recording, read_recording
+from twin_gait.runs.log_files import number_of
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import JointName, Side
 
@@ -30,21 +29,8 @@ STRIDES = 8
 KOOPMAN, WINTER = "koopman", "winter"
 
 
-class NormativeWalk(NamedTuple):
-    """A walk made of curves from the literature."""
-
-    recording: Recording  # the walk; the left leg begins at heel contact, the right one half a stride later
-    speed: float  # of walking in [m] / [s]
-    cycle_time: float  # stride time in [s]
-
-
-def is_normative(name: str) -> bool:
-    """Whether a name asks for a walk from the literature."""
-    return name == WINTER or name.startswith(f"{KOOPMAN}@")
-
-
-def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
-    """Make a walk of curves from the literature.
+def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
+    """A walk of curves from the literature; the left leg begins at heel contact, the right one mid-stride.
 
     ``name``: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
     ``winter`` for the means of Winter (1991) at natural cadence; ``strides``: how many. Raises ParameterError
@@ -52,9 +38,12 @@ def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
     """
     curve: Callable[[JointName, np.ndarray], np.ndarray] = reference.normative_angle
     joints: tuple[JointName, ...] = reference.WINTER_JOINTS
-    speed, cycle_time = reference.WINTER_SPEED, reference.WINTER_CYCLE_TIME
+    cycle_time = reference.WINTER_CYCLE_TIME
     if name != WINTER:
-        speed, height = _speed(name), Patient().height
+        kind, _, text = name.partition("@")
+        speed, height = number_of(text) / reference.KILOMETRES_PER_HOUR, Patient().height
+        expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
+        require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
         curve = partial(reference.reference_curve, speed=speed, height=height)
         joints, cycle_time = tuple(JointName), reference.reference_cycle_time(speed, height)
     time = np.arange(round(strides * cycle_time / TICK)) * TICK
@@ -62,18 +51,7 @@ def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
         percent = reference.CYCLE * np.mod(time / cycle_time + lead, 1.0)
         angles[side] = {str(joint): curve(joint, percent) for joint in joints}
-    return NormativeWalk(Recording(name, 0.0, angles, {}, {}), speed, cycle_time)
-
-
-def _speed(name: str) -> float:
-    kind, _, text = name.partition("@")
-    try:
-        speed = float(text) / reference.KILOMETRES_PER_HOUR
-    except ValueError:
-        speed = math.nan
-    expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
-    require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
-    return speed
+    return Recording(name, 0.0, angles, {}, {})
 
 
 DEFAULT_TABLE = "treadmill"
@@ -87,7 +65,7 @@ def replay_log(
     speed: float | None = None,
     mass: float | None = None,
     start_phases: Mapping[Side, str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = lambda done, total: None,
 ) -> Replay:
     """Replay a walk.
 
@@ -104,19 +82,21 @@ def replay_log(
             POSITIVE.require(name, value)
     recording, experiment = _open(log, log_format or LogFormat())
     chosen = _table(table, speed, experiment)
-    weight = None if mass is None else mass * PlantParameters().gravity
-    if experiment is None:
-        return replay(recording, chosen, body_weight=weight, start_phases=start_phases, progress=progress)
-    world = experiment.build_world()
-    told, postures = _told(experiment, chosen, recording)
-    known = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
+    weight, starts = None if mass is None else mass * PlantParameters().gravity, dict(start_phases or {})
+    postures, time_constant = dict[int, str](), SensorParameters().fast_time_constant
+    if experiment is not None:
+        world, time_constant = experiment.build_world(), experiment.sensors.fast_time_constant
+        told, postures = _told(experiment, chosen, recording)
+        recording = replace(recording, device={**recording.device, **told})
+        known = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
+        weight, starts = weight or world.body_weight, {**known, **starts}
     return replay(
-        replace(recording, device={**recording.device, **told}),
+        recording,
         chosen,
-        body_weight=weight or world.body_weight,
-        start_phases={**known, **(start_phases or {})},
+        body_weight=weight,
+        start_phases=starts,
         postures=postures,
-        fast_time_constant=experiment.sensors.fast_time_constant,
+        fast_time_constant=time_constant,
         progress=progress,
     )
 
@@ -124,10 +104,10 @@ def replay_log(
 def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None]:
     """The recording, and the experiment if it is of a run."""
     path = Path(log).expanduser()
-    if is_normative(log):
+    if log == WINTER or log.startswith(f"{KOOPMAN}@"):
         if log_format != LogFormat():
             raise ParameterError(f"{log}: has no columns to choose; leave columns, units, convention out")
-        return normative_walk(log).recording, None
+        return normative_walk(log), None
     if not path.is_dir():
         return read_recording(path, log_format), None
     for name in (EXPERIMENT_FILE, LOG_FILE):
@@ -163,11 +143,12 @@ def _told(
 
 def _table(name: str | None, speed: float | None, experiment: Experiment | None) -> GaitTable:
     """The table asked for, else that of the run, scaled as guards need it: to the speed and the wearer."""
-    if experiment is None:
-        return scale_table(load_gait_table(name or DEFAULT_TABLE), carried_mass=None, speed=speed)
-    table, walking = experiment.table if name is None else load_gait_table(name), experiment.scenario.walking
-    if walking is None:
-        return scale_table(table, carried_mass=None, speed=speed)
-    known = experiment.known_patient
-    height = None if known is None else known.height
-    return scale_table(table, carried_mass=None, speed=speed or walking.speed, height=height)
+    if name is not None or experiment is None:
+        table = load_gait_table(name or DEFAULT_TABLE)
+    else:
+        table = experiment.table
+    height = None
+    if experiment is not None and experiment.scenario.walking is not None:
+        speed, known = speed or experiment.scenario.walking.speed, experiment.known_patient
+        height = None if known is None else known.height
+    return scale_table(table, carried_mass=None, speed=speed, height=height)

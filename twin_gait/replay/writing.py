@@ -175,17 +175,11 @@ def replay_figure(result: Replay) -> Figure:
             angle = np.degrees(recording.angles[side][joint][-SHOWN_TICKS:])
             colour = JOINT_COLOURS[JointName(joint)] if joint in set(JointName) else BLACK
             lines += axes.plot(time, angle, color=colour, label=f"{joint} angle")
+        causes = {"transform": column[0].get_xaxis_transform(), "rotation": 90, "size": "x-small"}
         for switch in result.switches:
-            if switch.side is side and switch.tick >= recording.n_ticks - len(time):
-                column[0].text(
-                    recording.start + switch.time,
-                    1.03,
-                    canvas.readable(switch.cause),
-                    transform=column[0].get_xaxis_transform(),
-                    rotation=90,
-                    ha="center",
-                    size="x-small",
-                )
+            place = recording.start + switch.time
+            if switch.side is side and place >= time[0]:
+                column[0].text(place, 1.03, canvas.readable(switch.cause), ha="center", **causes)
         canvas.draw_phase_bars(column[-1], time, rows, names, height=0.8, linewidth=0)
         column[-1].set_xlabel(f"{side} leg, time [s]")
         occurring.update(*(phases.tolist() for _, phases in rows))
