@@ -22,7 +22,7 @@ from twin_gait.identification import (
     fit_model,
     join_tests,
 )
-from twin_gait.identification.friction_model import Shape
+from twin_gait.identification.models import Shape
 from twin_gait.identification.statistics import goodness, uncertainty
 
 LEAST_SQUARES = FitOptions(loss=Loss.LINEAR)

@@ -25,9 +25,9 @@ from twin_gait.identification import (
     join_tests,
     process_log,
 )
+from twin_gait.identification.models import FrictionTest
 from twin_gait.identification.processing import ProcessingOptions
 from twin_gait.identification.reading import read_log
-from twin_gait.identification.samples import FrictionTest
 from twin_gait.identification.signals import soft_stop
 
 TIME = 0.01 * np.arange(1000)

@@ -29,7 +29,7 @@ from twin_gait.identification import (
     join_tests,
 )
 from twin_gait.identification.fitting import Fit, bounds, refine, refit
-from twin_gait.identification.friction_model import Shape
+from twin_gait.identification.models import Shape
 from twin_gait.identification.statistics import goodness, uncertainty
 
 ROTATIONAL = (

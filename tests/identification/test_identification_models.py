@@ -17,7 +17,7 @@ from twin_gait.identification import MODELS
 from twin_gait.identification.fitting import bounds
 from twin_gait.identification.identify import inherited_starts
 from twin_gait.identification.laws import bristle_deflection, over_arrays, remembered_start
-from twin_gait.identification.samples import FrictionTest, Samples, join_tests
+from twin_gait.identification.models import FrictionTest, Samples, join_tests
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE
 
 SPEEDS = np.linspace(-3.0, 3.0, 241)

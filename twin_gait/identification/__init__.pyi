@@ -2,7 +2,6 @@ from .fitting import Fit as Fit
 from .fitting import FitOptions as FitOptions
 from .fitting import Loss as Loss
 from .fitting import fit_model as fit_model
-from .friction_model import FrictionModel as FrictionModel
 from .identify import Identification as Identification
 from .identify import IdentificationOptions as IdentificationOptions
 from .identify import IdentifiedModel as IdentifiedModel
@@ -10,6 +9,10 @@ from .identify import find_models as find_models
 from .identify import identify_logs as identify_logs
 from .identify import identify_tests as identify_tests
 from .laws import MODELS as MODELS
+from .models import FrictionModel as FrictionModel
+from .models import FrictionTest as FrictionTest
+from .models import Samples as Samples
+from .models import join_tests as join_tests
 from .processing import RATE as RATE
 from .processing import WINDOW as WINDOW
 from .processing import BenchSetup as BenchSetup
@@ -20,9 +23,6 @@ from .reading import Log as Log
 from .reading import LogColumns as LogColumns
 from .reading import Quantity as Quantity
 from .reading import read_log as read_log
-from .samples import FrictionTest as FrictionTest
-from .samples import Samples as Samples
-from .samples import join_tests as join_tests
 from .signals import decimate as decimate
 from .signals import moving_average as moving_average
 from .signals import zero_phase as zero_phase

@@ -7,8 +7,8 @@ import pandas as pd
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.fitting import Fit
+from twin_gait.identification.models import FrictionTest, Samples, join_tests
 from twin_gait.identification.processing import RATE, WINDOW, BenchSetup, Processing, ProcessingOptions
-from twin_gait.identification.samples import FrictionTest, Samples, join_tests
 from twin_gait.identification.statistics import Uncertainty
 
 WIDE = 0.25  # half-width of an interval over the parameter

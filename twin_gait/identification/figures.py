@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
 from twin_gait.identification import Identification, IdentifiedModel, Samples
-from twin_gait.identification.samples import thinned
+from twin_gait.identification.models import thinned
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import readable, style_panel
 

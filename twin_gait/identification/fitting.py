@@ -15,9 +15,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.laws import SIGNED
-from twin_gait.identification.samples import Samples, thinned, thinned_path
+from twin_gait.identification.models import FrictionModel, Samples, thinned, thinned_path
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count linearly

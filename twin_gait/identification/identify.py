@@ -12,11 +12,10 @@ import numpy as np
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification import diagnostics, statistics
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
-from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.laws import MODELS
+from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
 from twin_gait.identification.processing import BenchSetup, ProcessingOptions, process_log
 from twin_gait.identification.reading import LogColumns, read_log
-from twin_gait.identification.samples import FrictionTest, Samples, join_tests, thinned
 from twin_gait.identification.statistics import CrossValidation, Goodness, Uncertainty
 
 ONE_WAY = 0.02  # share of the samples below which a direction was not measured

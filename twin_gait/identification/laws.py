@@ -17,8 +17,7 @@ import numpy as np
 
 from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
-from twin_gait.identification.friction_model import FrictionModel, Shape
-from twin_gait.identification.samples import Samples
+from twin_gait.identification.models import FrictionModel, Samples, Shape
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiling import ON_BITS
 

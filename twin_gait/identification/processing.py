@@ -9,9 +9,9 @@ import numpy as np
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.identification import signals
+from twin_gait.identification.models import FrictionTest
 from twin_gait.identification.plausibility import FEWEST, clean
 from twin_gait.identification.reading import Log, Quantity
-from twin_gait.identification.samples import FrictionTest
 from twin_gait.identification.signals import decimate, moving_average, zero_phase
 from twin_gait.parameters import ActuatorParameters, quantities
 from twin_gait.worlds import HORIZONTAL, LoadAngle

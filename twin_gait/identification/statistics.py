@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from twin_gait.identification import fitting
 from twin_gait.identification.fitting import Fit
-from twin_gait.identification.samples import FrictionTest, Samples
+from twin_gait.identification.models import FrictionTest, Samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +140,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     unit = matrix[:, free] / scale
     rank = int(np.linalg.matrix_rank(unit.T @ unit, tol=_RANK, hermitian=True)) if len(free) else 0
     block, by = _blocks(rows.test[rows.used])
-    number = int(block[-1]) + 1 if len(block) else 0
+    number = int(block[-1]) + 1
     if rank < max(len(free), 1) or number < 2:
         unknown, nothing = (-math.inf, math.inf), np.full((model.size, model.size), math.nan)
         wide, errors = dict.fromkeys(model.names, unknown), dict.fromkeys(model.names, math.inf)
@@ -161,15 +161,10 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
 
 def _blocks(test: np.ndarray) -> tuple[np.ndarray, str]:
     """Number of the block of each sample: its test, or a stretch of it where tests are few."""
-    _, index = np.unique(test, return_inverse=True)
-    number = int(index.max()) + 1 if len(index) else 0
-    if number >= FEWEST_TESTS or not number:
-        return index, "test"
-    pieces = -(-BLOCKS // number)
-    first = np.searchsorted(index, np.arange(number))
-    lengths = np.bincount(index, minlength=number)
-    place = np.arange(len(index)) - first[index]
-    return index * pieces + place * pieces // lengths[index], "block"
+    _, index, lengths = np.unique(test, return_inverse=True, return_counts=True)
+    pieces = 1 if len(lengths) >= FEWEST_TESTS else -(-BLOCKS // len(lengths))
+    place = np.arange(len(index)) - (np.cumsum(lengths) - lengths)[index]
+    return index * pieces + place * pieces // lengths[index], "test" if pieces == 1 else "block"
 
 
 def _draws(

@@ -15,10 +15,9 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.files import plain, write_atomically, write_json
 from twin_gait.identification.figures import draw_fits, draw_residuals
-from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
+from twin_gait.identification.fitting import Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.processing import BenchSetup, Processing, ProcessingOptions
-from twin_gait.identification.statistics import DRAWS, LEVEL
 from twin_gait.report.canvas import readable, write_figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
@@ -84,7 +83,8 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
     """The result as plain numbers, SI units in the keys."""
-    options, (left_out, _) = result.options, result.models[0].rank
+    options, best = result.options, result.models[0]
+    order = f"rmse with {best.validations[0].left_out} left out" if math.isfinite(best.rank[0]) else "BIC"
     balance = any(test.from_bench for test in result.tests)
     usual = Processing.ZERO_PHASE if balance else Processing.NONE
     processing = replace(options.processing, processing=options.processing.processing or usual)
@@ -96,14 +96,8 @@ def _identification_document(result: Identification, joint: JointName | None) ->
         "skipped": result.skipped,
         "warnings": result.warnings,
         "method": {
-            "order": f"rmse with {result.models[0].validations[0].left_out} left out"
-            if math.isfinite(left_out)
-            else "BIC",
+            "order": order,
             **asdict(options.fit),
-            "huber_sigmas": HUBER_SIGMAS,
-            "interval_level": LEVEL,
-            "interval_method": "one-step bootstrap over tests, Student's t",
-            "bootstrap_draws": DRAWS,
             "processing": section_of(ProcessingOptions).document(processing),
             "bench": None if bench is None else section_of(BenchSetup).document(bench),
         },
