@@ -153,11 +153,7 @@ def _robust_sigma(values: np.ndarray) -> float:
 
 
 def _best_start(
-    model: FrictionModel,
-    samples: Samples,
-    limits: Bounds,
-    seeds: Sequence[np.ndarray],
-    options: FitOptions,
+    model: FrictionModel, samples: Samples, limits: Bounds, seeds: Sequence[np.ndarray], options: FitOptions
 ) -> np.ndarray:
     count, dimensions = len(model.coefficients), len(model.shape)
     if not dimensions:

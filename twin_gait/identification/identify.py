@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.identification import diagnostics, statistics
+from twin_gait.identification import statistics
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.laws import MODELS
 from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
-from twin_gait.identification.processing import BenchSetup, ProcessingOptions, process_log
+from twin_gait.identification.processing import BenchSetup, ProcessingOptions, balance_warnings, process_log
 from twin_gait.identification.reading import LogColumns, read_log
 from twin_gait.identification.statistics import CrossValidation, Goodness, Uncertainty
 
@@ -169,18 +169,26 @@ def identify_tests(
     _check_number(samples, models, tests)
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done = len(models) * (1 + len(folds)), itertools.count(1)
-    fits: dict[str, Fit] = {}
+    fits, found = dict[str, Fit](), list[IdentifiedModel]()
     for model in models:
         starts = inherited_starts(model.name, {name: fit.x for name, fit in fits.items()})
         fits[model.name] = fit_model(model, samples, options.fit, seeds=starts)
         progress(next(done), total)
-    found = []
     for fit in fits.values():
         validations = []
         for by, labels in folds.items():
             validations.append(statistics.cross_validate(fit, samples, by, labels))
             progress(next(done), total)
-        found.append(_assess(fit, samples, validations, options.fit.seed))
+        values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, options.fit.seed)
+        item = IdentifiedModel(
+            fit=fit,
+            goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
+            uncertainty=known,
+            validations=tuple(validations),
+            residuals=values,
+            warnings=tuple(statistics.fit_warnings(fit, known, samples)),
+        )
+        found.append(item)
     return Identification(
         tests=tuple(tests),
         samples=samples,
@@ -189,10 +197,9 @@ def identify_tests(
         options=options,
         warnings=(
             *flipped,
-            *diagnostics.balance_warnings(tests, options.bench, options.processing),
-            *diagnostics.processing_warnings(options.processing),
-            *diagnostics.file_warnings(tests, options.bench, samples, len(joined)),
-            *diagnostics.sample_warnings(samples),
+            *balance_warnings(tests, options.bench, options.processing),
+            *_file_warnings(tests, options.bench, samples, len(joined)),
+            *_sample_warnings(samples),
         ),
     )
 
@@ -241,13 +248,37 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequ
         raise ParameterError(f"logs: {text}; expected at least {needed} at several speeds")
 
 
-def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
-    values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
-    return IdentifiedModel(
-        fit=fit,
-        goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
-        uncertainty=known,
-        validations=tuple(validations),
-        residuals=values,
-        warnings=tuple(diagnostics.fit_warnings(fit, known, samples)),
-    )
+_ONE_WAY = 0.05  # share of the samples in the rarer direction
+_FAST, _SLOW = 1.0, 0.1  # [rad] / [s]: a gait needs the knee up to 3.6; table 3.1 changes below 0.2
+_FEW = 0.02  # share of the samples that counts as none
+
+
+def _sample_warnings(samples: Samples) -> list[str]:
+    """What the samples cannot tell, whatever the model."""
+    speed = np.abs(samples.velocity[samples.used])
+    doubts = (
+        (samples.rarer_direction, _ONE_WAY, "one direction only: {:.1f} % of the samples move the other way; "
+         "an offset of current or load cannot be told from Coulomb friction"),
+        ((speed < _SLOW).mean(), _FEW, f"no slow samples: {{:.1f}} % below {_SLOW:g} rad/s; break-away and "
+         "Stribeck friction are extrapolated"),
+        ((speed > _FAST).mean(), _FEW, f"no fast samples: {{:.1f}} % above {_FAST:g} rad/s; viscous friction "
+         f"beyond {speed.max():.3g} rad/s is extrapolated"),
+    )  # fmt: skip
+    return [text.format(100.0 * share) for share, least, text in doubts if share < least]
+
+
+def _file_warnings(
+    tests: Sequence[FrictionTest], bench: BenchSetup | None, samples: Samples, number: int
+) -> list[str]:
+    """What to know about the files, and their ``number`` of samples."""
+    found, kept = [], len(samples)
+    for note in dict.fromkeys(note for test in tests for note in test.notes):
+        names = [test.name for test in tests if note in test.notes]
+        found.append(f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {note}")
+    mass = None if bench is None else bench.mass
+    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, mass)]
+    if mass is not None and others:
+        found.append(f"--mass {mass:g} is overruled by what {others[0]} says, of {len(others)} such files")
+    if kept < number:
+        found.append(f"of {number} samples every {-(-number // kept)}th was used, {kept} in all")
+    return found

@@ -102,12 +102,8 @@ def thinned_path(samples: Samples, limit: int) -> Samples:
     """Fewer samples for a model with a state, which needs the path between them."""
     path = thinned(samples, PATH_FACTOR * limit)
     counted = np.flatnonzero(path.used)
-    step = -(-len(counted) // limit)
-    if step <= 1:
-        return path
-    used = np.zeros(len(path), dtype=bool)
-    used[counted[::step]] = True
-    return replace(path, used=used)
+    chosen = counted[:: max(-(-len(counted) // limit), 1)]
+    return replace(path, used=np.isin(np.arange(len(path)), chosen))
 
 
 def thinned(samples: Samples, limit: int) -> Samples:
@@ -141,11 +137,6 @@ def _fresh(test: FrictionTest) -> np.ndarray:
 _DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shape parameter
 
 
-def unscaled(samples: Samples) -> float:
-    """A bound is what it says."""
-    return 1.0
-
-
 @dataclass(frozen=True)
 class Shape:
     """A parameter that enters non-linearly."""
@@ -153,7 +144,7 @@ class Shape:
     name: str  # of the parameter that is reported in its place, with its unit
     low: float  # lower bound, a multiple of the scale
     high: float  # upper bound
-    scale: Callable[[Samples], float] = unscaled  # what the bounds are multiples of
+    scale: Callable[[Samples], float] = lambda samples: 1.0  # what the bounds are multiples of
     physical_low: float | None = None  # lower bound of a physical friction; ``low`` if None
     by_factor: bool = True  # whether what is reported is uncertain by a factor: an interval of its logarithm
 

@@ -1,17 +1,18 @@
 """From a log of the joint test bench to samples of speed and friction torque (thesis 2.2.1, 2.3 and 3.1)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import pandas as pd
 
-from twin_gait.exceptions import ParameterFileError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.identification import signals
-from twin_gait.identification.models import FrictionTest
-from twin_gait.identification.plausibility import FEWEST, clean
-from twin_gait.identification.reading import Log, Quantity
+from twin_gait.identification.models import FrictionTest, join_tests
+from twin_gait.identification.reading import FEWEST, Log, Quantity, clean
 from twin_gait.identification.signals import decimate, moving_average, zero_phase
 from twin_gait.parameters import ActuatorParameters, quantities
 from twin_gait.worlds import HORIZONTAL, LoadAngle
@@ -281,3 +282,53 @@ def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndar
     velocity = np.gradient(zero_phase(angle, cutoff, rate), 1.0 / rate)
     acceleration = np.abs(np.gradient(velocity, 1.0 / rate))
     return np.asarray(np.maximum.reduceat(acceleration, np.arange(0, len(angle), step)))
+
+
+_SPEEDS = 100  # classes of speed, as many samples in each
+_TELLING = 0.5  # [N m] of load, RMS, that the speed does not predict; less says nothing about the load
+# Load-dependent friction of a one-way fall, or an inertia that is a little wrong, do less.
+_GAIN, _TILT = 0.15, 8.0  # of the load's size, and of its angle in [deg]
+
+
+def balance_warnings(
+    tests: Sequence[FrictionTest], bench: BenchSetup | None, options: ProcessingOptions
+) -> list[str]:
+    r"""Whether the motor bears the weight that the bench says; a ParameterError if it bears it upside down.
+
+    Friction of any law goes with the speed. With a load that is truly g times as large, at angles that are δ
+    smaller, the balance of torques is
+    :math:`f(\omega) + (1 - g \cos\delta)\,F\ell\cos\varphi - g \sin\delta\,F\ell\sin\varphi` at the angle φ
+    from the horizontal; its parts are told within classes of equal speed. The thesis's late velocity would
+    look like such an angle, and is warned of itself.
+    """
+    if options.processing is Processing.THESIS:
+        late = 0.5 * (WINDOW - 1) / RATE
+        text = f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load"
+        return [f"{text}: the parameters are biased (--processing zero_phase)"]
+    tests = [test for test in tests if test.from_bench]
+    if bench is None or not tests:
+        return []
+    rows = join_tests(tests)
+    mass = np.array([test.mass for test in tests], dtype=float)[rows.test]
+    load, across = (bench.load_torque(np.asarray(rows.angle) - turn, mass) for turn in (0.0, np.pi / 2))
+    columns = {"speed": rows.velocity, "load": load, "across": across, "torque": rows.torque}
+    table = pd.DataFrame(columns)[rows.used]
+    classes = pd.qcut(table.pop("speed"), _SPEEDS, labels=False, duplicates="drop")
+    rest = (table - table.groupby(classes).transform("mean")).to_numpy()
+    share, _, _, sizes = np.linalg.lstsq(rest[:, :2], rest[:, 2])
+    if sizes[-1] < _TELLING * np.sqrt(len(rest)):
+        return []
+    true = complex(1.0 - share[0], -share[1])
+    if true.real < 0.0:
+        raise ParameterError(
+            "logs: by the current the weight pulls upwards; turn current and angle to be positive along the "
+            "fall: --columns measured_current=-NAME,angle=-NAME"
+        )
+    gain, tilt = float(abs(true)), float(np.angle(true, deg=True))
+    if abs(gain - 1.0) < _GAIN and abs(tilt) < _TILT:
+        return []
+    return [
+        f"by the current the weight's torque is {gain:.2f} times what mass and lever say, and the angle "
+        f"{tilt:+.0f}° too large (expected 1 and 0): check --joint, --mass, --lever-m, --link-inertia-kgm2, "
+        "the unit of the current, and --start-angle-deg for logs that do not begin with the link horizontal"
+    ]

@@ -242,3 +242,33 @@ def _standard_errors(
     derivative = change / (2.0 * moves.sum(axis=1))
     variance = np.einsum("ij,jk,ik->i", derivative, covariance, derivative)
     return {name: math.sqrt(max(float(item), 0.0)) for name, item in zip(names, variance, strict=True)}
+
+
+_WIDE = 0.25  # half-width of an interval over the parameter
+_CORRELATED = 0.98
+
+
+def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
+    """What is doubtful about a fit."""
+    names, correlations, found = fit.model.names, uncertainty.correlations, []
+    for name, value in fit.model.parameters(fit.x).items():
+        low, high = uncertainty.intervals[name]
+        half = 0.5 * (high - low)
+        if not np.isfinite(half):
+            found.append(f"{name} is not determined by these samples")
+        elif half > _WIDE * abs(value):
+            found.append(f"{name} is uncertain: {value:.3g}, and half of the interval {half:.2g}")
+    found += [
+        f"{names[i]} and {names[j]} are correlated ({correlations[i, j]:+.3f}): only a combination is known"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlations[i, j]) > _CORRELATED
+    ]
+    found += [f"{names[place]} lies on its bound; its interval is no estimate" for place in fit.at_bound]
+    if not fit.model.needs:  # friction must take power from the joint
+        power = fit.model.predict(fit.x, samples) * samples.velocity
+        driven = 100.0 * float((power[samples.used] < -1e-9).mean())
+        if driven >= 0.1:
+            text = f"the law drives the joint in {driven:.1f} % of the samples; --physical forbids that"
+            found.append(text)
+    return found

@@ -1,7 +1,9 @@
-"""A recorded walk at the ticks of the controller, and how it is read from the columns of a log file."""
+"""A recorded walk at the ticks of the controller: from the columns of a log file, or from the literature."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,8 +17,9 @@ from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import LONGEST_RUN
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import require
-from twin_gait.runs.log_files import LogTable, read_table
+from twin_gait.measures import reference
+from twin_gait.parameters import Patient, require
+from twin_gait.runs.log_files import LogTable, number_of, read_table
 from twin_gait.vocabulary import JointName, Side
 
 # A log whose instants are those of the ticks to this precision is taken as it is.
@@ -219,3 +222,37 @@ def _unit_of(column: str, table: LogTable, log_format: LogFormat, convention: Co
         text = "does not say its unit: add --units deg or --units rad"
         raise ParameterFileError(table.source, column, text)
     return unit
+
+
+STRIDES = 8
+KOOPMAN, WINTER = "koopman", "winter"
+
+
+def is_normative(name: str) -> bool:
+    """Whether a name asks for a walk from the literature."""
+    return name == WINTER or name.startswith(f"{KOOPMAN}@")
+
+
+def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
+    """A walk of curves from the literature; the left leg begins at heel contact, the right one mid-stride.
+
+    ``name``: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
+    ``winter`` for the means of Winter (1991) at natural cadence; ``strides``: how many. Raises ParameterError
+    if there is no such walk, or the regression does not reach the speed.
+    """
+    curve: Callable[[JointName, np.ndarray], np.ndarray] = reference.normative_angle
+    joints: tuple[JointName, ...] = reference.WINTER_JOINTS
+    cycle_time = reference.WINTER_CYCLE_TIME
+    if name != WINTER:
+        kind, _, text = name.partition("@")
+        speed, height = number_of(text) / reference.KILOMETRES_PER_HOUR, Patient().height
+        expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
+        require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
+        curve = partial(reference.reference_curve, speed=speed, height=height)
+        joints, cycle_time = tuple(JointName), reference.reference_cycle_time(speed, height)
+    time = np.arange(round(strides * cycle_time / TICK)) * TICK
+    angles = {}
+    for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
+        percent = reference.CYCLE * np.mod(time / cycle_time + lead, 1.0)
+        angles[side] = {str(joint): curve(joint, percent) for joint in joints}
+    return Recording(name, 0.0, angles, {}, {})
