@@ -155,19 +155,13 @@ def export_can(frames: Iterable[BusFrame], path: str | Path, kind: str) -> int:
         import can
     except ImportError as error:
         raise MissingOptionalDependency("python-can", "can", "files of CAN frames") from error
-    count = 0
+    count, usual = 0, dict[str, Any](is_extended_id=False, channel=CHANNEL)
     with TemporaryDirectory() as folder:
         written = Path(folder) / "frames"
         with can.CanutilsLogWriter(written) if kind == CANDUMP else can.ASCWriter(written) as writer:
             for frame in frames:
                 count += 1
-                message = can.Message(
-                    timestamp=frame.time,
-                    arbitration_id=frame.identifier,
-                    data=frame.data,
-                    is_extended_id=False,
-                    channel=CHANNEL,
-                )
+                message = can.Message(frame.time, frame.identifier, data=frame.data, **usual)
                 writer.on_message_received(message)
         write_atomically(path, written.read_bytes())
     return count

@@ -17,13 +17,14 @@ the guides of both in one sum, so that what OpenSim finds as ``pelvis_tx_force``
 then what the guide does.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from twin_gait.conventions import DEGREES, Convention
 from twin_gait.core.contact import LEAST_FORCE, Point
@@ -31,18 +32,23 @@ from twin_gait.core.friction import rotational_torque
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
-from twin_gait.export.osim_model import PELVIS, PELVIS_COORDINATES, body_name, osim_text, render, to_opensim
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.pinocchio import GroundContacts
+from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.bodies import BodyArrays, export_bodies
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.run import Run
+from twin_gait.templates import templates_in
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import World
 
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
 SETUP_FILE = "inverse_dynamics.xml"
+PELVIS = "pelvis"
+PELVIS_COORDINATES = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
+_BODIES = {JointName.HIP: "thigh", JointName.KNEE: "shank", JointName.ANKLE: "foot"}
 
 
 class ExternalLoad(NamedTuple):
@@ -81,12 +87,12 @@ def export_inverse_dynamics(
         MOTION_FILE: {**joint_angles(run.log, convention, DEGREES, device=device), **pelvis},
         MOMENTS_FILE: _joint_moments(run, world, convention, device),
     }
-    texts = {MODEL_FILE: osim_text(bodies, name, convention, run.experiment.plant.gravity)}
+    texts = {MODEL_FILE: _osim_text(bodies, name, convention, run.experiment.plant.gravity)}
     loads = _external_loads(run, world, pelvis, device) if pelvis else []
     if loads:
         tables[FORCES_FILE] = _load_columns(loads)
-        texts[LOADS_FILE] = render(LOADS_FILE, loads=loads)
-    texts[SETUP_FILE] = render(SETUP_FILE, time=time, loads=loads)
+        texts[LOADS_FILE] = _render(LOADS_FILE, loads=loads)
+    texts[SETUP_FILE] = _render(SETUP_FILE, time=time, loads=loads)
     for file, columns in tables.items():
         in_degrees = file == MOTION_FILE
         write_storage(Path(folder) / file, {"time": time, **columns}, in_degrees=in_degrees)
@@ -99,7 +105,7 @@ def _external_loads(
     run: Run, world: World, pelvis: Mapping[str, np.ndarray], device: bool
 ) -> list[ExternalLoad]:
     """What ground, support and guide do on the bodies that are written."""
-    turn = to_opensim(world.model.up_axis)
+    turn = _to_opensim(world.model.up_axis)
     loads = [_pelvis_load(run, world, pelvis, device)]
     if run.experiment.scenario.walking is not None and not (device and world.braces is not None):
         belt = turn @ _belt_axes(world)
@@ -108,7 +114,7 @@ def _external_loads(
             point = _centres_of_pressure(force, moment)
             free = moment - np.cross(point, force)
             parts = (item @ belt.T for item in (force, point, free))
-            loads.append(ExternalLoad(f"ground_{str(side)[0]}", body_name(side, JointName.ANKLE), *parts))
+            loads.append(ExternalLoad(f"ground_{str(side)[0]}", _body_name(side, JointName.ANKLE), *parts))
     return loads
 
 
@@ -166,7 +172,7 @@ def _pelvis_load(run: Run, world: World, pelvis: Mapping[str, np.ndarray], devic
         pushing = log.get("pelvis_forward_brace_force_N")
         along = zero if pushing is None else -pushing if device else along + pushing
     _, forward, height = pelvis.values()
-    turn = to_opensim(world.model.up_axis)
+    turn = _to_opensim(world.model.up_axis)
     rows = ((along, zero, up), (forward, zero, height), (zero, moment, zero))
     return ExternalLoad("harness", PELVIS, *(np.column_stack(parts) @ turn.T for parts in rows))
 
@@ -221,4 +227,76 @@ def _load_columns(loads: list[ExternalLoad]) -> dict[str, np.ndarray]:
         for load in loads
         for kind, values in (("v", load.force), ("p", load.point), ("torque_", load.torque))
         for column, axis in enumerate("xyz")
+    }
+
+
+def _body_name(side: Side, joint: JointName) -> str:
+    """Name of the body that a joint carries, such as ``shank_r``."""
+    return f"{_BODIES[joint]}_{str(side)[0]}"
+
+
+def _to_opensim(up_axis: str) -> np.ndarray:
+    """Rotation from the axes of a URDF to those of OpenSim."""
+    return np.eye(3) if up_axis == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def _render(template: str, **content: Any) -> str:
+    """Fill one of ``templates``: OpenSim's files, which have the version that every OpenSim 4 reads."""
+    environment = templates_in(Path(__file__).with_name("templates"), autoescape=True)
+    environment.filters["numbers"] = _numbers
+    return environment.get_template(template).render(content) + "\n"
+
+
+def _numbers(values: Sequence[float] | np.ndarray) -> str:
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def _osim_text(model: LegModel, name: str, convention: Convention, gravity: float) -> str:
+    """Write the bodies as a planar model: joints turn about the lateral axis, the pelvis moves in its plane.
+
+    Rotors are not bodies: their inertia at the joints is left out. A pelvis that is fixed in the world is the
+    ground. Gravity is in [m] / [s²].
+    """
+    bodies = export_bodies(model.model)
+    names = [PELVIS] * len(bodies)
+    coordinates: list[tuple[tuple[str, ...], float]] = [(PELVIS_COORDINATES, 1.0)] * len(bodies)
+    for side, leg in model.legs.items():
+        for joint, _ in leg.items():
+            index = model.index(side, joint)
+            names[index] = _body_name(side, joint)
+            coordinates[index] = (convention.columns[side, joint],), convention.signs.get(joint, 1.0)
+    turn, written = _to_opensim(model.up_axis), []
+    for index, body in enumerate(bodies):
+        if index != model.forward_index:  # the planar joint of the pelvis has both of its guides
+            grounded = body.parent < 0 or body.parent == model.forward_index
+            parent = "/ground" if grounded else f"/bodyset/{names[body.parent]}"
+            written.append(_body(body, names[index], parent, turn, *coordinates[index]))
+    return _render("model.osim", name=name, gravity=gravity, bodies=written)
+
+
+def _body(
+    body: BodyArrays, name: str, parent: str, turn: np.ndarray, coordinates: tuple[str, ...], sign: float
+) -> dict[str, Any]:
+    """A body and its joint, which turns about the z axis of the frames that it has on both bodies."""
+    centre = turn @ np.array(body.first_moment) / body.mass
+    about_origin = turn @ np.array(body.inertia) @ turn.T
+    inertia = about_origin - body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    axis = np.array([0.0, 0.0, 1.0]) if body.prismatic else sign * turn @ np.array(body.axis)
+    along = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0]
+    placed = Rotation.from_matrix(turn @ np.array(body.rotation) @ turn.T)
+    frames = (
+        ("parent_offset", parent, turn @ np.array(body.position), placed * along),
+        ("child_offset", f"/bodyset/{name}", np.zeros(3), along),
+    )
+    return {
+        "name": name,
+        "mass": repr(body.mass),
+        "centre": centre,
+        "inertia": inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+        "joint": "PlanarJoint" if body.prismatic else "PinJoint",
+        "coordinates": coordinates,
+        "frames": [
+            {"name": frame, "parent": path, "place": place, "angles": rotation.as_euler("XYZ")}
+            for frame, path, place, rotation in frames
+        ],
     }

@@ -23,7 +23,6 @@ from .reading import Log as Log
 from .reading import LogColumns as LogColumns
 from .reading import Quantity as Quantity
 from .reading import read_log as read_log
-from .signals import decimate as decimate
 from .signals import moving_average as moving_average
 from .signals import zero_phase as zero_phase
 from .statistics import CrossValidation as CrossValidation

@@ -138,8 +138,6 @@ def identify_logs(
     Raises ParameterFileError if a file cannot be used. Raises ParameterError if an option is wrong or too
     little is left to fit.
     """
-    if not paths:
-        raise ParameterError("logs: expected at least one file")
     find_models(options.models)
     tests: list[FrictionTest] = []
     for number, path in enumerate(paths):
@@ -158,8 +156,7 @@ def identify_tests(
     if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
         # The filter spreads an outlier, such as a touch of the stop, over samples.
         options = replace(options, fit=replace(options.fit, loss=Loss.HUBER))
-    joined = join_tests(tests)
-    samples = thinned(joined, MOST_SAMPLES)
+    samples = thinned(join_tests(tests), MOST_SAMPLES)
     asked = find_models(options.models)
     lacking = {model.name: missing for model in asked if (missing := _lacking(model, samples))}
     models = [model for model in asked if model.name not in lacking]
@@ -186,7 +183,7 @@ def identify_tests(
             uncertainty=known,
             validations=tuple(validations),
             residuals=values,
-            warnings=tuple(statistics.fit_warnings(fit, known, samples)),
+            warnings=tuple(statistics.fit_warnings(fit, known)),
         )
         found.append(item)
     return Identification(
@@ -198,7 +195,7 @@ def identify_tests(
         warnings=(
             *flipped,
             *balance_warnings(tests, options.bench, options.processing),
-            *_file_warnings(tests, options.bench, samples, len(joined)),
+            *_file_warnings(tests, options.bench),
             *_sample_warnings(samples),
         ),
     )
@@ -229,10 +226,8 @@ def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
             "logs: the balance of torques drives the joint: current or angle has the wrong sign; turn it "
             "with --columns measured_current=-NAME or angle=-NAME"
         )
-    turned = [replace(test, torque=-test.torque) for test in tests]
-    return turned, [
-        "the friction torque opposes the velocity in these files; it was turned to have the velocity's sign"
-    ]
+    text = "the friction torque opposes the velocity in these files; it was turned to have its sign"
+    return [replace(test, torque=-test.torque) for test in tests], [text]
 
 
 def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequence[FrictionTest]) -> None:
@@ -267,11 +262,9 @@ def _sample_warnings(samples: Samples) -> list[str]:
     return [text.format(100.0 * share) for share, least, text in doubts if share < least]
 
 
-def _file_warnings(
-    tests: Sequence[FrictionTest], bench: BenchSetup | None, samples: Samples, number: int
-) -> list[str]:
-    """What to know about the files, and their ``number`` of samples."""
-    found, kept = [], len(samples)
+def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
+    """What to know about the files."""
+    found = []
     for note in dict.fromkeys(note for test in tests for note in test.notes):
         names = [test.name for test in tests if note in test.notes]
         found.append(f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {note}")
@@ -279,6 +272,4 @@ def _file_warnings(
     others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, mass)]
     if mass is not None and others:
         found.append(f"--mass {mass:g} is overruled by what {others[0]} says, of {len(others)} such files")
-    if kept < number:
-        found.append(f"of {number} samples every {-(-number // kept)}th was used, {kept} in all")
     return found

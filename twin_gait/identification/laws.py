@@ -29,11 +29,6 @@ def usual_speed(samples: Samples) -> float:
     return max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
 
 
-def slowness(samples: Samples) -> float:
-    """The inverse of the usual speed, in [s] / [rad]."""
-    return 1.0 / usual_speed(samples)
-
-
 def fineness(samples: Samples) -> float:
     """The inverse of the way from one sample to the next, in [1] / [rad]: a scale of stiffness."""
     moved = np.abs(samples.velocity * (0.0 if samples.period is None else samples.period))
@@ -58,7 +53,7 @@ _TRANSITION = Shape("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
 _STRIBECK = Shape("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
 _BREAKAWAY_VELOCITY = replace(_STRIBECK, name="breakaway_velocity_rad_per_s")
 _EXPONENTS = Shape("stribeck_exponent", 0.4, 10.0), Shape("viscous_exponent", 0.1, 3.0)
-_STEEPNESS = Shape("steepness_s_per_rad", 1.0, 1e4, slowness)
+_STEEPNESS = Shape("steepness_s_per_rad", 1.0, 1e4, lambda samples: 1.0 / usual_speed(samples))
 _RIPPLE = Shape("ripple_per_turn", 1.0, 60.0, spans_in_a_turn)
 # σ0/T_c, the inverse of the deflection at which the bristles slide, and T_b/T_c.
 _BRISTLES = Shape("bristle_stiffness_Nm_per_rad", 1e-5, 1e5, fineness)

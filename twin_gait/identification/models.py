@@ -149,11 +149,6 @@ class Shape:
     by_factor: bool = True  # whether what is reported is uncertain by a factor: an interval of its logarithm
 
 
-def as_fitted(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Reported as they are fitted."""
-    return (*beta, *eta)
-
-
 @dataclass(frozen=True)
 class FrictionModel:
     """A friction model."""
@@ -165,7 +160,7 @@ class FrictionModel:
     # law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``
     torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
     # coefficients and shape -> reported parameters; works on columns of many at once
-    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = as_fitted
+    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = lambda beta, eta: (*beta, *eta)
     needs: tuple[str, ...] = ()  # columns of the samples, beyond speed and torque
     dynamic: bool = False  # whether it has a state
     two_way: bool = False  # whether it tells the directions apart, which samples of one direction cannot

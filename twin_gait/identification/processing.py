@@ -13,7 +13,7 @@ from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.identification import signals
 from twin_gait.identification.models import FrictionTest, join_tests
 from twin_gait.identification.reading import FEWEST, Log, Quantity, clean
-from twin_gait.identification.signals import decimate, moving_average, zero_phase
+from twin_gait.identification.signals import moving_average, zero_phase
 from twin_gait.parameters import ActuatorParameters, quantities
 from twin_gait.worlds import HORIZONTAL, LoadAngle
 
@@ -60,10 +60,6 @@ class BenchSetup(quantities.Parameters):
         """J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
         weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
         return self.actuator.armature + self.link_inertia + weight
-
-    def motor_torque(self, current: np.ndarray) -> np.ndarray:
-        """K_t τ I in [N m] of a motor current in [A]."""
-        return np.asarray(current * self.actuator.torque_constant * self.actuator.gear_ratio)
 
 
 class Processing(StrEnum):
@@ -121,10 +117,9 @@ def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) 
         slowest = options.standstill_velocity
     column = log.columns.get(Quantity.MASS)
     log = replace(log, mass=log.mass if column is None else float(np.median(column)))
-    if series:
+    if bench is None or series:
         test = _series(log, options, slowest)
     else:
-        assert bench is not None  # else it is a series
         test = _balance(log, bench, options, slowest)
     return replace(test, counts={**counts, **test.counts, "used": int(test.used.sum())}, notes=notes)
 
@@ -168,19 +163,19 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: f
         return zero_phase(values, cutoff, rate) if filtered else values
 
     raw = bench.joint_angle(columns[Quantity.ANGLE])
-    angle, load = smooth(raw), decimate(smooth(bench.load_torque(raw, mass)), step)
+    angle, load = smooth(raw), smooth(bench.load_torque(raw, mass))[::step]
     currents = (Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT)[:: 1 if thesis else -1]
     current = next(filter(columns.__contains__, currents), currents[0])
     _needed(log, current)
-    motor_torque = decimate(smooth(bench.motor_torque(columns[current])), step)
+    motor_torque = columns[current] * bench.actuator.torque_constant * bench.actuator.gear_ratio  # K_t τ I
     if thesis:
         speed = columns.get(Quantity.VELOCITY, np.gradient(raw, 1.0 / rate))
-        motion = _late_motion(decimate(speed, step), decimate(recorded, step), rate / step)
+        motion = _late_motion(speed[::step], recorded[::step], rate / step)
     else:
-        motion = tuple(decimate(item, step) for item in _motion(angle, recorded, rate, guard))
+        motion = tuple(item[::step] for item in _motion(angle, recorded, rate, guard))
     velocity, acceleration, settled = motion
-    angle, inertial = decimate(angle, step), bench.inertia(mass) * acceleration
-    torque = motor_torque + load - inertial
+    angle, inertial = angle[::step], bench.inertia(mass) * acceleration
+    torque = smooth(motor_torque)[::step] + load - inertial
     stopped = signals.hard_stop(angle, _impact(raw, cutoff, rate, step), int(RATE / cutoff))
     kept = settled & ~stopped
     if kept.any():
@@ -198,10 +193,10 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: f
         velocity=velocity,
         torque=torque,
         used=settled & ~stopped & ~standing & ~turning,
-        time=decimate(time, step),
+        time=time[::step],
         angle=angle,
         load=load,
-        temperature=None if temperature is None else decimate(smooth(temperature), step),
+        temperature=None if temperature is None else smooth(temperature)[::step],
         mass=mass,
         counts={
             "after_decimation": len(torque),

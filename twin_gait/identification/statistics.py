@@ -248,7 +248,7 @@ _WIDE = 0.25  # half-width of an interval over the parameter
 _CORRELATED = 0.98
 
 
-def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
+def fit_warnings(fit: Fit, uncertainty: Uncertainty) -> list[str]:
     """What is doubtful about a fit."""
     names, correlations, found = fit.model.names, uncertainty.correlations, []
     for name, value in fit.model.parameters(fit.x).items():
@@ -265,10 +265,4 @@ def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[s
         if abs(correlations[i, j]) > _CORRELATED
     ]
     found += [f"{names[place]} lies on its bound; its interval is no estimate" for place in fit.at_bound]
-    if not fit.model.needs:  # friction must take power from the joint
-        power = fit.model.predict(fit.x, samples) * samples.velocity
-        driven = 100.0 * float((power[samples.used] < -1e-9).mean())
-        if driven >= 0.1:
-            text = f"the law drives the joint in {driven:.1f} % of the samples; --physical forbids that"
-            found.append(text)
     return found

@@ -28,10 +28,7 @@ from twin_gait.worlds import BENCH_FRICTION
 
 DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
-SAMPLES_FILE = "samples.csv"
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
-REPORT_FILE = "report.html"
-SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _LISTED_SAMPLES = 100_000
 # Models that a simulation takes, with the law whose keys are their parameters.
@@ -57,15 +54,14 @@ def write_identification(
     pictures: bool = True,
 ) -> dict[str, Any]:
     """Write everything into a folder that appears when all is written."""
-    laws = {} if joint is None else _parameter_laws(result)
+    files = {} if joint is None else _parameter_files(result, joint)
     document: dict[str, Any] = plain(_identification_document(result, joint))
-    document["parameter_files"] = {file: model for file, (model, _) in laws.items()}
+    document["parameter_files"] = {file: model for file, (model, _) in files.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         write_json(staging / DOCUMENT_FILE, document)
-        write_atomically(staging / SAMPLES_FILE, _samples_csv(result))
-        for file, (model, law) in laws.items():
-            assert joint is not None  # without one there are no laws
-            write_atomically(staging / file, _parameter_file(file, law, model, joint))
+        write_atomically(staging / "samples.csv", _samples_csv(result))
+        for file, (_, text) in files.items():
+            write_atomically(staging / file, text)
         if pictures:
             _draw(result, staging, joint)
     return document
@@ -81,7 +77,7 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
         for item in result.models
     ]  # fmt: skip
     title = "Friction" if joint is None else f"Friction of the {joint}"
-    write_figures_page(folder / REPORT_FILE, figures, title, "models best first", [heads, *rows])
+    write_figures_page(folder / "report.html", figures, title, "models best first", [heads, *rows])
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
@@ -93,7 +89,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
     processing = replace(options.processing, processing=options.processing.processing or usual)
     bench = options.bench if balance else None
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "joint": joint,
         "models": [_model(item) for item in result.models],
         "skipped": result.skipped,
@@ -109,14 +105,13 @@ def _identification_document(result: Identification, joint: JointName | None) ->
 
 
 def _model(item: IdentifiedModel) -> dict[str, Any]:
-    known = item.uncertainty
     return {
         "name": item.name,
         "formula": item.fit.model.formula,
         "parameters": item.fit.model.parameters(item.fit.x),
-        "intervals_95": known.intervals,
-        "intervals_by": {"drawn": known.by, "blocks": known.blocks},
-        "standard_errors_if_independent": known.standard_errors,
+        "intervals_95": item.uncertainty.intervals,
+        "intervals_by": {"drawn": item.uncertainty.by, "blocks": item.uncertainty.blocks},
+        "standard_errors_if_independent": item.uncertainty.standard_errors,
         **asdict(item.goodness),
         "cross_validation": [asdict(run) for run in item.validations],
         "loss": Loss.LINEAR if math.isinf(item.fit.threshold) else Loss.HUBER,
@@ -143,18 +138,19 @@ def _samples_csv(result: Identification) -> str:
     return shown.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 
-def _parameter_laws(result: Identification) -> dict[str, tuple[str, parameters.FrictionLaw]]:
-    """Model and law of each parameter file: the best that its reader knows and that takes no power back.
+def _parameter_files(result: Identification, joint: JointName) -> dict[str, tuple[str, str]]:
+    """Model and text of each parameter file: the best that its reader knows and that takes no power back.
 
     The plant takes static laws and bristles, the compensator the firmware's law alone.
     """
-    found: dict[str, tuple[str, parameters.FrictionLaw]] = {}
+    found: dict[str, tuple[str, str]] = {}
     for item in result.models:
         for file, entries in PARAMETER_FILES.items():
             if file not in found and item.name in entries:
                 values = item.fit.model.parameters(item.fit.x)
                 with contextlib.suppress(ValueError):  # pydantic's, of a law that would drive the joint
-                    found[file] = (item.name, section_of(entries[item.name])(**values).convert())
+                    law = section_of(entries[item.name])(**values).convert()
+                    found[file] = (item.name, _parameter_file(file, law, item.name, joint))
     return found
 
 

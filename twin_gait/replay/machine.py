@@ -166,8 +166,8 @@ def _assumed(recording: Recording, table: GaitTable, heard: Mapping[Side, Signal
             if name == OTHER_PHASE or not signals.is_device(name) or signals.signal_of(name).column:
                 raise GaitTableError(
                     f"{recording.source}: the table {table.name} reads {name} in {reader}, not known of the "
-                    f"{side} leg: name its column with --columns (of {signals.LOAD.name} add --total-mass KG; of "
-                    f"{signals.OTHER}… name those of both legs), or take another table"
+                    f"{side} leg: name its column with --columns (of {signals.LOAD.name} add --total-mass "
+                    f"KG; of {signals.OTHER}… name those of both legs), or take another table"
                 )
             assumed[name] = signals.signal_of(name).first / signals.signal_of(name).unit.factor
     return assumed
