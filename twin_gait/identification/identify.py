@@ -183,7 +183,7 @@ def identify_tests(
             uncertainty=known,
             validations=tuple(validations),
             residuals=values,
-            warnings=tuple(statistics.fit_warnings(fit, known)),
+            warnings=tuple(statistics.fit_warnings(fit, known, samples)),
         )
         found.append(item)
     return Identification(

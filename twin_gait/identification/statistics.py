@@ -248,7 +248,7 @@ _WIDE = 0.25  # half-width of an interval over the parameter
 _CORRELATED = 0.98
 
 
-def fit_warnings(fit: Fit, uncertainty: Uncertainty) -> list[str]:
+def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
     """What is doubtful about a fit."""
     names, correlations, found = fit.model.names, uncertainty.correlations, []
     for name, value in fit.model.parameters(fit.x).items():
@@ -265,4 +265,7 @@ def fit_warnings(fit: Fit, uncertainty: Uncertainty) -> list[str]:
         if abs(correlations[i, j]) > _CORRELATED
     ]
     found += [f"{names[place]} lies on its bound; its interval is no estimate" for place in fit.at_bound]
+    power = (fit.model.predict(fit.x, samples) * samples.velocity)[samples.used]
+    if not fit.model.needs and (power < -1e-9).mean() >= 1e-3:  # friction must take power from the joint
+        found.append("the law drives the joint in some of the samples; --physical forbids that")
     return found

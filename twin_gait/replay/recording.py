@@ -224,7 +224,6 @@ def _unit_of(column: str, table: LogTable, log_format: LogFormat, convention: Co
     return unit
 
 
-STRIDES = 8
 KOOPMAN, WINTER = "koopman", "winter"
 
 
@@ -233,7 +232,7 @@ def is_normative(name: str) -> bool:
     return name == WINTER or name.startswith(f"{KOOPMAN}@")
 
 
-def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
+def normative_walk(name: str, *, strides: int = 8) -> Recording:
     """A walk of curves from the literature; the left leg begins at heel contact, the right one mid-stride.
 
     ``name``: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or

@@ -22,7 +22,6 @@ from twin_gait.vocabulary import JointName, Side
 
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
-FIGURE = "figures/replay.png"
 SHOWN_TICKS = 6000
 WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
 
@@ -129,8 +128,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
         write_atomically(staging / SWITCHES_FILE, switches)
         write_json(staging / SUMMARY_FILE, summarise_replay(result))
         if pictures:
-            (staging / FIGURE).parent.mkdir()
-            canvas.save(replay_figure(result), staging / FIGURE)
+            canvas.write_pictures({"replay": replay_figure(result)}, staging / canvas.FIGURES_FOLDER)
 
 
 def joints_of(result: Replay) -> list[str]:
