@@ -176,16 +176,7 @@ def identify_tests(
         for by, labels in folds.items():
             validations.append(statistics.cross_validate(fit, samples, by, labels))
             progress(next(done), total)
-        values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, options.fit.seed)
-        item = IdentifiedModel(
-            fit=fit,
-            goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
-            uncertainty=known,
-            validations=tuple(validations),
-            residuals=values,
-            warnings=tuple(statistics.fit_warnings(fit, known, samples)),
-        )
-        found.append(item)
+        found.append(_assess(fit, samples, validations, options.fit.seed))
     return Identification(
         tests=tuple(tests),
         samples=samples,
@@ -198,6 +189,18 @@ def identify_tests(
             *_file_warnings(tests, options.bench),
             *_sample_warnings(samples),
         ),
+    )
+
+
+def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
+    values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
+    return IdentifiedModel(
+        fit=fit,
+        goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
+        uncertainty=known,
+        validations=tuple(validations),
+        residuals=values,
+        warnings=tuple(statistics.fit_warnings(fit, known, samples)),
     )
 
 
