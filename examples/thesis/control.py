@@ -36,7 +36,7 @@ from thesis.velocity import closed_delay
 
 from twin_gait.core import coulomb_viscous_tanh_torque
 from twin_gait.gait import TICK
-from twin_gait.identification import decimate, moving_average
+from twin_gait.identification import moving_average
 from twin_gait.simulation import BenchRun, simulate_bench
 from twin_gait.worlds import OldFrictionModel
 
@@ -136,7 +136,7 @@ def off_line_current(run: BenchRun, phase: int) -> np.ndarray:
     not say at which of its rows the firmware took its samples.
     """
     sensors = run.test.sensors
-    velocity = decimate(run.column("velocity_rad_per_s")[phase:], sensors.decimation)
+    velocity = run.column("velocity_rad_per_s")[phase :: sensors.decimation]
     gain = run.test.control.friction_compensation_gain
     torque = gain * model_torque(moving_average(velocity, sensors.window))
     held = np.repeat(torque, sensors.decimation)[: len(run.rows) - phase]

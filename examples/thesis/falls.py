@@ -12,7 +12,7 @@ import numpy as np
 from thesis.bench import KNEE, SEED
 from thesis.friction import DEVIATIONS, FACTOR, WINDOW, table_values
 
-from twin_gait.identification import BenchSetup, decimate, moving_average
+from twin_gait.identification import BenchSetup, moving_average
 from twin_gait.simulation import BenchRun, BenchVariation, simulate_bench
 from twin_gait.studies import Campaign, PlannedTest, planned_tests
 from twin_gait.worlds import (
@@ -50,7 +50,7 @@ class Fall:
     @property
     def speed(self) -> np.ndarray:
         """After the thesis's post-processing, at 100 Hz in [rad] / [s]."""
-        return moving_average(decimate(self.velocity, FACTOR), WINDOW)
+        return moving_average(self.velocity[::FACTOR], WINDOW)
 
     @property
     def mean_speed(self) -> float:

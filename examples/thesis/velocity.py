@@ -19,7 +19,7 @@ from thesis.bench import (
 from thesis.friction import DEVIATIONS, FACTOR, PERIOD, WINDOW
 
 from twin_gait.gait import TICK
-from twin_gait.identification import decimate, moving_average
+from twin_gait.identification import moving_average
 from twin_gait.simulation import BenchRun, simulate_bench
 from twin_gait.studies import Campaign, planned_tests
 
@@ -48,8 +48,8 @@ def filtered_fall(name: str = "knee_2kg_5.log", seed: int = SEED) -> FilteredFal
     run = simulate_bench(plan.test, seed=plan.noise_seed, variation=plan.variation)
     raw, angle = _before_stop(run), run.column("motor_angle_rad")
     true = np.diff(angle, prepend=angle[:1])[: len(raw)] / TICK
-    slow = decimate(raw, FACTOR)
-    return FilteredFall(raw, slow, _averaged(slow), decimate(true, FACTOR))
+    slow = raw[::FACTOR]
+    return FilteredFall(raw, slow, _averaged(slow), true[::FACTOR])
 
 
 def _before_stop(run: BenchRun) -> np.ndarray:
@@ -113,7 +113,7 @@ def closed_delay(window: int, decimation: int) -> float:
 
 def log_filter(velocity: np.ndarray, window: int, decimation: int) -> np.ndarray:
     """The post-processing of a log at 1 kHz (thesis 2.3.1), each sample held until the next one."""
-    slow = moving_average(decimate(velocity, decimation), window)
+    slow = moving_average(velocity[::decimation], window)
     return np.repeat(slow, decimation)[: len(velocity)]
 
 

@@ -129,7 +129,7 @@ def test_logs_of_the_bench_are_taken_as_a_folder(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "10 files" in printed and "with weight left out" in printed and "breakaway_torque_Nm" in printed
     document = json.loads((tmp_path / "out" / "identification.json").read_text())
-    assert document["method"]["processing"]["name"] == "zero_phase"
+    assert document["method"]["processing"]["processing"] == "zero_phase"
     assert [test["mass_kg"] for test in document["tests"]] == [1, 1, 1.5, 1.5, 2, 2, 2.5, 2.5, 3, 3]
 
 
@@ -261,7 +261,8 @@ def test_a_mass_that_the_files_overrule_is_said(tmp_path, capsys):
     logs = [tmp_path / f"knee_{number}.log" for number in range(2)]
     assert call(*logs, *given, "--out", tmp_path / "out") == DONE
     assert (
-        "warning: --mass 7 is overruled by what knee_0.log (1 kg) and 1 more says" in capsys.readouterr().out
+        "warning: --mass 7 is overruled by what knee_0.log (1 kg) says, of 2 such files"
+        in capsys.readouterr().out
     )
 
 

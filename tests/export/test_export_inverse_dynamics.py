@@ -300,7 +300,7 @@ def test_a_belt_that_a_trip_brings_to_rest_pulls_as_it_did(tmp_path):
 def test_a_leg_on_its_stand_has_no_loads(tmp_path):
     run = simulate(load_experiment("bench_leg", ["duration_s=1"]).experiment)
     names = export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392)
-    assert names == ["model.osim", "motion.mot", "joint_moments.sto", "inverse_dynamics.xml"]
+    assert names == ["model.osim", "inverse_dynamics.xml", "motion.mot", "joint_moments.sto"]
     assert sorted(names) == sorted(path.name for path in tmp_path.iterdir())
     folder = Folder(tmp_path, run)
     model, data = folder.model, folder.model.createData()

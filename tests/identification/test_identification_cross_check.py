@@ -22,7 +22,7 @@ from twin_gait.identification import (
     fit_model,
     join_tests,
 )
-from twin_gait.identification.friction_model import Shape
+from twin_gait.identification.models import Shape
 from twin_gait.identification.statistics import goodness, uncertainty
 
 LEAST_SQUARES = FitOptions(loss=Loss.LINEAR)
@@ -123,11 +123,9 @@ def as_model(law, limits, count: int = 1) -> FrictionModel:
     return FrictionModel(
         name="reference",
         formula="",
-        names=tuple(f"b{place}" for place in range(count + len(limits))),
-        coefficients="+" * count,
-        shape=tuple(Shape(low=low, high=high) for low, high in limits),
+        coefficients=tuple(f"b{place}" for place in range(count)),
+        shape=tuple(Shape(f"e{place}", *pair) for place, pair in enumerate(limits)),
         torque=lambda samples, b, e: quietly(law, samples.velocity, b, e),
-        public=lambda b, e: (*b, *e),
     )
 
 

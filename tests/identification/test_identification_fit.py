@@ -29,7 +29,7 @@ from twin_gait.identification import (
     join_tests,
 )
 from twin_gait.identification.fitting import Fit, bounds, refine, refit
-from twin_gait.identification.friction_model import Shape
+from twin_gait.identification.models import Shape
 from twin_gait.identification.statistics import goodness, uncertainty
 
 ROTATIONAL = (
@@ -115,11 +115,9 @@ def test_nist_reference_problems_come_out_to_six_digits(name):
     model = FrictionModel(
         name=name,
         formula="",
-        names=("b1", "b2"),
-        coefficients="+",
-        shape=(Shape(low=1e-6, high=1e2),),
+        coefficients=("b1",),
+        shape=(Shape("b2", 1e-6, 1e2),),
         torque=lambda samples, b, e: law(samples.velocity, b, e),
-        public=lambda b, e: (*b, *e),
     )
     number = len(x)
     samples = join_tests(
@@ -350,15 +348,6 @@ def test_wide_intervals_and_correlations_are_warned_about():
     assert any("correlated" in line for line in tied.models[0].warnings)
 
 
-def test_warming_up_is_noticed():
-    tests = [
-        replace(test, torque=test.torque * (1 - 0.15 * test.time / test.time[-1]))
-        for test in friction_tests(lambda w: 3 * np.tanh(40 * w) + 2 * w, 1)
-    ]
-    result = identify_tests(tests, IdentificationOptions(models=("coulomb_viscous_tanh",)))
-    assert any("drifts by -" in line for line in result.models[0].warnings)
-
-
 @pytest.mark.parametrize(
     ("truth", "law"),
     [("rotational", lambda w: rotational(w, HIP)), ("coulomb_viscous", lambda w: 3 * np.sign(w) + 2 * w)],
@@ -372,7 +361,7 @@ def test_the_model_that_made_the_data_comes_first(truth, law):
         ),
     )
     assert result.models[0].name == truth
-    assert result.models[0].validations[0].by == "file"
+    assert result.models[0].validations[0].left_out == "file"
     assert result.models[0].validations[0].rmse >= 0.95 * result.models[0].goodness.rmse
 
 

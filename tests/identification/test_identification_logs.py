@@ -32,7 +32,6 @@ from numpy.testing import assert_allclose
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.identification import (
     BenchSetup,
-    CurrentSource,
     IdentificationOptions,
     Log,
     LogColumns,
@@ -166,11 +165,12 @@ def test_stand_still_without_an_impact_is_counted_as_such():
     assert 170 <= test.counts["standstill"] <= 230
 
 
-def test_both_currents_can_be_chosen():
+def test_the_thesis_takes_the_target_current_and_zero_phase_the_measured_one_where_there_is_one():
     columns = quiet(swing(TIME, 0.6, 3.0, 0.4))
     columns["target_current_A"] = columns["target_current_A"] + 0.1
     measured = process_log(as_log(columns), BENCH, ProcessingOptions())
-    target = process_log(as_log(columns), BENCH, ProcessingOptions(current=CurrentSource.TARGET))
+    only = {name: values for name, values in columns.items() if "measured" not in name}
+    target = process_log(as_log(only), BENCH, ProcessingOptions())
     assert_allclose(target.torque - measured.torque, 0.1 * 7.05, rtol=1e-6)
     thesis = process_log(as_log(columns), BENCH, ProcessingOptions(processing=Processing.THESIS))
     assert np.median(thesis.torque[thesis.used]) > np.median(measured.torque[measured.used])
@@ -203,7 +203,7 @@ def test_a_campaign_of_files_gives_table_3_1_back(tmp_path):
     best = result.models[0]
     assert best.name == "rotational"
     assert {test.mass for test in result.tests} == {1.0, 1.5, 2.0, 2.5, 3.0}
-    assert [run.by for run in best.validations] == ["files", "weight"]
+    assert [run.left_out for run in best.validations] == ["files", "weight"]
     assert len(best.uncertainty.intervals) == 4
     for name, value in zip(ROTATIONAL, KNEE, strict=True):
         low, high = best.uncertainty.intervals[name]
@@ -298,6 +298,14 @@ def test_units_come_from_the_name_the_brackets_or_the_user(tmp_path):
         LogColumns(units={Quantity.VELOCITY: "furlong"})
 
 
+def test_a_column_that_is_asked_for_is_not_found_for_another_quantity(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,measured_current_A,target_current_A\n" + "\n".join(f"{i},1,2" for i in range(30)))
+    log = read_log(path, LogColumns(names={Quantity.MEASURED_CURRENT: "target_current_A"}))
+    assert set(log.columns) == {Quantity.TIME, Quantity.MEASURED_CURRENT}
+    assert (log.columns[Quantity.MEASURED_CURRENT] == 2.0).all()
+
+
 def test_a_file_without_names_has_numbered_columns_and_a_minus_turns_the_sign(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("\n".join(f"{math.sin(i)} {-3 * math.sin(i)}" for i in range(30)))
@@ -333,19 +341,19 @@ SWING = quiet(swing(TIME, 0.6, 3.0, 0.4))
         (changed(SWING, position_rad=np.degrees(SWING["position_rad"])), "angle: reaches"),
         (
             changed(SWING, velocity_rad_per_s=np.degrees(SWING["velocity_rad_per_s"])),
-            "57.3 times as far as the angle",
+            "angle: the velocity's integral moves 57.3 times as far",
         ),
-        (changed(SWING, velocity_rad_per_s=-SWING["velocity_rad_per_s"]), "-1 times as far as the angle"),
-        (changed(SWING, time_s=1000 * SWING["time_s"]), "times as far as the angle|samples per second"),
+        (changed(SWING, velocity_rad_per_s=-SWING["velocity_rad_per_s"]), "integral moves -1 times as far"),
+        (changed(SWING, time_s=1000 * SWING["time_s"]), "times as far: time|samples per second"),
         (
             changed(SWING, measured_current_A=1000 * SWING["measured_current_A"] + 300),
             r"reaches .* A: of a joint\? Declare its unit",
         ),
-        (changed(SWING, time_s=SWING["time_s"][::-1]), "goes back from 4.999 s to 4.998 s"),
+        (changed(SWING, time_s=SWING["time_s"][::-1]), "goes back 4999 times, from 4.999 s to 4.998 s first"),
         (changed(SWING, time_s=np.floor(SWING["time_s"] * 100) / 100), "the clock is too coarse"),
         (
             changed(SWING, position_rad=np.full(5000, 1.0), velocity_rad_per_s=np.zeros(5000)),
-            "the joint never moved",
+            "angle: is 1 in every row",
         ),
         ({name: values[:40] for name, values in SWING.items()}, "lasts 0.04 s"),
         ({name: values[:5] for name, values in SWING.items()}, "has 5 usable rows of 5"),
@@ -392,10 +400,10 @@ def test_rows_that_are_missing_here_and_there_cost_no_samples():
     assert np.abs(test.torque - whole.torque)[both].max() < 0.02
 
 
-def test_what_took_the_samples_is_told_with_a_way_out():
+def test_what_took_the_samples_is_told():
     noisy = dict(SWING, position_rad=SWING["position_rad"] + np.random.default_rng(0).normal(0.0, 2e-3, 5000))
     options = IdentificationOptions(bench=BENCH, models=("coulomb_viscous",))
-    told = r"0 samples are left of 500 \(495 by stop, 5 by edge\).*--cutoff-Hz 10"
+    told = r"0 samples are left of 500 \(495 by stop, 0 by standstill, 0 by reversal, 5 by edge\)"
     with pytest.raises(ParameterError, match=told):
         identify_tests([process_log(as_log(noisy), BENCH, ProcessingOptions())], options)
 

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.gait.table import Transition
-from twin_gait.identification.bench import BenchSetup, ProcessingOptions
+from twin_gait.identification.processing import BenchSetup, ProcessingOptions
 from twin_gait.parameters import (
     HARD_TORQUE_LIMIT,
     HIP_ACTUATOR,

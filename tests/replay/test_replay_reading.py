@@ -178,7 +178,7 @@ CSV_MISTAKES = {
     "header only": ("t,hip_l,kn_l,state\n", "at least two samples, got 0"),
     "one row": ("t,hip_l,kn_l,state\n0,1,2,a\n", "at least two samples, got 1"),
     "no such column": (CSV_TEXT.replace("kn_l", "knee"), "kn_l: no such column; there are t, hip_l, knee"),
-    "column twice": (CSV_TEXT.replace("kn_l", "hip_l"), "2 columns have this name"),
+    "column twice": ("t,hip_l,kn_l,state,hip_l\n0,1,2,a,1\n0.001,1,2,a,1\n", "2 columns have this name"),
     "a word": (CSV_TEXT.replace("11", "eleven"), "hip_l: expected a finite number in row 2, got 'eleven'"),
     "rows that are missing": (CSV_GAP, r"time: has no rows for 0.4 s from 0.05 s on \(row 6\); cut it there"),
     "a gap": (CSV_TEXT.replace("11,", ","), "hip_l: expected a finite number in row 2, got ''"),

@@ -17,8 +17,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.cli import friction as command
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
-from twin_gait.identification.bench import BenchSetup, ProcessingOptions
-from twin_gait.identification.processing import process_log
+from twin_gait.identification.processing import BenchSetup, ProcessingOptions, process_log
 from twin_gait.identification.reading import Quantity, read_log
 from twin_gait.parameters import KNEE_ACTUATOR
 from twin_gait.simulation.bench_joint import LOG_COLUMNS, simulate_bench

@@ -1,10 +1,10 @@
 """Frames that a walk puts on the CAN network, from the rows of its log, and files of them for other tools."""
 
-import io
 import struct
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,9 +52,9 @@ def run_frames(run: Run, messages: Mapping[str, Message]) -> Iterator[BusFrame]:
     """All frames of a run of legs, in the order of their times and identifiers."""
     trip = run.trip
     tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
-    columns = {name: run.log[name].to_numpy() for name in run.log.columns}
     for first in range(0, len(run.log), _CHUNK):
-        rows = {name: column[first : first + _CHUNK] for name, column in columns.items()}
+        part = run.log[first : first + _CHUNK]
+        rows = {name: part[name].to_numpy() for name in part.columns}
         yield from bus_frames(rows, messages, first=first, body_weight=run.body_weight, tripped=tripped)
 
 
@@ -80,15 +80,11 @@ def bus_frames(
         due = np.flatnonzero(ticks % period == 0)
         table = np.array([np.broadcast_to(values[name], ticks.shape)[due] for name in message.signals]).T
         for tick, row in zip(ticks[due].tolist(), table.tolist(), strict=True):
-            found.append(BusFrame(tick * TICK, message.identifier, encoded(message, row)))
+            halves = [0, 0]
+            pack_frame(message.layout, row, halves)
+            data = struct.pack("<2I", *halves)[: message.length]
+            found.append(BusFrame(tick * TICK, message.identifier, data))
     return sorted(found, key=lambda frame: frame[:2])
-
-
-def encoded(message: Message, values: list[float]) -> bytes:
-    """The bytes of a message with the values of its signals in their order and units; NaN for none."""
-    halves = [0, 0]
-    pack_frame(message.layout, values, halves)
-    return struct.pack("<2I", *halves)[: message.length]
 
 
 # Signals of the frames of a board, and how the columns of the log end that have their values.
@@ -159,29 +155,13 @@ def export_can(frames: Iterable[BusFrame], path: str | Path, kind: str) -> int:
         import can
     except ImportError as error:
         raise MissingOptionalDependency("python-can", "can", "files of CAN frames") from error
-    stream = _KeptText()
-    writer = can.CanutilsLogWriter(stream) if kind == CANDUMP else can.ASCWriter(stream)
-    with writer:
-        count = 0
-        for frame in frames:
-            count += 1
-            message = can.Message(
-                timestamp=frame.time,
-                arbitration_id=frame.identifier,
-                data=frame.data,
-                is_extended_id=False,
-                channel=CHANNEL,
-            )
-            writer.on_message_received(message)
-    write_atomically(path, stream.text)
+    count, usual = 0, dict[str, Any](is_extended_id=False, channel=CHANNEL)
+    with TemporaryDirectory() as folder:
+        written = Path(folder) / "frames"
+        with can.CanutilsLogWriter(written) if kind == CANDUMP else can.ASCWriter(written) as writer:
+            for frame in frames:
+                count += 1
+                message = can.Message(frame.time, frame.identifier, data=frame.data, **usual)
+                writer.on_message_received(message)
+        write_atomically(path, written.read_bytes())
     return count
-
-
-class _KeptText(io.StringIO):
-    """Text that outlives its closing, which the writers do."""
-
-    text = ""
-
-    def close(self) -> None:
-        self.text = self.getvalue()
-        super().close()

@@ -17,12 +17,14 @@ the guides of both in one sum, so that what OpenSim finds as ``pelvis_tx_force``
 then what the guide does.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from twin_gait.conventions import DEGREES, Convention
 from twin_gait.core.contact import LEAST_FORCE, Point
@@ -30,19 +32,23 @@ from twin_gait.core.friction import rotational_torque
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
-from twin_gait.export.osim_model import PELVIS, PELVIS_COORDINATES, body_name, osim_text, render, to_opensim
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.pinocchio import GroundContacts
 from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.bodies import BodyArrays, export_bodies
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.run import Run
+from twin_gait.templates import templates_in
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import World
 
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
 SETUP_FILE = "inverse_dynamics.xml"
+PELVIS = "pelvis"
+PELVIS_COORDINATES = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
+_BODIES = {JointName.HIP: "thigh", JointName.KNEE: "shank", JointName.ANKLE: "foot"}
 
 
 class ExternalLoad(NamedTuple):
@@ -69,54 +75,47 @@ def export_inverse_dynamics(
     """
     if len(run.log) < 2:
         raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")
-    world = run.experiment.build_world()
+    world, name = run.experiment.build_world(), run.experiment.name
     if world.model.pitch_index is not None:
         left_out = "a trunk that pitches, its arms and crutches are not in what OpenSim would be given"
-        raise ParameterError(f"{run.experiment.name}: {left_out}; take --format mot for the joint angles")
-    folder, time = Path(folder), {"time": run.log["time_s"].to_numpy(dtype=float)}
-    motion = {
-        **time,
-        **joint_angles(run.log, convention, DEGREES, device=device),
-        **_pelvis(run, world, device),
+        raise ParameterError(f"{name}: {left_out}; take --format mot for the joint angles")
+    bodies = world.model
+    if world.braces is not None:
+        bodies = world.braces.device if device else world.braces.wearer
+    time, pelvis = run.log["time_s"].to_numpy(dtype=float), _pelvis(run, world, device)
+    tables = {
+        MOTION_FILE: {**joint_angles(run.log, convention, DEGREES, device=device), **pelvis},
+        MOMENTS_FILE: _joint_moments(run, world, convention, device),
     }
-    gravity = run.experiment.plant.gravity
-    text = osim_text(_bodies_of(world, device), run.experiment.name, convention, gravity)
-    write_atomically(folder / MODEL_FILE, text)
-    write_storage(folder / MOTION_FILE, motion, in_degrees=True)
-    write_storage(
-        folder / MOMENTS_FILE, {**time, **joint_moments(run, world, convention, device)}, in_degrees=False
-    )
-    loads = external_loads(run, world, device=device)
+    texts = {MODEL_FILE: _osim_text(bodies, name, convention, run.experiment.plant.gravity)}
+    loads = _external_loads(run, world, pelvis, device) if pelvis else []
     if loads:
-        write_storage(folder / FORCES_FILE, {**time, **_load_columns(loads)}, in_degrees=False)
-        write_atomically(folder / LOADS_FILE, render(LOADS_FILE, loads=loads))
-    write_atomically(folder / SETUP_FILE, render(SETUP_FILE, time=time["time"], loads=loads))
-    return [MODEL_FILE, MOTION_FILE, MOMENTS_FILE, *([FORCES_FILE, LOADS_FILE] if loads else []), SETUP_FILE]
+        tables[FORCES_FILE] = _load_columns(loads)
+        texts[LOADS_FILE] = _render(LOADS_FILE, loads=loads)
+    texts[SETUP_FILE] = _render(SETUP_FILE, time=time, loads=loads)
+    for file, columns in tables.items():
+        in_degrees = file == MOTION_FILE
+        write_storage(Path(folder) / file, {"time": time, **columns}, in_degrees=in_degrees)
+    for file, text in texts.items():
+        write_atomically(Path(folder) / file, text)
+    return [*texts, *tables]
 
 
-def _bodies_of(world: World, device: bool) -> LegModel:
-    """Whose bodies are written: with braces the wearer's or the device's, else those of both in one."""
-    if world.braces is None:
-        return world.model
-    return world.braces.device if device else world.braces.wearer
-
-
-def external_loads(run: Run, world: World, *, device: bool = False) -> list[ExternalLoad]:
-    """What ground, support and guide do; nothing on the bench."""
-    if world.model.pelvis_index is None:
-        return []
-    feet = [] if device and world.braces is not None else list(_ground_loads(run, world))
-    return [*feet, _pelvis_load(run, world, device)]
-
-
-def _ground_loads(run: Run, world: World) -> Iterator[ExternalLoad]:
-    turn = to_opensim(world.model.up_axis) @ _belt_axes(world)
-    for side, wrench in _ground_wrenches(run, world).items():
-        force, moment = wrench[:, :3], wrench[:, 3:]
-        point = _centres_of_pressure(force, moment)
-        free = moment - np.cross(point, force)
-        body = body_name(side, JointName.ANKLE)
-        yield ExternalLoad(f"ground_{str(side)[0]}", body, force @ turn.T, point @ turn.T, free @ turn.T)
+def _external_loads(
+    run: Run, world: World, pelvis: Mapping[str, np.ndarray], device: bool
+) -> list[ExternalLoad]:
+    """What ground, support and guide do on the bodies that are written."""
+    turn = _to_opensim(world.model.up_axis)
+    loads = [_pelvis_load(run, world, pelvis, device)]
+    if run.experiment.scenario.walking is not None and not (device and world.braces is not None):
+        belt = turn @ _belt_axes(world)
+        for side, wrench in _ground_wrenches(run, world).items():
+            force, moment = wrench[:, :3], wrench[:, 3:]
+            point = _centres_of_pressure(force, moment)
+            free = moment - np.cross(point, force)
+            parts = (item @ belt.T for item in (force, point, free))
+            loads.append(ExternalLoad(f"ground_{str(side)[0]}", _body_name(side, JointName.ANKLE), *parts))
+    return loads
 
 
 def _belt_axes(world: World) -> np.ndarray:
@@ -132,30 +131,21 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     A belt takes the speed of a tick at once, as a motor its torque, and the log has the pull of the new one:
     an acceleration at the tick is about that of the mean pull of both speeds.
     """
-    walking, contacts, ground = run.experiment.scenario.walking, GroundContacts(world), world.ground()
-    if walking is None:
-        return {}
+    contacts, ground, axes = GroundContacts(world), world.ground(), _belt_axes(world)
     points = [Point() for foot in contacts.feet.values() for _ in foot.points]
-    positions, velocities = state_columns(world.model)
-    if world.braces is not None:
-        own = state_columns(world.model, wearer=True)
-        positions, velocities = positions + own[0], velocities + own[1]
-    q, v = run.log[positions].to_numpy(dtype=float), run.log[velocities].to_numpy(dtype=float)
-    q, v = q[:, -world.model.nv :], v[:, -world.model.nv :]  # with braces, the wearer's
-    found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
-    speeds = run.log["belt_speed_m_per_s"].tolist()
-    logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
-    axes = _belt_axes(world)
+    columns = state_columns(world.model, wearer=world.braces is not None)
+    q, v = (run.log[names].to_numpy(dtype=float) for names in columns)
 
     def pressed(tick: int, belt_speed: float) -> dict[Side, np.ndarray]:
         ground.belt_speed = belt_speed
         contacts.update(q[tick], v[tick], ground, points)
-        halves = {side: np.split(contacts.wrench(side), 2) for side in found}
-        return {side: np.concatenate([half @ axes for half in both]) for side, both in halves.items()}
+        return {side: (contacts.wrench(side).reshape(2, 3) @ axes).ravel() for side in contacts.feet}
 
-    for tick in range(len(q)):
-        now, last = speeds[tick], speeds[max(tick - 1, 0)]
-        wrenches = {speed: pressed(tick, speed) for speed in dict.fromkeys((now, last))}
+    found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
+    logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
+    speeds = run.log["belt_speed_m_per_s"].tolist()
+    for tick, (last, now) in enumerate(pairwise([speeds[0], *speeds])):
+        wrenches = {speed: pressed(tick, speed) for speed in {last, now}}
         for side, new in wrenches[now].items():
             if new.any():
                 found[side][tick] = 0.5 * (new + wrenches[last][side])
@@ -173,55 +163,44 @@ def _centres_of_pressure(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
     return np.asarray(pd.DataFrame(point).ffill().bfill().fillna(0.0).to_numpy())
 
 
-def _pelvis_load(run: Run, world: World, device: bool) -> ExternalLoad:
+def _pelvis_load(run: Run, world: World, pelvis: Mapping[str, np.ndarray], device: bool) -> ExternalLoad:
     log, zero = run.log, pd.Series(0.0, run.log.index)
-    forward, height = _pelvis_place(run, world, device)
     along, up, moment = log["guide_force_N"], log["support_force_N"], log["guide_moment_Nm"]
     if world.braces is not None:
         lifting, moment = log["pelvis_brace_force_N"], zero
         up = -lifting if device else up + lifting
         pushing = log.get("pelvis_forward_brace_force_N")
         along = zero if pushing is None else -pushing if device else along + pushing
-    turn = to_opensim(world.model.up_axis)
-    force, point, torque = (
-        np.column_stack(parts) @ turn.T
-        for parts in ((along, zero, up), (forward, zero, height), (zero, moment, zero))
-    )
-    return ExternalLoad("harness", PELVIS, force, point, torque)
+    _, forward, height = pelvis.values()
+    turn = _to_opensim(world.model.up_axis)
+    rows = ((along, zero, up), (forward, zero, height), (zero, moment, zero))
+    return ExternalLoad("harness", PELVIS, *(np.column_stack(parts) @ turn.T for parts in rows))
 
 
 def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
-    if world.model.pelvis_index is None:
+    """Tilt and place of the pelvis of the bodies that are written; nothing if it is fixed."""
+    model, still = world.model, np.zeros(len(run.log))
+    if model.pelvis_index is None:
         return {}
-    tilt = np.zeros(len(run.log))
-    return dict(zip(PELVIS_COORDINATES, (tilt, *_pelvis_place(run, world, device)), strict=True))
+    positions, _ = state_columns(model, wearer=world.braces is not None and not device)
+    guides = (model.forward_index, model.pelvis_index)
+    places = (still if index is None else run.log[positions[index]].to_numpy() for index in guides)
+    return dict(zip(PELVIS_COORDINATES, (still, *places), strict=True))
 
 
-def _pelvis_place(run: Run, world: World, device: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Where the pelvis of the bodies that are written is, forwards and upwards."""
-    positions, _ = state_columns(world.model, wearer=world.braces is not None and not device)
-    guides = (world.model.forward_index, world.model.pelvis_index)
-    still = np.zeros(len(run.log))
-    forward, height = (still if index is None else run.log[positions[index]].to_numpy() for index in guides)
-    return forward, height
-
-
-def joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
+def _joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
     """Moments in [N m] at the joints of the bodies that are written, as OpenSim names and counts them."""
     moments = {}
-    for side, leg in world.model.legs.items():
-        for joint, _ in leg.items():
-            moment = convention.signs.get(joint, 1.0) * _joint_moment(run, world, side, joint, device)
-            moments[f"{convention.columns[side, joint]}_moment"] = moment
+    for side, joint in ((side, joint) for side, leg in world.model.legs.items() for joint, _ in leg.items()):
+        own, log = _device_moment(run, world, side, joint), run.log
+        wearers, brace = f"{side}_{joint}_patient_torque_Nm", f"{side}_{joint}_brace_torque_Nm"
+        if world.braces is not None and device:
+            moment = own - log[brace]
+        else:
+            moment = log.get(wearers, 0.0) + (own if world.braces is None else log[brace])
+        name = f"{convention.columns[side, joint]}_moment"
+        moments[name] = convention.signs.get(joint, 1.0) * np.asarray(moment)
     return moments
-
-
-def _joint_moment(run: Run, world: World, side: Side, joint: JointName, device: bool) -> np.ndarray:
-    wearers = run.log.get(f"{side}_{joint}_patient_torque_Nm", 0.0)
-    if world.braces is None:
-        return np.asarray(_device_moment(run, world, side, joint) + wearers)
-    brace = run.log[f"{side}_{joint}_brace_torque_Nm"]
-    return np.asarray(_device_moment(run, world, side, joint) - brace if device else wearers + brace)
 
 
 def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
@@ -232,11 +211,8 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         # The log has the orthosis without its stops.
         plant = world.plant[world.model.index(side, joint)]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
-        torques = (
-            passive_torque(plant, rotational_torque(plant.friction, speed, 0.0), angle, speed, 0.0, 0.0)
-            for angle, speed in states
-        )
-        return np.array(list(torques))
+        moved = ((rotational_torque(plant.friction, speed, 0.0), angle, speed) for angle, speed in states)
+        return np.array([passive_torque(plant, *state, 0.0, 0.0) for state in moved])
     # The log has the motor from its tick on, an acceleration at the tick is the mean of before and after.
     motor = log[f"{name}_motor_torque_Nm"]
     held = 0.5 * (motor + motor.shift().fillna(motor))
@@ -245,10 +221,82 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
     return np.asarray(held + passive + log.get(f"{name}_orthosis_torque_Nm", 0.0) - rotor)
 
 
-def _load_columns(loads: list[ExternalLoad]) -> Mapping[str, np.ndarray]:
+def _load_columns(loads: list[ExternalLoad]) -> dict[str, np.ndarray]:
     return {
         f"{load.name}_{kind}{axis}": values[:, column]
         for load in loads
         for kind, values in (("v", load.force), ("p", load.point), ("torque_", load.torque))
         for column, axis in enumerate("xyz")
+    }
+
+
+def _body_name(side: Side, joint: JointName) -> str:
+    """Name of the body that a joint carries, such as ``shank_r``."""
+    return f"{_BODIES[joint]}_{str(side)[0]}"
+
+
+def _to_opensim(up_axis: str) -> np.ndarray:
+    """Rotation from the axes of a URDF to those of OpenSim."""
+    return np.eye(3) if up_axis == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def _render(template: str, **content: Any) -> str:
+    """Fill one of ``templates``: OpenSim's files, which have the version that every OpenSim 4 reads."""
+    environment = templates_in(Path(__file__).with_name("templates"), autoescape=True)
+    environment.filters["numbers"] = _numbers
+    return environment.get_template(template).render(content) + "\n"
+
+
+def _numbers(values: Sequence[float] | np.ndarray) -> str:
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def _osim_text(model: LegModel, name: str, convention: Convention, gravity: float) -> str:
+    """Write the bodies as a planar model: joints turn about the lateral axis, the pelvis moves in its plane.
+
+    Rotors are not bodies: their inertia at the joints is left out. A pelvis that is fixed in the world is the
+    ground. Gravity is in [m] / [s²].
+    """
+    bodies = export_bodies(model.model)
+    names = [PELVIS] * len(bodies)
+    coordinates: list[tuple[tuple[str, ...], float]] = [(PELVIS_COORDINATES, 1.0)] * len(bodies)
+    for side, leg in model.legs.items():
+        for joint, _ in leg.items():
+            index = model.index(side, joint)
+            names[index] = _body_name(side, joint)
+            coordinates[index] = (convention.columns[side, joint],), convention.signs.get(joint, 1.0)
+    turn, written = _to_opensim(model.up_axis), []
+    for index, body in enumerate(bodies):
+        if index != model.forward_index:  # the planar joint of the pelvis has both of its guides
+            grounded = body.parent < 0 or body.parent == model.forward_index
+            parent = "/ground" if grounded else f"/bodyset/{names[body.parent]}"
+            written.append(_body(body, names[index], parent, turn, *coordinates[index]))
+    return _render("model.osim", name=name, gravity=gravity, bodies=written)
+
+
+def _body(
+    body: BodyArrays, name: str, parent: str, turn: np.ndarray, coordinates: tuple[str, ...], sign: float
+) -> dict[str, Any]:
+    """A body and its joint, which turns about the z axis of the frames that it has on both bodies."""
+    centre = turn @ np.array(body.first_moment) / body.mass
+    about_origin = turn @ np.array(body.inertia) @ turn.T
+    inertia = about_origin - body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    axis = np.array([0.0, 0.0, 1.0]) if body.prismatic else sign * turn @ np.array(body.axis)
+    along = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0]
+    placed = Rotation.from_matrix(turn @ np.array(body.rotation) @ turn.T)
+    frames = (
+        ("parent_offset", parent, turn @ np.array(body.position), placed * along),
+        ("child_offset", f"/bodyset/{name}", np.zeros(3), along),
+    )
+    return {
+        "name": name,
+        "mass": repr(body.mass),
+        "centre": centre,
+        "inertia": inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+        "joint": "PlanarJoint" if body.prismatic else "PinJoint",
+        "coordinates": coordinates,
+        "frames": [
+            {"name": frame, "parent": path, "place": place, "angles": rotation.as_euler("XYZ")}
+            for frame, path, place, rotation in frames
+        ],
     }

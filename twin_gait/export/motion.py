@@ -15,7 +15,6 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.parameters import require
-from twin_gait.vocabulary import JointName, Side
 
 
 def export_motion(
@@ -46,15 +45,13 @@ def joint_angles(
         raise ParameterError(f"convention: {convention.name} has no column names of its own")
     own: Container[str] = () if device else log.columns
     columns = {}
-    for side in Side:
-        for joint in JointName:
-            name, column = convention.columns.get((side, joint)), wearer_column(own, side, joint, "angle_rad")
-            if name is None or column not in log:
-                continue
+    for (side, joint), name in convention.columns.items():
+        column = wearer_column(own, side, joint, "angle_rad")
+        if column in log:
             angle = convention.turned(joint, log[column].to_numpy(dtype=float))
             if unit == DEGREES:  # a name that states its unit states the one that is written
-                name = re.sub("_rad$", "_deg", name)
-            columns[name] = np.degrees(angle) if unit == DEGREES else angle
+                name, angle = re.sub("_rad$", "_deg", name), np.degrees(angle)
+            columns[name] = angle
     return columns
 
 

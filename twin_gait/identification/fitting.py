@@ -15,12 +15,11 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from twin_gait.identification.friction_model import FrictionModel
-from twin_gait.identification.samples import Samples, thinned, thinned_path
+from twin_gait.identification.laws import SIGNED
+from twin_gait.identification.models import FrictionModel, Samples, thinned, thinned_path
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count linearly
-_DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shape parameter
 _STARTS = 128
 _START_SAMPLES = 4_000  # that starts are compared on and polished
 _POLISHED, _POLISH_TOLERANCE, _POLISH_STEPS = 6, 1e-5, 50  # starts; share of the loss; evaluations
@@ -35,26 +34,6 @@ _ALONE = 0.5  # share of such residuals with none beside them
 
 
 Bounds = tuple[np.ndarray, np.ndarray]  # least and largest parameter vector, shape ``(size,)`` each
-
-
-def residuals(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
-    """Measured less predicted torque of the samples that are used, in [N m], shape ``(n_used,)``."""
-    return np.asarray((samples.torque - model.predict(x, samples))[samples.used])
-
-
-def jacobian(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
-    """Derivative of the predicted torque by the parameter vector.
-
-    Exact for the linear coefficients, by central differences for the logarithms of the shape.
-    """
-    count = len(model.coefficients)
-    columns = [model.basis(np.exp(x[count:]), samples)[samples.used]]
-    for place in range(count, model.size):
-        step = np.zeros(model.size)
-        step[place] = _DIFFERENCE
-        ahead, behind = model.predict(x + step, samples), model.predict(x - step, samples)
-        columns.append(((ahead - behind)[samples.used] / (2.0 * _DIFFERENCE))[:, None])
-    return np.concatenate(columns, axis=1)
 
 
 def huber_weights(values: np.ndarray, threshold: float) -> np.ndarray:
@@ -94,20 +73,19 @@ class Fit:
 
     def residuals(self, samples: Samples) -> np.ndarray:
         """Measured less predicted torque of the samples that are used, in [N m]."""
-        return residuals(self.model, self.x, samples)
+        return -self.model.errors(self.x, samples)
 
     @property
-    def at_bound(self) -> tuple[int, ...]:
+    def at_bound(self) -> np.ndarray:
         """Positions in x that lie on a bound."""
         low, high = self.bounds
         span = np.where(np.isfinite(high - low), high - low, 1.0)
-        near = np.minimum(self.x - low, high - self.x) <= 1e-4 * span
-        return tuple(int(place) for place in np.flatnonzero(near))
+        return np.flatnonzero(np.minimum(self.x - low, high - self.x) <= 1e-4 * span)
 
 
 def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
     """Bounds of the parameter vector, scaled to the samples."""
-    low = [0.0 if physical and sign == "+" else -math.inf for sign in model.coefficients]
+    low = [0.0 if physical and name not in SIGNED else -math.inf for name in model.coefficients]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
         scale = item.scale(samples)
@@ -131,14 +109,14 @@ def fit_model(
     tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
     x = _best_start(model, full, limits, seeds, options)
     x = refine(model, full, x, limits, tolerance=tolerance)
-    values = residuals(model, x, full)
+    values = model.errors(x, full)
     sigma = _robust_sigma(values)
     if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
         # The scale settles in two rounds: the first fit may itself be pulled by outliers.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
             x = refine(model, full, x, limits, threshold, tolerance=tolerance)
-            sigma = _robust_sigma(residuals(model, x, full)) or sigma
+            sigma = _robust_sigma(model.errors(x, full)) or sigma
     return Fit(model, x, limits, sigma, threshold)
 
 
@@ -175,11 +153,7 @@ def _robust_sigma(values: np.ndarray) -> float:
 
 
 def _best_start(
-    model: FrictionModel,
-    samples: Samples,
-    limits: Bounds,
-    seeds: Sequence[np.ndarray],
-    options: FitOptions,
+    model: FrictionModel, samples: Samples, limits: Bounds, seeds: Sequence[np.ndarray], options: FitOptions
 ) -> np.ndarray:
     count, dimensions = len(model.coefficients), len(model.shape)
     if not dimensions:
@@ -196,7 +170,7 @@ def _best_start(
     ]
     # Compared on all samples, so that no model comes out worse than a simpler one that it contains.
     candidates = [*polished, *(np.clip(seed, *limits) for seed in seeds)]
-    return min(candidates, key=lambda x: float(np.sum(residuals(model, x, samples) ** 2)))
+    return min(candidates, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
 
 
 def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
@@ -241,18 +215,12 @@ def refine(
 
     A step that lowers the loss by less than the share ``tolerance`` of it is the last.
     """
-
-    def errors(x: np.ndarray) -> np.ndarray:
-        return -residuals(model, x, samples)
-
-    def slopes(x: np.ndarray) -> np.ndarray:
-        return jacobian(model, x, samples)
-
     robust = math.isfinite(threshold)
     result = least_squares(
-        errors,
+        model.errors,
         np.clip(start, *bounds),
-        jac=slopes,
+        jac=model.jacobian,
+        args=(samples,),
         bounds=bounds,
         x_scale="jac",
         loss="huber" if robust else "linear",

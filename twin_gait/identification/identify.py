@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,14 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.identification import diagnostics, statistics
-from twin_gait.identification.bench import BenchSetup, ProcessingOptions
+from twin_gait.identification import statistics
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
-from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.laws import MODELS
-from twin_gait.identification.processing import process_log
+from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
+from twin_gait.identification.processing import BenchSetup, ProcessingOptions, balance_warnings, process_log
 from twin_gait.identification.reading import LogColumns, read_log
-from twin_gait.identification.samples import FrictionTest, Samples, join_tests, thinned
 from twin_gait.identification.statistics import CrossValidation, Goodness, Uncertainty
 
 ONE_WAY = 0.02  # share of the samples below which a direction was not measured
@@ -30,16 +29,13 @@ def find_models(names: tuple[str, ...]) -> tuple[FrictionModel, ...]:
     return tuple(MODELS[name] for name in dict.fromkeys(names)) if names else tuple(MODELS.values())
 
 
-def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
+def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     """What a model needs and the samples lack: columns that vary, or motion in both directions."""
-
-    def varies(values: np.ndarray | None) -> bool:
-        return values is not None and len(values) > 0 and float(np.ptp(values)) > 1e-9
-
-    missing = tuple(name for name in sorted(model.needs) if not varies(getattr(samples, name)))
+    columns = {name: getattr(samples, name) for name in model.needs}
+    lacking = [name for name, values in columns.items() if values is None or np.ptp(values) <= 1e-9]
     if model.two_way and samples.rarer_direction < ONE_WAY:
-        return (*missing, "motion in both directions")
-    return missing
+        lacking.append("motion in both directions")
+    return tuple(lacking)
 
 
 _STIFF = 1e6  # σ0/T_c at which a bristle slides at once: the static law
@@ -142,8 +138,6 @@ def identify_logs(
     Raises ParameterFileError if a file cannot be used. Raises ParameterError if an option is wrong or too
     little is left to fit.
     """
-    if not paths:
-        raise ParameterError("logs: expected at least one file")
     find_models(options.models)
     tests: list[FrictionTest] = []
     for number, path in enumerate(paths):
@@ -162,18 +156,21 @@ def identify_tests(
     if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
         # The filter spreads an outlier, such as a touch of the stop, over samples.
         options = replace(options, fit=replace(options.fit, loss=Loss.HUBER))
-    joined = join_tests(tests)
-    samples = thinned(joined, MOST_SAMPLES)
-    models, skipped = _possible(find_models(options.models), samples)
+    samples = thinned(join_tests(tests), MOST_SAMPLES)
+    asked = find_models(options.models)
+    lacking = {model.name: missing for model in asked if (missing := _lacking(model, samples))}
+    models = [model for model in asked if model.name not in lacking]
+    if not models:
+        wanted = ", ".join(dict.fromkeys(itertools.chain(*lacking.values())))
+        raise ParameterError(f"model: the logs lack {wanted}, or it does not vary")
     _check_number(samples, models, tests)
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done = len(models) * (1 + len(folds)), itertools.count(1)
-    fits: dict[str, Fit] = {}
+    fits, found = dict[str, Fit](), list[IdentifiedModel]()
     for model in models:
         starts = inherited_starts(model.name, {name: fit.x for name, fit in fits.items()})
         fits[model.name] = fit_model(model, samples, options.fit, seeds=starts)
         progress(next(done), total)
-    found = []
     for fit in fits.values():
         validations = []
         for by, labels in folds.items():
@@ -184,15 +181,26 @@ def identify_tests(
         tests=tuple(tests),
         samples=samples,
         models=_best_first(found, _TIE + len(tests) / int(samples.used.sum())),
-        skipped=skipped,
+        skipped=lacking,
         options=options,
         warnings=(
             *flipped,
-            *diagnostics.balance_warnings(tests, options.bench, options.processing),
-            *diagnostics.processing_warnings(options.processing),
-            *diagnostics.file_warnings(tests, options.bench, samples, len(joined), skipped),
-            *diagnostics.sample_warnings(samples),
+            *balance_warnings(tests, options.bench, options.processing),
+            *_file_warnings(tests, options.bench),
+            *_sample_warnings(samples),
         ),
+    )
+
+
+def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
+    values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
+    return IdentifiedModel(
+        fit=fit,
+        goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
+        uncertainty=known,
+        validations=tuple(validations),
+        residuals=values,
+        warnings=tuple(statistics.fit_warnings(fit, known, samples)),
     )
 
 
@@ -221,53 +229,50 @@ def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
             "logs: the balance of torques drives the joint: current or angle has the wrong sign; turn it "
             "with --columns measured_current=-NAME or angle=-NAME"
         )
-    turned = [replace(test, torque=-test.torque) for test in tests]
-    return turned, [
-        "the friction torque opposes the velocity in these files; it was turned to have the velocity's sign"
-    ]
-
-
-def _possible(
-    models: Sequence[FrictionModel], samples: Samples
-) -> tuple[list[FrictionModel], dict[str, tuple[str, ...]]]:
-    """Models whose columns are there, and the others with what they lack."""
-    missing = {model.name: missing_columns(model, samples) for model in models}
-    possible = [model for model in models if not missing[model.name]]
-    if not possible:
-        lacking = sorted({name for names in missing.values() for name in names})
-        raise ParameterError(f"model: the logs lack {', '.join(lacking)}, or it does not vary")
-    return possible, {name: names for name, names in missing.items() if names}
+    text = "the friction torque opposes the velocity in these files; it was turned to have its sign"
+    return [replace(test, torque=-test.torque) for test in tests], [text]
 
 
 def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequence[FrictionTest]) -> None:
-    number = int(samples.used.sum())
-    needed = 3 * max(model.size for model in models)
-    if number < needed:
-        causes = ("stop", "standstill", "reversal", "edge")
-        lost = {cause: sum(test.counts.get(cause, 0) for test in tests) for cause in causes}
-        told = (
-            ", ".join(f"{number} by {cause}" for cause, number in lost.items() if number) or "none left out"
-        )
-        noise = "; a noisy angle reads as impacts at a stop: try --cutoff-Hz 10" if lost["stop"] else ""
-        raise ParameterError(
-            f"logs: {number} samples are left of {len(samples)} ({told}); expected at least {needed}{noise}"
-        )
     velocity = samples.velocity[samples.used]
-    moving = int((velocity != 0.0).sum())
-    if moving < needed:
-        raise ParameterError(f"logs: the joint moves in {moving} samples only; expected at least {needed}")
-    if np.ptp(np.abs(velocity)) < 1e-9 and np.ptp(velocity) < 1e-9:
-        raise ParameterError(f"logs: every sample moves at {velocity[0]:g} rad/s; expected several speeds")
+    needed, moving = 3 * max(model.size for model in models), int((velocity != 0.0).sum())
+    if len(velocity) < needed:
+        lost = sum((Counter(test.counts) for test in tests), Counter[str]())
+        causes = ", ".join(f"{lost[name]} by {name}" for name in ("stop", "standstill", "reversal", "edge"))
+        text = f"{len(velocity)} samples are left of {len(samples)} ({causes}); expected at least {needed}"
+        raise ParameterError(f"logs: {text}")
+    if moving < needed or np.ptp(velocity) < 1e-9:
+        text = f"the joint moves in {moving} samples, at {velocity.min():g} to {velocity.max():g} rad/s"
+        raise ParameterError(f"logs: {text}; expected at least {needed} at several speeds")
 
 
-def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
-    values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
-    doubts = (*diagnostics.fit_warnings(fit, known, samples), *diagnostics.drift_warnings(values, samples))
-    return IdentifiedModel(
-        fit=fit,
-        goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
-        uncertainty=known,
-        validations=tuple(validations),
-        residuals=values,
-        warnings=doubts,
-    )
+_ONE_WAY = 0.05  # share of the samples in the rarer direction
+_FAST, _SLOW = 1.0, 0.1  # [rad] / [s]: a gait needs the knee up to 3.6; table 3.1 changes below 0.2
+_FEW = 0.02  # share of the samples that counts as none
+
+
+def _sample_warnings(samples: Samples) -> list[str]:
+    """What the samples cannot tell, whatever the model."""
+    speed = np.abs(samples.velocity[samples.used])
+    doubts = (
+        (samples.rarer_direction, _ONE_WAY, "one direction only: {:.1f} % of the samples move the other way; "
+         "an offset of current or load cannot be told from Coulomb friction"),
+        ((speed < _SLOW).mean(), _FEW, f"no slow samples: {{:.1f}} % below {_SLOW:g} rad/s; break-away and "
+         "Stribeck friction are extrapolated"),
+        ((speed > _FAST).mean(), _FEW, f"no fast samples: {{:.1f}} % above {_FAST:g} rad/s; viscous friction "
+         f"beyond {speed.max():.3g} rad/s is extrapolated"),
+    )  # fmt: skip
+    return [text.format(100.0 * share) for share, least, text in doubts if share < least]
+
+
+def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
+    """What to know about the files."""
+    found = []
+    for note in dict.fromkeys(note for test in tests for note in test.notes):
+        names = [test.name for test in tests if note in test.notes]
+        found.append(f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {note}")
+    mass = None if bench is None else bench.mass
+    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, mass)]
+    if mass is not None and others:
+        found.append(f"--mass {mass:g} is overruled by what {others[0]} says, of {len(others)} such files")
+    return found

@@ -8,6 +8,8 @@ into what is reported.
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -15,41 +17,47 @@ import numpy as np
 
 from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
-from twin_gait.identification.friction_model import (
-    FrictionModel,
-    Shape,
-    fineness,
-    slowness,
-    spans_in_a_turn,
-    usual_speed,
-)
-from twin_gait.identification.samples import Samples
-from twin_gait.simulation.binding import bind
+from twin_gait.identification.models import FrictionModel, Samples, Shape
+from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiling import ON_BITS
 
-_COULOMB, _VISCOUS = "coulomb_friction_Nm", "viscous_friction_Nms_per_rad"
-_BREAKAWAY, _STRIBECK = "breakaway_torque_Nm", "stribeck_velocity_rad_per_s"
-_TRANSITION, _OFFSET = "transition_velocity_rad_per_s", "offset_Nm"
-_BRISTLE_STIFFNESS, _BRISTLE_DAMPING = "bristle_stiffness_Nm_per_rad", "bristle_damping_Nms_per_rad"
-_BREAKAWAY_VELOCITY = "breakaway_velocity_rad_per_s"
-_STEEPNESS, _RIPPLE = "steepness_s_per_rad", "ripple_per_turn"
+_TINY = 1e-12
+
+
+def usual_speed(samples: Samples) -> float:
+    """The speed that 95 % of the samples stay below, in [rad] / [s]."""
+    return max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
+
+
+def fineness(samples: Samples) -> float:
+    """The inverse of the way from one sample to the next, in [1] / [rad]: a scale of stiffness."""
+    moved = np.abs(samples.velocity * (0.0 if samples.period is None else samples.period))
+    return 1.0 / max(float(np.median(moved[moved > 0.0])), _TINY) if moved.any() else 1.0
+
+
+def spans_in_a_turn(samples: Samples) -> float:
+    """How many spans of the samples a turn of the joint has."""
+    return 1.0 if samples.angle is None else 2.0 * np.pi / max(float(np.ptp(samples.angle)), _TINY)
+
+
+_COULOMB, _VISCOUS, _OFFSET = "coulomb_friction_Nm", "viscous_friction_Nms_per_rad", "offset_Nm"
+_BREAKAWAY, _BRISTLE_DAMPING = "breakaway_torque_Nm", "bristle_damping_Nms_per_rad"
 _BOTH_WAYS = "viscous_friction_forward_Nm", "viscous_friction_backward_Nm"
-_EXPONENTS = "stribeck_exponent", "viscous_exponent"
 _PER_LOAD = "coulomb_per_load"
 _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
-_ROTATIONAL = _BREAKAWAY, _COULOMB, _VISCOUS, _BREAKAWAY_VELOCITY
-_TRANSITION_SHAPE = Shape(low=1e-4, high=1.0, scale=usual_speed)
-_STRIBECK_SHAPE = Shape(low=1e-3, high=10.0, scale=usual_speed)
-_STRIBECK_EXPONENT, _VISCOUS_EXPONENT = Shape(low=0.4, high=10.0), Shape(low=0.1, high=3.0)
-_STEEPNESS_SHAPE = Shape(low=1.0, high=1e4, scale=slowness)
-_RIPPLE_SHAPE = Shape(low=1.0, high=60.0, scale=spans_in_a_turn)
-# σ0/T_c: the inverse of the deflection at which the bristles slide; T_b/T_c.
-_BRISTLE_SHAPE = Shape(low=1e-5, high=1e5, scale=fineness)
-_BREAKAWAY_RATIO = Shape(low=0.1, high=10.0, physical_low=1.0)
-# Parameters that are positive and uncertain by a factor: their intervals are those of the logarithm.
-LOGARITHMIC = frozenset(
-    {_STRIBECK, _TRANSITION, *_EXPONENTS, _BREAKAWAY_VELOCITY, _STEEPNESS, _BRISTLE_STIFFNESS, _RIPPLE}
-)
+_RIPPLES = "ripple_cosine_Nm", "ripple_sine_Nm"
+SIGNED = frozenset(
+    {_OFFSET, *_PER_KELVIN, *_RIPPLES}
+)  # coefficients that a physical friction may have below 0
+_TRANSITION = Shape("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
+_STRIBECK = Shape("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
+_BREAKAWAY_VELOCITY = replace(_STRIBECK, name="breakaway_velocity_rad_per_s")
+_EXPONENTS = Shape("stribeck_exponent", 0.4, 10.0), Shape("viscous_exponent", 0.1, 3.0)
+_STEEPNESS = Shape("steepness_s_per_rad", 1.0, 1e4, lambda samples: 1.0 / usual_speed(samples))
+_RIPPLE = Shape("ripple_per_turn", 1.0, 60.0, spans_in_a_turn)
+# σ0/T_c, the inverse of the deflection at which the bristles slide, and T_b/T_c.
+_BRISTLES = Shape("bristle_stiffness_Nm_per_rad", 1e-5, 1e5, fineness)
+_RATIO = Shape(_BREAKAWAY, 0.1, 10.0, physical_low=1.0, by_factor=False)
 
 # The laws of the plant, run over arrays: the same functions with NumPy's in place of core's.
 _NUMPY = {
@@ -59,30 +67,8 @@ _NUMPY = {
     "chosen": np.where,
     "sign_of": np.sign,
 }
-
-
-def over_arrays(law: Callable[..., float]) -> Callable[..., np.ndarray]:
-    """A static law that takes arrays of any shape."""
-    bound: Callable[..., np.ndarray] = bind(law, _NUMPY)
-    return bound
-
-
-asymmetric_torque = over_arrays(friction_models.asymmetric_torque)
-conditioned_torque = over_arrays(friction_models.conditioned_torque)
-coulomb_viscous_tanh_torque = over_arrays(friction_models.coulomb_viscous_tanh_torque)
-coulomb_viscous_torque = over_arrays(friction_models.coulomb_viscous_torque)
-directional_viscous_torque = over_arrays(friction_models.directional_viscous_torque)
-lugre_torque = over_arrays(friction_models.lugre_torque)
-ripple_torque = over_arrays(friction_models.ripple_torque)
-rotational_friction_torque = over_arrays(friction.rotational_friction_torque)
-stribeck_level = over_arrays(friction_models.stribeck_level)
-stribeck_torque = over_arrays(friction_models.stribeck_torque)
-two_velocity_torque = over_arrays(friction_models.two_velocity_torque)
-
-
-def as_fitted(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Reported as they are fitted."""
-    return (*beta, *eta)
+_PLAIN = filter(is_ours, (*vars(friction_models).values(), friction.rotational_friction_torque))
+over_arrays = SimpleNamespace(**{law.__name__: bind(law, _NUMPY) for law in _PLAIN})
 
 
 def breakaway_first(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -90,185 +76,161 @@ def breakaway_first(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]
     return (beta[0] + beta[1], *beta[1:], *eta)
 
 
-def dahl_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Shape is stiffness over Coulomb friction."""
-    return (*beta, eta[0] * beta[0])
+def bristles_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Shape begins with stiffness, and break-away friction if there is one, over Coulomb friction."""
+    return (*beta, *(eta[:2] * beta[0]), *eta[2:])
 
 
-def lugre_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Shape begins with stiffness and break-away friction over Coulomb friction."""
-    coulomb = beta[0]
-    return (eta[1] * coulomb, *beta, eta[0] * coulomb, *eta[2:])
-
-
-_Law = Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
+_Law = Callable[[Samples, np.ndarray, np.ndarray], Any]  # torque of each sample in [N m], shape ``(n,)``
 MODELS: dict[str, FrictionModel] = {}  # by name, which is that of the law
 
 
-def _model(
-    formula: str,
-    names: tuple[str, ...],
-    coefficients: str,
-    *shape: Shape,
-    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = as_fitted,
-    needs: str = "",
-    **more: Any,
-) -> Callable[[_Law], _Law]:
+def _model(formula: str, coefficients: tuple[str, ...], *shape: Shape, **more: Any) -> Callable[[_Law], _Law]:
     """Make a model of a law; see :class:`FrictionModel`."""
 
     def add(law: _Law) -> _Law:
-        known = FrictionModel(law.__name__, formula, names, coefficients, shape, law, public, **more)
-        MODELS[law.__name__] = replace(known, needs=frozenset(needs.split()))
+        MODELS[law.__name__] = FrictionModel(law.__name__, formula, coefficients, shape, law, **more)
         return law
 
     return add
 
 
-@_model("T_c sgn ω + d ω", (_COULOMB, _VISCOUS), "++")
-def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model("T_c sgn ω + d ω", (_COULOMB, _VISCOUS))
+def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous."""
-    return coulomb_viscous_torque(samples.velocity, *beta)
+    return over_arrays.coulomb_viscous_torque(samples.velocity, *beta)
 
 
-@_model("T_c tanh(κ ω) + d ω", (_COULOMB, _VISCOUS, _STEEPNESS), "++", _STEEPNESS_SHAPE)
-def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model("T_c tanh(κ ω) + d ω", (_COULOMB, _VISCOUS), _STEEPNESS)
+def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous; shape: steepness."""
-    return coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
+    return over_arrays.coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
 
 
 @_model(
     "[T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω",
-    (_BREAKAWAY, _COULOMB, _VISCOUS, _STRIBECK, _EXPONENTS[0]),
-    "+++", _STRIBECK_SHAPE, _STRIBECK_EXPONENT, public=breakaway_first,
+    (_BREAKAWAY, _COULOMB, _VISCOUS), _STRIBECK, _EXPONENTS[0], public=breakaway_first,
 )  # fmt: skip
-def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent."""
-    return stribeck_torque(samples.velocity, beta[1], beta[0] + beta[1], beta[2], *eta)
+    return over_arrays.stribeck_torque(samples.velocity, beta[1], beta[0] + beta[1], beta[2], *eta)
 
 
 @_model(
     "√(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω",
-    _ROTATIONAL, "+++", _STRIBECK_SHAPE, public=breakaway_first,
+    (_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first,
 )  # fmt: skip
-def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
-    return rotational_friction_torque(samples.velocity, beta[0] + beta[1], beta[1], eta[0], beta[2])
+    breakaway = beta[0] + beta[1]
+    return over_arrays.rotational_friction_torque(samples.velocity, breakaway, beta[1], eta[0], beta[2])
 
 
 @_model(
     "√(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, "
     "ω_1 = √2 ω_b, ω_2 = ω_b/10",
-    _ROTATIONAL, "+++", _STRIBECK_SHAPE, public=breakaway_first,
+    (_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first,
 )  # fmt: skip
-def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """As :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity."""
     breakaway, velocities = beta[0] + beta[1], (math.sqrt(2.0) * eta[0], 0.1 * eta[0])
-    return two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
+    return over_arrays.two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
 
 
-@_model(
-    "(T_c + c_l |T_L|) tanh(ω/ω_t) + d ω",
-    (_COULOMB, _VISCOUS, _PER_LOAD, _TRANSITION), "+++", _TRANSITION_SHAPE, needs="load",
-)  # fmt: skip
-def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+@_model("(T_c + c_l |T_L|) tanh(ω/ω_t) + d ω", (_COULOMB, _VISCOUS, _PER_LOAD), _TRANSITION, needs=("load",))
+def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity."""
-    coulomb, viscous, per_load = beta
-    load, warm = _column(samples.load), REFERENCE_TEMPERATURE
-    return conditioned_torque(samples.velocity, load, warm, coulomb, per_load, 0.0, viscous, 0.0, *eta)
+    return _conditioned(samples, eta, *beta, 0.0, 0.0)
 
 
 @_model(
     "(T_c + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C",
-    (_COULOMB, _VISCOUS, *_PER_KELVIN, _TRANSITION), "++±±", _TRANSITION_SHAPE, needs="temperature",
+    (_COULOMB, _VISCOUS, *_PER_KELVIN), _TRANSITION, needs=("temperature",),
 )  # fmt: skip
-def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity."""
-    coulomb, viscous, *per_kelvin = beta
-    load, warm = 0.0, _column(samples.temperature)
-    parts = (coulomb, 0.0, per_kelvin[0], viscous, per_kelvin[1])
-    return conditioned_torque(samples.velocity, load, warm, *parts, *eta)
+    return _conditioned(samples, eta, *beta[:2], 0.0, *beta[2:])
 
 
 @_model(
     "(T_c + c_l |T_L| + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C",
-    (_COULOMB, _VISCOUS, _PER_LOAD, *_PER_KELVIN, _TRANSITION), "+++±±", _TRANSITION_SHAPE,
-    needs="load temperature",
+    (_COULOMB, _VISCOUS, _PER_LOAD, *_PER_KELVIN), _TRANSITION, needs=("load", "temperature"),
 )  # fmt: skip
-def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity."""
-    coulomb, viscous, *conditions = beta
-    load, warm = _column(samples.load), _column(samples.temperature)
-    parts = (coulomb, *conditions[:2], viscous, conditions[2])
-    return conditioned_torque(samples.velocity, load, warm, *parts, *eta)
+    return _conditioned(samples, eta, *beta)
 
 
-@_model(
-    "T_0 + T_c tanh(ω/ω_t) + d± ω",
-    (_COULOMB, *_BOTH_WAYS, _OFFSET, _TRANSITION), "+++±", _TRANSITION_SHAPE, two_way=True,
-)  # fmt: skip
-def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def _conditioned(
+    samples: Samples, eta: np.ndarray, coulomb: Any, viscous: Any, per_load: Any, *per_kelvin: Any
+) -> Any:
+    """Friction under load and warmth, of which a model may know one: its coefficients of the other are 0."""
+    load = 0.0 if samples.load is None else samples.load
+    warm = REFERENCE_TEMPERATURE if samples.temperature is None else samples.temperature
+    parts = coulomb, per_load, per_kelvin[0], viscous, per_kelvin[1]
+    return over_arrays.conditioned_torque(samples.velocity, load, warm, *parts, *eta)
+
+
+@_model("T_0 + T_c tanh(ω/ω_t) + d± ω", (_COULOMB, *_BOTH_WAYS, _OFFSET), _TRANSITION, two_way=True)
+def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity."""
     coulomb, *viscous, offset = beta
-    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb, *viscous, eta[0], 1.0, 1.0, 1.0)
+    parts = offset, coulomb, coulomb, *viscous
+    return over_arrays.asymmetric_torque(samples.velocity, *parts, eta[0], 1.0, 1.0, 1.0)
 
 
 @_model(
     "T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω",
-    (_BREAKAWAY, _COULOMB, *_BOTH_WAYS, _OFFSET, _TRANSITION, _STRIBECK, *_EXPONENTS), "++++±",
-    _TRANSITION_SHAPE, _STRIBECK_SHAPE, _STRIBECK_EXPONENT, _VISCOUS_EXPONENT,
+    (_BREAKAWAY, _COULOMB, *_BOTH_WAYS, _OFFSET), _TRANSITION, _STRIBECK, *_EXPONENTS,
     public=breakaway_first, two_way=True,
 )  # fmt: skip
-def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind."""
     excess, coulomb, *viscous, offset = beta
-    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, *viscous, *eta)
+    return over_arrays.asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, *viscous, *eta)
 
 
 @_model(
     "T_c tanh(ω/ω_t) + d ω + T_0 + C cos nθ + S sin nθ",
-    (_COULOMB, _VISCOUS, _OFFSET, "ripple_cosine_Nm", "ripple_sine_Nm", _TRANSITION, _RIPPLE), "++±±±",
-    _TRANSITION_SHAPE, _RIPPLE_SHAPE, needs="angle", two_way=True,
+    (_COULOMB, _VISCOUS, _OFFSET, *_RIPPLES), _TRANSITION, _RIPPLE, needs=("angle",), two_way=True,
 )  # fmt: skip
-def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous, offset, cosine, sine; shape: transition velocity, ripples a turn."""
-    coulomb, viscous, offset, cosine, sine = beta
-    smooth = coulomb_viscous_tanh_torque(samples.velocity, coulomb, viscous, 1.0 / eta[0])
-    return np.asarray(smooth + offset + ripple_torque(_column(samples.angle), cosine, sine, eta[1]))
+    coulomb, viscous, offset, *waves = beta
+    smooth = over_arrays.coulomb_viscous_tanh_torque(samples.velocity, coulomb, viscous, 1.0 / eta[0])
+    return np.asarray(smooth + offset + over_arrays.ripple_torque(samples.angle, *waves, eta[1]))
 
 
 @_model(
     "σ0 z + d ω, ż = ω − σ0 |ω| z / T_c",
-    (_COULOMB, _VISCOUS, _BRISTLE_STIFFNESS), "++", _BRISTLE_SHAPE,
-    public=dahl_reported, needs="period", dynamic=True,
+    (_COULOMB, _VISCOUS), _BRISTLES, public=bristles_reported, needs=("period",), dynamic=True,
 )  # fmt: skip
-def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous; shape: stiffness over Coulomb."""
-    rest = coulomb_viscous_torque(samples.velocity, 0.0, beta[1])
+    rest = over_arrays.coulomb_viscous_torque(samples.velocity, 0.0, beta[1])
     return _bristles(samples, np.array([eta[0], 1.0, 1.0]), 1.0, (beta[0], 0.0), rest)
 
 
 @_model(
     "σ0 z + σ1 ż + d ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−(ω/ω_st)²)",
-    (_BREAKAWAY, _COULOMB, _BRISTLE_DAMPING, _VISCOUS, _BRISTLE_STIFFNESS, _STRIBECK), "+++",
-    _BRISTLE_SHAPE, _BREAKAWAY_RATIO, _STRIBECK_SHAPE, public=lugre_reported, needs="period", dynamic=True,
+    (_COULOMB, _BRISTLE_DAMPING, _VISCOUS), _BRISTLES, _RATIO, _STRIBECK,
+    public=bristles_reported, needs=("period",), dynamic=True,
 )  # fmt: skip
-def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity."""
-    rest = coulomb_viscous_torque(samples.velocity, 0.0, beta[2])
+    rest = over_arrays.coulomb_viscous_torque(samples.velocity, 0.0, beta[2])
     return _bristles(samples, eta, 2.0, (beta[0], beta[1]), rest)
 
 
 @_model(
     "T_0 + σ0 z + σ1 ż + d± |ω|^α sgn ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)",
-    (_BREAKAWAY, _COULOMB, _BRISTLE_DAMPING, *_BOTH_WAYS, _OFFSET,
-     _BRISTLE_STIFFNESS, _STRIBECK, *_EXPONENTS),
-    "++++±", _BRISTLE_SHAPE, _BREAKAWAY_RATIO, _STRIBECK_SHAPE, _STRIBECK_EXPONENT, _VISCOUS_EXPONENT,
-    public=lugre_reported, needs="period", dynamic=True, two_way=True,
+    (_COULOMB, _BRISTLE_DAMPING, *_BOTH_WAYS, _OFFSET), _BRISTLES, _RATIO, _STRIBECK, *_EXPONENTS,
+    public=bristles_reported, needs=("period",), dynamic=True, two_way=True,
 )  # fmt: skip
-def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """As :func:`lugre`, viscous forward and backward, with an offset; shape: both exponents behind."""
-    coulomb, damping, forward, backward, offset = beta
-    rest = offset + directional_viscous_torque(samples.velocity, forward, backward, eta[4])
+    coulomb, damping, *viscous, offset = beta
+    rest = offset + over_arrays.directional_viscous_torque(samples.velocity, *viscous, eta[4])
     return _bristles(samples, eta[:3], eta[3], (coulomb, damping), rest)
 
 
@@ -281,28 +243,18 @@ def _bristles(
     its first torque, less what is not theirs, tells.
     """
     stiffness, ratio, stribeck_velocity = eta
-    velocity, period, fresh = samples.velocity, _column(samples.period), samples.fresh
-    level = stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
+    velocity, period, fresh = samples.velocity, samples.period, samples.fresh
+    assert period is not None  # models that need a column are offered only where it is
+    level = over_arrays.stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
     z = bristle_deflection(velocity, period, fresh, level, stiffness)
     rate = velocity - stiffness * np.abs(velocity) / level * z
-    sliding = lugre_torque(velocity, stiffness * z, rate, *scales, 0.0)
+    sliding = over_arrays.lugre_torque(velocity, stiffness * z, rate, *scales, 0.0)
     left = remembered_start(velocity, period, fresh, level, stiffness)
     origin = _start_of(fresh)
     return np.asarray(sliding + rest + left * (samples.torque[origin] - rest[..., origin]))
 
 
-def _compiled(loop: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
-    """A loop as machine code, made when it is first called."""
-    compiled: Callable[..., np.ndarray] = bind(loop, ON_BITS, numba.njit)
-    return compiled
-
-
-def _column(values: np.ndarray | None) -> np.ndarray:
-    assert values is not None  # models that need a column are offered only where it is
-    return values
-
-
-@_compiled
+@partial(bind, names=ON_BITS, wrap=numba.njit)
 def bristle_deflection(
     velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
 ) -> np.ndarray:

@@ -1,18 +1,90 @@
-"""From a log to samples of speed and friction torque (thesis 2.3.1, 2.3.2 and 3.1)."""
+"""From a log of the joint test bench to samples of speed and friction torque (thesis 2.2.1, 2.3 and 3.1)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import pandas as pd
 
-from twin_gait.exceptions import ParameterFileError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.identification import signals
-from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
-from twin_gait.identification.plausibility import FEWEST, clean
-from twin_gait.identification.reading import Log, Quantity
-from twin_gait.identification.samples import FrictionTest
-from twin_gait.identification.signals import decimate, moving_average, zero_phase
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.identification.models import FrictionTest, join_tests
+from twin_gait.identification.reading import FEWEST, Log, Quantity, clean
+from twin_gait.identification.signals import moving_average, zero_phase
+from twin_gait.parameters import ActuatorParameters, quantities
+from twin_gait.worlds import HORIZONTAL, LoadAngle
+
+_GRAVITY = 9.81  # [m] / [s²]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchSetup(quantities.Parameters):
+    """Test bench of one joint (thesis 2.2.1).
+
+    Attributes:
+        actuator: Motor and gear.
+        mass: On the link in [kg], where the log does not say.
+        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        link_inertia: About the axis in [kg m²]; an assumption.
+        link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
+        start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
+        load_angle: Form of the load torque.
+        mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
+    """
+
+    actuator: ActuatorParameters
+    mass: Annotated[quantities.Mass | None, quantities.NOT_NEGATIVE] = None
+    lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
+    link_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.02
+    link_moment: Annotated[float, quantities.Unit("kgm"), quantities.NOT_NEGATIVE] = 0.0
+    start_angle: quantities.Angle | None = HORIZONTAL
+    load_angle: LoadAngle = LoadAngle.CORRECTED
+    mass_as_printed: bool = False
+
+    def joint_angle(self, angle: np.ndarray) -> np.ndarray:
+        """Logged angles, set so that the first one is the start angle, in [rad]."""
+        return angle if self.start_angle is None else angle - angle[0] + self.start_angle
+
+    def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
+        """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
+
+        ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: on the link in [kg].
+        """
+        tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
+        return np.asarray(_GRAVITY * (mass * self.lever + self.link_moment) * np.cos(tilt))
+
+    def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
+        """J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
+        weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
+        return self.actuator.armature + self.link_inertia + weight
+
+
+class Processing(StrEnum):
+    """How a log is smoothed before the friction torque is computed."""
+
+    ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
+    THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
+    NONE = "none"  # as recorded
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessingOptions(quantities.Parameters):
+    """How to process logs.
+
+    Attributes:
+        processing: None takes zero phase for logs with a current, and none for friction torques.
+        cutoff: Of the zero-phase filter in [Hz].
+        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
+            current and 0 in series of friction torques.
+    """
+
+    processing: Processing | None = None
+    cutoff: Annotated[quantities.Frequency, quantities.POSITIVE] = 40.0
+    standstill_velocity: Annotated[quantities.AngularVelocity | None, quantities.NOT_NEGATIVE] = None
+
 
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
 WINDOW = 10  # samples of the thesis's moving average
@@ -26,52 +98,35 @@ _GAP, _SHORT = 1.5, 0.125
 _STANDSTILL = 0.002  # [rad] / [s] that a log of a bench must exceed
 
 
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """Signals of a test after the filter, all of the same shape."""
-
-    time: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    impact: np.ndarray  # acceleration at which stops are looked for, the same whatever the processing
-    motor_torque: np.ndarray
-    load: np.ndarray
-    temperature: np.ndarray | None
-    settled: np.ndarray  # where the filter saw recorded samples only
-
-
 def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) -> FrictionTest:
     """Turn a log into samples of friction torque; without a bench only friction torques are expected.
 
     Raises ParameterFileError if the log lacks what is needed, or cannot be what it is read as.
     """
     log, counts, notes = clean(log, joint_known=bench is not None)
-    series = Quantity.FRICTION_TORQUE in log.columns
+    series = bench is None or Quantity.FRICTION_TORQUE in log.columns
+    told = (Quantity.VELOCITY, Quantity.FRICTION_TORQUE) if series else (Quantity.TIME, Quantity.ANGLE)
+    for quantity in told:
+        values = _needed(log, quantity)
+        if np.ptp(values) == 0.0:
+            text = f"is {values[0]:g} in every row; nothing can be fitted"
+            raise ParameterFileError(log.source, quantity, text)
     usual, slowest = (Processing.NONE, 0.0) if series else (Processing.ZERO_PHASE, _STANDSTILL)
     options = replace(options, processing=options.processing or usual)
     if options.standstill_velocity is not None:
         slowest = options.standstill_velocity
-    if series:
+    column = log.columns.get(Quantity.MASS)
+    log = replace(log, mass=log.mass if column is None else float(np.median(column)))
+    if bench is None or series:
         test = _series(log, options, slowest)
-    elif bench is not None:
-        test = _balance(log, bench, options, slowest)
     else:
-        text = "no such column; name one with --columns friction_torque=NAME"
-        raise ParameterFileError(log.source, "friction_torque", text)
+        test = _balance(log, bench, options, slowest)
     return replace(test, counts={**counts, **test.counts, "used": int(test.used.sum())}, notes=notes)
 
 
 def _series(log: Log, options: ProcessingOptions, slowest: float) -> FrictionTest:
     """A plain series of velocity and friction torque."""
-    velocity = _needed(log, Quantity.VELOCITY)
-    torque = log.columns[Quantity.FRICTION_TORQUE]
-    for name, values in ((Quantity.VELOCITY, velocity), (Quantity.FRICTION_TORQUE, torque)):
-        if np.ptp(values) == 0.0:
-            text = f"is {values[0]:g} in every row; nothing can be fitted"
-            raise ParameterFileError(log.source, name, text)
-    if options.processing is not Processing.NONE and Quantity.TIME not in log.columns:
-        raise ParameterFileError(log.source, "time", "no such column; a filter needs it")
+    velocity, torque = log.columns[Quantity.VELOCITY], log.columns[Quantity.FRICTION_TORQUE]
     if options.processing is Processing.THESIS:
         velocity = moving_average(velocity, WINDOW)
     elif options.processing is Processing.ZERO_PHASE:
@@ -87,67 +142,119 @@ def _series(log: Log, options: ProcessingOptions, slowest: float) -> FrictionTes
         angle=log.columns.get(Quantity.ANGLE),
         load=log.columns.get(Quantity.LOAD_TORQUE),
         temperature=log.columns.get(Quantity.TEMPERATURE),
-        mass=_stated_mass(log),
+        mass=log.mass,
         counts={"standstill": int((~used).sum())},
     )
 
 
 def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: float) -> FrictionTest:
-    """Friction torque by the balance of torques, equation (2.12)."""
-    stated = _stated_mass(log)
-    mass = bench.mass if stated is None else stated
+    """Friction torque at 100 Hz by the balance of torques, equation (2.12)."""
+    mass, (rate, cutoff) = _weight(log, bench), _rate(log, options)
+    time, columns, recorded = _even(log, rate, cutoff)
+    thesis, filtered = (options.processing is item for item in (Processing.THESIS, Processing.ZERO_PHASE))
+    step, guard = max(1, round(rate / RATE)), WINDOW if thesis else int(np.ceil(rate / cutoff))
+    shortest = (WINDOW + FEWEST) * step if thesis else 4 * guard + FEWEST
+    if len(time) < shortest:
+        text = f"lasts {len(time) / rate:.3g} s; expected at least {shortest / rate:.2g}"
+        raise ParameterFileError(log.source, "time", text)
+
+    def smooth(values: np.ndarray) -> np.ndarray:
+        """Angle, current and load go through the same filter."""
+        return zero_phase(values, cutoff, rate) if filtered else values
+
+    raw = bench.joint_angle(columns[Quantity.ANGLE])
+    angle, load = smooth(raw), smooth(bench.load_torque(raw, mass))[::step]
+    currents = (Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT)[:: 1 if thesis else -1]
+    current = next(filter(columns.__contains__, currents), currents[0])
+    _needed(log, current)
+    motor_torque = columns[current] * bench.actuator.torque_constant * bench.actuator.gear_ratio  # K_t τ I
+    if thesis:
+        speed = columns.get(Quantity.VELOCITY, np.gradient(raw, 1.0 / rate))
+        motion = _late_motion(speed[::step], recorded[::step], rate / step)
+    else:
+        motion = tuple(item[::step] for item in _motion(angle, recorded, rate, guard))
+    velocity, acceleration, settled = motion
+    angle, inertial = angle[::step], bench.inertia(mass) * acceleration
+    torque = smooth(motor_torque)[::step] + load - inertial
+    stopped = signals.hard_stop(angle, _impact(raw, cutoff, rate, step), int(RATE / cutoff))
+    kept = settled & ~stopped
+    if kept.any():
+        told = (angle, velocity, torque, inertial)
+        stopped[kept] |= signals.soft_stop(*(values[kept] for values in told))
+    standing = ~stopped & (np.abs(velocity) < slowest)
+    # So near a fast reversal the filter mixes friction of both directions: what comes out of it is the
+    # filtered friction, not the friction at the filtered velocity.
+    near = np.abs(velocity) < REVERSAL_REACH * np.abs(acceleration) / cutoff
+    turning = ~stopped & ~standing & near & filtered
+    rejected = {"stop": stopped, "standstill": standing, "reversal": turning}
+    temperature = columns.get(Quantity.TEMPERATURE)
+    return FrictionTest(
+        name=Path(log.source).name,
+        velocity=velocity,
+        torque=torque,
+        used=settled & ~stopped & ~standing & ~turning,
+        time=time[::step],
+        angle=angle,
+        load=load,
+        temperature=None if temperature is None else smooth(temperature)[::step],
+        mass=mass,
+        counts={
+            "after_decimation": len(torque),
+            **{cause: int((samples & settled).sum()) for cause, samples in rejected.items()},
+            "edge": int((~settled).sum()),
+        },
+    )
+
+
+def _weight(log: Log, bench: BenchSetup) -> float:
+    """The weight on the link in [kg]."""
+    mass = bench.mass if log.mass is None else log.mass
     if mass is None:
         text = (
             "does not say which weight hung on the link: add --mass, a line '# mass_kg: 2.5', or name the "
             "file so (knee_2.5kg_1.log)"
         )
         raise ParameterFileError(log.source, "mass", text)
-    _needed(log, Quantity.TIME)
-    options = replace(options, cutoff=_rate(log, options)[1])  # a slow log allows less
-    motion = _motion(log, bench, mass, options)
-    inertial = bench.inertia(mass) * motion.acceleration
-    torque = motion.motor_torque + motion.load - inertial
-    stopped = _stopped(motion, torque, inertial, options.cutoff)
-    standing = ~stopped & (np.abs(motion.velocity) < slowest)
-    filtered = options.processing is Processing.ZERO_PHASE
-    turning = ~stopped & ~standing & filtered & _turning(motion, options.cutoff)
-    rejected = {"stop": stopped, "standstill": standing, "reversal": turning}
-    return taken_from(
-        FrictionTest,
-        motion,
-        name=Path(log.source).name,
-        torque=torque,
-        used=motion.settled & ~stopped & ~standing & ~turning,
-        mass=mass,
-        counts={
-            "after_decimation": len(torque),
-            **{cause: int((samples & motion.settled).sum()) for cause, samples in rejected.items()},
-            "edge": int((~motion.settled).sum()),
-        },
-    )
+    return mass
 
 
-def _stated_mass(log: Log) -> float | None:
-    """The weight in [kg] that a log's column, comments or name say."""
-    column = log.columns.get(Quantity.MASS)
-    return log.mass if column is None else float(np.median(column))
+def _motion(angle: np.ndarray, recorded: np.ndarray, rate: float, guard: int) -> tuple[np.ndarray, ...]:
+    """Velocity and acceleration, and where only recorded samples are within so many: from the angle."""
+    velocity = np.gradient(angle, 1.0 / rate)
+    settled = ~signals.widened(~recorded, guard)
+    settled[:guard] = settled[-guard:] = False
+    return velocity, np.gradient(velocity, 1.0 / rate), settled
 
 
-def _needed(log: Log, quantity: Quantity, other: str = "") -> np.ndarray:
+def _late_motion(speed: np.ndarray, recorded: np.ndarray, rate: float) -> tuple[np.ndarray, ...]:
+    """The same by the thesis: the velocity alone is averaged, and so late against current and load."""
+    velocity = moving_average(speed, WINDOW)
+    settled = ~signals.widened(~recorded, WINDOW)
+    settled[: WINDOW - 1] = settled[-1:] = False
+    return velocity, signals.forward_difference(velocity, 1.0 / rate), settled
+
+
+def _needed(log: Log, quantity: Quantity) -> np.ndarray:
     if quantity not in log.columns:
-        text = f"no such column; name it, such as --columns {quantity}=NAME{other}"
+        text = f"no such column; name one with --columns {quantity}=NAME"
         raise ParameterFileError(log.source, quantity, text)
     return log.columns[quantity]
 
 
 def _rate(log: Log, options: ProcessingOptions) -> tuple[float, float]:
-    """Sampling rate in [Hz], and the cutoff that it allows."""
-    rate = 1.0 / float(np.median(np.diff(log.columns[Quantity.TIME])))
+    """Sampling rate in [Hz], and the cutoff that it allows: a slow log less."""
+    rate = 1.0 / float(np.median(np.diff(_needed(log, Quantity.TIME))))
     return rate, min(options.cutoff, 0.2 * rate)
 
 
 def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray], np.ndarray]:
     """Put a log on an even grid: time, columns, and where there were samples."""
+    if rate < 0.999 * _SLOWEST:
+        text = (
+            f"has {rate:.3g} samples per second; expected at least {_SLOWEST:g} to see the acceleration: is "
+            "it in another unit (--units time=ms)?"
+        )
+        raise ParameterFileError(log.source, "time", text)
     time = log.columns[Quantity.TIME]
     if np.abs(np.diff(time) * rate - 1.0).max() < _UNEVEN:
         return time, dict(log.columns), np.ones(len(time), dtype=bool)
@@ -162,85 +269,6 @@ def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quanti
     return grid, columns, (time[before + 1] - time[before]) * rate < bridged
 
 
-def _current(log: Log, columns: dict[Quantity, np.ndarray], options: ProcessingOptions) -> np.ndarray:
-    order = [Quantity.MEASURED_CURRENT, Quantity.TARGET_CURRENT]
-    if options.processing is Processing.THESIS:
-        order.reverse()
-    if options.current is not None:
-        order = [Quantity(f"{options.current}_current")]
-    found = next((quantity for quantity in order if quantity in columns), order[0])
-    _needed(log, found, ", or friction_torque=NAME if that is known")
-    return columns[found]
-
-
-def _motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions) -> _Motion:
-    """Signals of a test of the bench at 100 Hz.
-
-    Zero phase: angle, current and load through the same filter; velocity and acceleration from the angle.
-    The thesis: decimated signals, the velocity alone averaged, and so late against current and load.
-    """
-    _needed(log, Quantity.ANGLE)
-    rate, cutoff = _rate(log, options)
-    if rate < 0.999 * _SLOWEST:
-        text = (
-            f"has {rate:.3g} samples per second; expected at least {_SLOWEST:g} to see the acceleration: is "
-            "it in another unit (--units time=ms)?"
-        )
-        raise ParameterFileError(log.source, "time", text)
-    time, columns, recorded = _even(log, rate, cutoff)
-    raw = bench.joint_angle(columns[Quantity.ANGLE])
-    if np.ptp(raw) == 0.0:
-        raise ParameterFileError(log.source, "angle", "is the same in every row; the joint never moved")
-    motor_torque = bench.motor_torque(_current(log, columns, options))
-    temperature = columns.get(Quantity.TEMPERATURE)
-    thesis, step = options.processing is Processing.THESIS, max(1, round(rate / RATE))
-    guard = WINDOW if thesis else int(np.ceil(rate / cutoff))
-    shortest = (WINDOW + FEWEST) * step if thesis else 4 * guard + FEWEST
-    if len(time) < shortest:
-        text = f"lasts {len(time) / rate:.3g} s; expected at least {shortest / rate:.2g}"
-        raise ParameterFileError(log.source, "time", text)
-
-    def smooth(values: np.ndarray) -> np.ndarray:
-        return zero_phase(values, cutoff, rate) if options.processing is Processing.ZERO_PHASE else values
-
-    angle = smooth(raw)
-    if thesis:
-        speed = columns.get(Quantity.VELOCITY)
-        speed = np.gradient(raw, 1.0 / rate) if speed is None else speed
-        velocity = moving_average(decimate(speed, step), WINDOW)
-        acceleration = signals.forward_difference(velocity, step / rate)
-        load = bench.load_torque(decimate(angle, step), mass)
-        settled = ~signals.widened(~decimate(recorded, step), guard)
-        settled[: guard - 1] = settled[-1:] = False
-    else:
-        velocity = np.gradient(angle, 1.0 / rate)
-        acceleration = decimate(np.gradient(velocity, 1.0 / rate), step)
-        velocity, load = decimate(velocity, step), decimate(smooth(bench.load_torque(raw, mass)), step)
-        settled = ~signals.widened(~recorded, guard)
-        settled[:guard] = settled[-guard:] = False
-        settled = decimate(settled, step)
-    return _Motion(
-        time=decimate(time, step),
-        angle=decimate(angle, step),
-        velocity=velocity,
-        acceleration=acceleration,
-        impact=_impact(raw, cutoff, rate, step),
-        motor_torque=decimate(smooth(motor_torque), step),
-        load=load,
-        temperature=None if temperature is None else decimate(smooth(temperature), step),
-        settled=settled,
-    )
-
-
-def _turning(motion: _Motion, cutoff: float) -> np.ndarray:
-    """Samples so near a fast reversal that the filter mixes friction of both directions.
-
-    The friction torque that comes out of a filter is the filtered friction, not the friction at the filtered
-    velocity; the two part where the law bends within the filter's reach, 1/cutoff.
-    """
-    return np.asarray(np.abs(motion.velocity) < REVERSAL_REACH * np.abs(motion.acceleration) / cutoff)
-
-
 def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndarray:
     """Largest acceleration up to the next decimated sample in [rad] / [s²], from the zero-phase angle.
 
@@ -251,11 +279,51 @@ def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndar
     return np.asarray(np.maximum.reduceat(acceleration, np.arange(0, len(angle), step)))
 
 
-def _stopped(motion: _Motion, torque: np.ndarray, inertial: np.ndarray, cutoff: float) -> np.ndarray:
-    """Samples at a hard or a soft stop."""
-    hard = signals.hard_stop(motion.angle, motion.impact, int(RATE / cutoff))
-    kept = motion.settled & ~hard
-    if kept.any():
-        told = (motion.angle, motion.velocity, torque, inertial)
-        hard[kept] |= signals.soft_stop(*(values[kept] for values in told))
-    return hard
+_SPEEDS = 100  # classes of speed, as many samples in each
+_TELLING = 0.5  # [N m] of load, RMS, that the speed does not predict; less says nothing about the load
+# Load-dependent friction of a one-way fall, or an inertia that is a little wrong, do less.
+_GAIN, _TILT = 0.15, 8.0  # of the load's size, and of its angle in [deg]
+
+
+def balance_warnings(
+    tests: Sequence[FrictionTest], bench: BenchSetup | None, options: ProcessingOptions
+) -> list[str]:
+    r"""Whether the motor bears the weight that the bench says; a ParameterError if it bears it upside down.
+
+    Friction of any law goes with the speed. With a load that is truly g times as large, at angles that are δ
+    smaller, the balance of torques is
+    :math:`f(\omega) + (1 - g \cos\delta)\,F\ell\cos\varphi - g \sin\delta\,F\ell\sin\varphi` at the angle φ
+    from the horizontal; its parts are told within classes of equal speed. The thesis's late velocity would
+    look like such an angle, and is warned of itself.
+    """
+    if options.processing is Processing.THESIS:
+        late = 0.5 * (WINDOW - 1) / RATE
+        text = f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load"
+        return [f"{text}: the parameters are biased (--processing zero_phase)"]
+    tests = [test for test in tests if test.from_bench]
+    if bench is None or not tests:
+        return []
+    rows = join_tests(tests)
+    mass = np.array([test.mass for test in tests], dtype=float)[rows.test]
+    load, across = (bench.load_torque(np.asarray(rows.angle) - turn, mass) for turn in (0.0, np.pi / 2))
+    columns = {"speed": rows.velocity, "load": load, "across": across, "torque": rows.torque}
+    table = pd.DataFrame(columns)[rows.used]
+    classes = pd.qcut(table.pop("speed"), _SPEEDS, labels=False, duplicates="drop")
+    rest = (table - table.groupby(classes).transform("mean")).to_numpy()
+    share, _, _, sizes = np.linalg.lstsq(rest[:, :2], rest[:, 2])
+    if sizes[-1] < _TELLING * np.sqrt(len(rest)):
+        return []
+    true = complex(1.0 - share[0], -share[1])
+    if true.real < 0.0:
+        raise ParameterError(
+            "logs: by the current the weight pulls upwards; turn current and angle to be positive along the "
+            "fall: --columns measured_current=-NAME,angle=-NAME"
+        )
+    gain, tilt = float(abs(true)), float(np.angle(true, deg=True))
+    if abs(gain - 1.0) < _GAIN and abs(tilt) < _TILT:
+        return []
+    return [
+        f"by the current the weight's torque is {gain:.2f} times what mass and lever say, and the angle "
+        f"{tilt:+.0f}° too large (expected 1 and 0): check --joint, --mass, --lever-m, --link-inertia-kgm2, "
+        "the unit of the current, and --start-angle-deg for logs that do not begin with the link horizontal"
+    ]

@@ -1,17 +1,21 @@
-"""Read logs and series of measurements: any text table, any column names, units declared or by name."""
+"""Read logs and series of measurements: any text table, any column names, units declared or by name.
+
+Then rows and columns that cannot be used: empty cells, disordered times, other units, missing-value marks.
+"""
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.runs.log_files import LogTable, is_missing, is_number, read_text_table
+from twin_gait.runs.log_files import LogTable, is_number, read_text_table
 
 
 class Quantity(StrEnum):
@@ -36,24 +40,22 @@ class Kind(NamedTuple):
     largest: float = math.inf  # beyond this no joint of a robot goes; such a column is in another unit
 
 
-_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": 2.0 * math.pi}
-_SPEEDS = {**{f"{name}/s": factor for name, factor in _ANGLES.items()}, "rpm": 2.0 * math.pi / 60.0}
+_TURN = 2.0 * math.pi  # [rad]
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": _TURN}
+_SPEEDS = {**{f"{name}/s": factor for name, factor in _ANGLES.items()}, "rev/s": _TURN, "rpm": _TURN / 60.0}
 _TORQUES = {"Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
-_CURRENTS = {"A": 1.0, "mA": 1e-3}
+_AMPERES = {"A": 1.0, "mA": 1e-3}
 KINDS: Mapping[Quantity, Kind] = {
-    Quantity.TIME: Kind(
-        ("time", "t", "timestamp"), {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}
-    ),
+    Quantity.TIME: Kind(("time", "t", "timestamp"), _TIMES),
     Quantity.ANGLE: Kind(("position", "angle", "theta", "q"), _ANGLES, 60.0),
-    Quantity.VELOCITY: Kind(
-        ("velocity", "omega", "speed", "dq", "qd"), {**_SPEEDS, "rev/s": 2.0 * math.pi}, 60.0
-    ),
+    Quantity.VELOCITY: Kind(("velocity", "omega", "speed", "dq", "qd"), _SPEEDS, 60.0),
     Quantity.FRICTION_TORQUE: Kind(
         ("friction_torque", "torque_friction", "t_fr", "tau_f"), _TORQUES, 2_000.0
     ),
     Quantity.LOAD_TORQUE: Kind(("load_torque", "torque_load"), _TORQUES, 5_000.0),
-    Quantity.TARGET_CURRENT: Kind(("target_current", "current_target"), _CURRENTS, 200.0),
-    Quantity.MEASURED_CURRENT: Kind(("measured_current", "current_measured", "current"), _CURRENTS, 200.0),
+    Quantity.TARGET_CURRENT: Kind(("target_current", "current_target"), _AMPERES, 200.0),
+    Quantity.MEASURED_CURRENT: Kind(("measured_current", "current_measured", "current"), _AMPERES, 200.0),
     Quantity.TEMPERATURE: Kind(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
     Quantity.MASS: Kind(("mass", "weight"), {"kg": 1.0, "g": 1e-3}, 200.0),
 }
@@ -63,44 +65,27 @@ _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 _RATE = re.compile(r"_([A-Za-z]+_per_[A-Za-z]+)$")
 
 
-class _Heading(NamedTuple):
-    """A column's name, read as that of a quantity: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
-
-    name: str
-    unit: str | None = None  # that it states
-    strange: str | None = None  # that it states and that is none of the quantity
-
-
-def _read_heading(column: str, quantity: Quantity) -> _Heading:
+def _heading(column: str, quantity: Quantity) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
     text = column.strip()
-    bracketed = _BRACKETED.match(text)
-    if bracketed:
+    if bracketed := _BRACKETED.match(text):
         name, stated = bracketed["name"], bracketed["unit"].strip()
-        unit = known_unit(stated, quantity)
         # A remark in brackets is no unit: units are ratios or short words.
         alike = "/" in stated or (0 < len(stated) <= _SHORT_UNIT and stated not in _NO_UNIT)
-        return _Heading(name, unit, stated if unit is None and alike else None)
+        return name, stated if alike or known_unit(stated, quantity) else None
     for unit in sorted(KINDS[quantity].units, key=len, reverse=True):
         ending = "_" + unit.replace("/", "_per_")
         if text.endswith(ending):
-            return _Heading(text.removesuffix(ending), unit)
+            return text.removesuffix(ending), unit
     rate = _RATE.search(text)
-    return _Heading(text, strange=rate[1] if rate else None)
+    return text, rate and rate[1]
 
 
-def known_unit(text: str, quantity: Quantity) -> str | None:
+def known_unit(text: str | None, quantity: Quantity) -> str | None:
     """A unit in the way it is written here, or None if it is none of the quantity."""
-    wanted = text.strip().replace(" ", "").replace("·", "").replace("_per_", "/")
+    wanted = (text or "").strip().replace(" ", "").replace("·", "").replace("_per_", "/")
     wanted = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}.get(wanted, wanted)
     return wanted if wanted in KINDS[quantity].units else None
-
-
-def _factor_of(unit: str, quantity: Quantity) -> float:
-    """Factor from a unit to SI."""
-    known, units = known_unit(unit, quantity), KINDS[quantity].units
-    if known is None:
-        raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {', '.join(units)}")
-    return units[known]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,16 +99,19 @@ class LogColumns:
 
     def __post_init__(self) -> None:
         for quantity, unit in self.units.items():
-            _factor_of(unit, quantity)
+            if known_unit(unit, quantity) is None:
+                there = ", ".join(KINDS[quantity].units)
+                raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {there}")
 
 
 def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
     """Name of the column of each quantity, and the factor to SI with the sign."""
     found: dict[Quantity, tuple[str, float]] = {}
+    asked_for = {name.lstrip("-") for name in columns.names.values()}
     for quantity in Quantity:
         asked, sign = columns.names.get(quantity), 1.0
         if asked is None:
-            name = _known_column(table.names, quantity)
+            name = _known_column([name for name in table.names if name not in asked_for], quantity)
         else:
             if asked.startswith("-") and asked not in table:
                 sign, asked = -1.0, asked[1:].strip()
@@ -137,34 +125,34 @@ def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str
     return found
 
 
-def _known_column(names: tuple[str, ...], quantity: Quantity) -> str | None:
+def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
     """The column whose name is the quantity's; an optional one in a strange unit is left."""
-    headings = [_read_heading(name, quantity) for name in names]
-    plain = [heading.name.strip().lower().replace(" ", "_") for heading in headings]
+    headings = [_heading(name, quantity) for name in names]
+    plain = [name.strip().lower().replace(" ", "_") for name, _ in headings]
     for known in KINDS[quantity].names:
         if plain.count(known) == 1:
             place = plain.index(known)
+            stated = headings[place][1]
+            strange = stated is not None and known_unit(stated, quantity) is None
             optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-            return None if optional and headings[place].strange else names[place]
+            return None if optional and strange else names[place]
     return None
 
 
 def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
     """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
-    units, (_, stated, strange) = KINDS[quantity].units, _read_heading(column, quantity)
-    if strange is not None and given is None:
-        text = f"no unit {strange!r} of {quantity} is known; give one of {', '.join(units)} with --units"
-        raise ParameterFileError(source, column, f"{text} {quantity}=…")
-    factor = 1.0 if given is None else _factor_of(given, quantity)
-    if stated is None:
-        return factor
-    if given is not None and factor != units[stated]:
-        text = f"is in {stated} by its name; leave --units {quantity}={given} out"
+    units, (_, stated) = KINDS[quantity].units, _heading(column, quantity)
+    known, told = known_unit(stated, quantity), known_unit(given, quantity)
+    if known and told and units[known] != units[told]:
+        text = f"is in {known} by its name; leave --units {quantity}={given} out"
         raise ParameterFileError(source, column, text)
-    return units[stated]
+    if stated and not (known or told):
+        text = f"no unit {stated!r} of {quantity} is known; give one of {', '.join(units)} with --units"
+        raise ParameterFileError(source, column, f"{text} {quantity}=…")
+    unit = known or told
+    return units[unit] if unit else 1.0
 
 
-_LONGEST_UNIT = 8
 _MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
 _COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*(\d*\.?\d+(?:[eE][-+]?\d+)?)\s*$")
 
@@ -206,14 +194,10 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
 
 
 def _with_units(table: LogTable) -> LogTable:
-    """The table with the units behind its names that stand under them: short words, none of them a number."""
-    if table.frame.empty:
-        return table
-    units = [cell.strip("[]() ") for cell in table.frame.iloc[0]]
-    words = [unit for unit in units if not is_missing(unit)]
-    if any(len(word) > _LONGEST_UNIT or is_number(word, table.decimal) for word in words):
-        return table
-    if not any(known_unit(word, quantity) for word in words for quantity in Quantity):
+    """The table with the units of a line under its names behind them: no number among them, one known."""
+    units = [cell.strip("[]() ") for cell in table.frame.head(1).to_numpy().ravel()]
+    known = any(known_unit(unit, quantity) for unit in units for quantity in Quantity)
+    if not known or any(is_number(unit, table.decimal) for unit in units):
         return table
     names = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(table.names, units, strict=True))
     return replace(table, names=names, frame=table.frame.iloc[1:])
@@ -226,3 +210,137 @@ def _mass(name: str, remarks: tuple[str, ...]) -> float | None:
             return float(match[2])
     found = _MASS_IN_NAME.search(name)
     return float(re.sub("[,p]", ".", found[1].lower())) if found else None
+
+
+FEWEST = 20  # samples of a test
+_MOSTLY_EMPTY = 0.1  # share of empty cells beyond which an optional column is left out, not the rows
+_PERIODS = (2e-5, 0.5)  # [s] between the samples of measured friction
+_CURRENTS = frozenset({Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT})
+# In a series and in a log of a bench: columns that the torque is computed from, and those that are of use.
+_USED = {
+    True: frozenset({Quantity.VELOCITY, Quantity.FRICTION_TORQUE}),
+    False: _CURRENTS | {Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY},
+}
+_KEPT = {True: frozenset(Quantity) - _CURRENTS, False: frozenset(Quantity) - {Quantity.LOAD_TORQUE}}
+_MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
+_SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
+_USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
+
+
+def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[str, ...]]:
+    """Take out rows that hold a NaN or repeat the one before, and refuse a log that cannot be used.
+
+    A column that was found by its name alone and that a series can do without is left out if it is mostly
+    empty or cannot be what its name says. Also: how many rows there were of each, and what one should know.
+    """
+    series = Quantity.FRICTION_TORQUE in log.columns
+    columns = {name: log.columns[name] for name in log.columns if name in log.asked | _KEPT[series]}
+    optional = set(columns) - log.asked - _USED[series]
+    notes: list[str] = []
+
+    def refuse(quantity: Quantity, why: str) -> None:
+        """Leave an optional column out; a log is not read without another."""
+        if quantity not in optional:
+            raise ParameterFileError(log.source, quantity, why)
+        notes.append(f"{quantity} was left out: {why}")
+        del columns[quantity]
+
+    for quantity in sorted(optional):
+        empty = float(np.isnan(columns[quantity]).mean())
+        if empty > _MOSTLY_EMPTY:
+            refuse(quantity, f"{100.0 * empty:.0f} % of its cells are empty")
+    kept = ~np.logical_or.reduce([np.isnan(values) for values in columns.values()])
+    columns = {quantity: values[kept] for quantity, values in columns.items()}
+    counts = {"read": len(log), "not_a_number": int((~kept).sum()), "duplicate_time": 0}
+    if Quantity.TIME in columns and kept.any():
+        # A clock may stand still in a series; derivatives of a log of a bench cannot.
+        clocks = columns.values() if series else (columns[Quantity.TIME],)
+        same = np.logical_and.reduce([np.diff(values, prepend=np.nan) == 0.0 for values in clocks])
+        columns = {quantity: values[~same] for quantity, values in columns.items()}
+        counts["duplicate_time"] = int(same.sum())
+        if not series and same.mean() > 0.5:
+            refuse(Quantity.TIME, "is that of the row before in most rows; the clock is too coarse")
+        if doubt := _disorder(columns[Quantity.TIME], notes, series=series):
+            optional |= {Quantity.TIME} if series else set()
+            refuse(Quantity.TIME, doubt)
+    rows = len(next(iter(columns.values()), ()))
+    if rows < FEWEST:
+        text = f"has {rows} usable rows of {len(log)}, with no cell empty; expected at least {FEWEST}"
+        raise ParameterFileError(log.source, "", text)
+    for quantity in sorted(_MEASURED.intersection(columns)):
+        _check_mark(log.source, quantity, columns[quantity])
+    for quantity in sorted(columns):
+        if doubt := _beyond(quantity, columns[quantity]):
+            if joint_known or not series or quantity in optional:
+                refuse(quantity, doubt)
+            else:
+                notes.append(f"{quantity} {doubt}")
+    if doubt := _wrong_slope(columns):
+        refuse(Quantity.ANGLE, doubt)
+    return replace(log, columns=columns), counts, tuple(notes)
+
+
+def _disorder(time: np.ndarray, notes: list[str], *, series: bool) -> str:
+    """What is said of times that cannot be used; nothing of others, or a note.
+
+    In a series records may follow one another.
+    """
+    steps = np.diff(time)
+    back, forward = int((steps < 0.0).sum()), steps[steps > 0.0]
+    if back > (len(steps) / FEWEST if series else 0):
+        row = int(np.argmax(steps < 0.0))
+        text = f"goes back {back} times, from {time[row]:g} s to {time[row + 1]:g} s first"
+        return f"{text}; one file is one test: cut it there"
+    if not len(forward):
+        return "is the same in every row"
+    period = float(np.median(forward))
+    if series and not _PERIODS[0] <= period <= _PERIODS[1]:
+        notes.append(
+            f"time advances by {period:.3g} s from row to row: if it is in another unit, declare it "
+            "(--units time=ms); stiffness and damping of bristles depend on it"
+        )
+    if back:
+        notes.append(f"time goes back {back} times: records that follow one another were taken apart")
+    return ""
+
+
+def _check_mark(source: str, quantity: Quantity, values: np.ndarray) -> None:
+    """Refuse values that stand for a missing one, such as -9999 or 1e30."""
+    size = np.abs(values)
+    usual, row = float(np.quantile(size, _USUAL)), int(np.argmax(size))
+    if size[row] > _MARK * usual > 0.0:
+        text = (
+            f"is {values[row]:.4g} once where {100 * _USUAL:g} % stay below {usual:.3g}: a mark for a "
+            "missing value? Leave such cells empty"
+        )
+        raise ParameterFileError(source, quantity, text)
+
+
+def _beyond(quantity: Quantity, values: np.ndarray) -> str:
+    """What is said of values beyond what a joint can do; nothing of others."""
+    found, (unit, other, *_) = float(np.abs(values).max()), KINDS[quantity].units
+    if found <= KINDS[quantity].largest:
+        return ""
+    return f"reaches {found:.4g} {unit}: of a joint? Declare its unit, such as --units {quantity}={other}"
+
+
+def _wrong_slope(columns: Mapping[Quantity, np.ndarray]) -> str:
+    """What is said of an angle that does not move about as far as the integral of the velocity."""
+    if not {Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY} <= set(columns):
+        return ""
+    time, angle, velocity = (columns[name] for name in (Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY))
+    # Displacements over a tenth of the log: noise of single differences would hide the slope.
+    stride = max(len(time) // 10, 1)
+    elapsed = np.maximum(np.diff(time, prepend=time[:1]), 0.0).cumsum()  # without the way to another record
+    travelled = cumulative_trapezoid(velocity, elapsed, initial=0)
+    moved, integrated = angle[stride:] - angle[:-stride], travelled[stride:] - travelled[:-stride]
+    energy = float(moved @ moved)
+    if energy < 1e-6 * len(moved):  # less than a milliradian: nothing to compare
+        return ""
+    slope = float(integrated @ moved) / energy
+    if _SLOPE[0] < slope < _SLOPE[1]:
+        return ""
+    return (
+        f"the velocity's integral moves {slope:.3g} times as far: time, angle or velocity is in another "
+        "unit or sign; declare them with --units time=…,angle=…,velocity=…"
+    )

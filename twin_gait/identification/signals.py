@@ -24,11 +24,6 @@ def zero_phase(values: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
     return np.asarray(sosfiltfilt(sections, values, padlen=padding))
 
 
-def decimate(values: np.ndarray, factor: int) -> np.ndarray:
-    """Every so many samples, with no filter before it: the thesis's undersampling."""
-    return values[::factor]
-
-
 def moving_average(values: np.ndarray, window: int) -> np.ndarray:
     """Mean of the last ``window`` samples, equation (2.9); of those there are at the beginning.
 
@@ -96,16 +91,13 @@ def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial:
     if end - peak < 2 or len(before) < _FEWEST:
         return None
     for sample in reversed(range(peak, end)):  # the last one that nothing brakes is soon found
-        excess = torque[sample] - _usual_torque(torque[before], speed[before], speed[sample])
+        # What 95 % of the torques before were below, at such speeds if there were enough of them.
+        alike = before[speed[before] < _FASTER * max(speed[sample], _SLOW)]
+        usual = np.quantile(torque[alike if len(alike) >= _FEWEST else before], _USUAL)
+        excess = float(torque[sample] - usual)
         if excess <= max(_LEAST, _OF_INERTIA * inertial[sample]):
             return sample + 1 if sample + 1 < end else None
     return peak
-
-
-def _usual_torque(torque: np.ndarray, speed: np.ndarray, present: float) -> float:
-    """What 95 % of the torques before were below, at such speeds if there were enough of them."""
-    alike = torque[speed < _FASTER * max(present, _SLOW)]
-    return float(np.quantile(alike if len(alike) >= _FEWEST else torque, _USUAL))
 
 
 def widened(mask: np.ndarray, by: int) -> np.ndarray:

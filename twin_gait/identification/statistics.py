@@ -15,8 +15,7 @@ from scipy.stats import t as student
 
 from twin_gait.identification import fitting
 from twin_gait.identification.fitting import Fit
-from twin_gait.identification.laws import LOGARITHMIC
-from twin_gait.identification.samples import FrictionTest, Samples
+from twin_gait.identification.models import FrictionTest, Samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,6 @@ class Goodness:
     adjusted_r_squared: float  # the same per degree of freedom
     rmse: float  # sqrt(SSE/n) in [N m]
     residual_standard_error: float  # sqrt(SSE/(n - p)) in [N m]: what MATLAB's fits call RMSE
-    mean_absolute_error: float  # in [N m]
     aic: float  # Akaike's criterion of normal residuals, up to a constant of the samples
     bic: float  # the Bayesian one. Both count every sample as independent, which samples of a filter are not
 
@@ -50,7 +48,6 @@ def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Go
         adjusted_r_squared=1.0 - (1.0 - r_squared) * (n - 1) / freedom,
         rmse=math.sqrt(sse / n),
         residual_standard_error=math.sqrt(sse / freedom),
-        mean_absolute_error=float(np.abs(residuals).mean()),
         aic=deviance + 2.0 * (parameters + 1),
         bic=deviance + math.log(n) * (parameters + 1),
     )
@@ -64,7 +61,7 @@ _PIECES = 5  # that a single test is cut into
 class CrossValidation:
     """Error on what was left out."""
 
-    by: str  # what was left out: ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file
+    left_out: str  # ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file
     folds: int  # how often
     rmse: float  # over all samples, each predicted by the fit that did not see it, in [N m]
 
@@ -101,7 +98,7 @@ def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> Cr
             left.append(fitting.refit(fit, inside).residuals(outside))
     errors = np.concatenate([*left, np.empty(0)])
     rmse = math.sqrt(float(errors @ errors) / len(errors)) if left else math.nan
-    return CrossValidation(by=by, folds=len(left), rmse=rmse)
+    return CrossValidation(left_out=by, folds=len(left), rmse=rmse)
 
 
 def _without(samples: Samples, out: np.ndarray) -> Samples:
@@ -136,18 +133,18 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     """Estimate intervals of the parameters of a fit from its samples, by draws of a seed."""
     model = fit.model
     rows = fitting.rows_of(model, samples)  # more than were fitted would promise too much
-    values, matrix = fit.residuals(rows), fitting.jacobian(model, fit.x, rows)
+    values, matrix = fit.residuals(rows), model.jacobian(fit.x, rows)
     free = np.setdiff1d(np.arange(model.size), fit.at_bound)
     scale = np.sqrt((matrix[:, free] ** 2).sum(axis=0))
     free, scale = free[scale > 0.0], scale[scale > 0.0]
     unit = matrix[:, free] / scale
     rank = int(np.linalg.matrix_rank(unit.T @ unit, tol=_RANK, hermitian=True)) if len(free) else 0
     block, by = _blocks(rows.test[rows.used])
-    number = int(block[-1]) + 1 if len(block) else 0
+    number = int(block[-1]) + 1
     if rank < max(len(free), 1) or number < 2:
-        unknown = dict.fromkeys(model.names, (-math.inf, math.inf))
-        errors = dict.fromkeys(model.names, math.inf)
-        return Uncertainty(unknown, np.full((len(model.names),) * 2, math.nan), errors, by, number)
+        unknown, nothing = (-math.inf, math.inf), np.full((model.size, model.size), math.nan)
+        wide, errors = dict.fromkeys(model.names, unknown), dict.fromkeys(model.names, math.inf)
+        return Uncertainty(wide, nothing, errors, by, number)
     weights = fitting.huber_weights(values, fit.threshold)
     steps = _draws(unit, values, weights, block, number, seed) / scale
     steps = steps[_telling(steps)]
@@ -157,20 +154,17 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     # A shape that the samples hardly determine would overflow; e^±30 of its value says as much.
     draws[:, count:] = np.clip(draws[:, count:], fit.x[count:] - _FURTHEST, fit.x[count:] + _FURTHEST)
     errors, reported = _standard_errors(fit, unit, scale, free, values), _public(fit, draws)
-    return Uncertainty(_intervals(fit, reported, number), _correlations(reported), errors, by, number)
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN for one that does not vary
+        correlations = np.atleast_2d(np.corrcoef(reported))
+    return Uncertainty(_intervals(fit, reported, number), correlations, errors, by, number)
 
 
 def _blocks(test: np.ndarray) -> tuple[np.ndarray, str]:
     """Number of the block of each sample: its test, or a stretch of it where tests are few."""
-    _, index = np.unique(test, return_inverse=True)
-    number = int(index.max()) + 1 if len(index) else 0
-    if number >= FEWEST_TESTS or not number:
-        return index, "test"
-    pieces = -(-BLOCKS // number)
-    first = np.searchsorted(index, np.arange(number))
-    lengths = np.bincount(index, minlength=number)
-    place = np.arange(len(index)) - first[index]
-    return index * pieces + place * pieces // lengths[index], "block"
+    _, index, lengths = np.unique(test, return_inverse=True, return_counts=True)
+    pieces = 1 if len(lengths) >= FEWEST_TESTS else -(-BLOCKS // len(lengths))
+    place = np.arange(len(index)) - (np.cumsum(lengths) - lengths)[index]
+    return index * pieces + place * pieces // lengths[index], "test" if pieces == 1 else "block"
 
 
 def _draws(
@@ -225,20 +219,15 @@ def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[f
     With few tests the bootstrap's spread is too small by sqrt((n-1)/n) and its tails too short.
     """
     reach = float(student.ppf(0.5 + LEVEL / 2.0, number - 1)) * math.sqrt(number / (number - 1))
-    found = {}
+    found, by_factor = {}, {item.name for item in fit.model.shape if item.by_factor}
     for (name, centre), row in zip(fit.model.parameters(fit.x).items(), reported, strict=True):
-        if name in LOGARITHMIC and (row > 0.0).all():
+        if name in by_factor and (row > 0.0).all():
             half = min(reach * float(np.log(row).std()), 300.0)
             found[name] = (centre * math.exp(-half), centre * math.exp(half))
         else:
             half = reach * float(row.std())
             found[name] = (centre - half, centre + half)
     return found
-
-
-def _correlations(reported: np.ndarray) -> np.ndarray:
-    with np.errstate(divide="ignore", invalid="ignore"):  # NaN for one that does not vary
-        return np.atleast_2d(np.corrcoef(reported))
 
 
 def _standard_errors(
@@ -253,3 +242,30 @@ def _standard_errors(
     derivative = change / (2.0 * moves.sum(axis=1))
     variance = np.einsum("ij,jk,ik->i", derivative, covariance, derivative)
     return {name: math.sqrt(max(float(item), 0.0)) for name, item in zip(names, variance, strict=True)}
+
+
+_WIDE = 0.25  # half-width of an interval over the parameter
+_CORRELATED = 0.98
+
+
+def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
+    """What is doubtful about a fit."""
+    names, correlations, found = fit.model.names, uncertainty.correlations, []
+    for name, value in fit.model.parameters(fit.x).items():
+        low, high = uncertainty.intervals[name]
+        half = 0.5 * (high - low)
+        if not np.isfinite(half):
+            found.append(f"{name} is not determined by these samples")
+        elif half > _WIDE * abs(value):
+            found.append(f"{name} is uncertain: {value:.3g}, and half of the interval {half:.2g}")
+    found += [
+        f"{names[i]} and {names[j]} are correlated ({correlations[i, j]:+.3f}): only a combination is known"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlations[i, j]) > _CORRELATED
+    ]
+    found += [f"{names[place]} lies on its bound; its interval is no estimate" for place in fit.at_bound]
+    power = (fit.model.predict(fit.x, samples) * samples.velocity)[samples.used]
+    if not fit.model.needs and (power < -1e-9).mean() >= 1e-3:  # friction must take power from the joint
+        found.append("the law drives the joint in some of the samples; --physical forbids that")
+    return found

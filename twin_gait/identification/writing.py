@@ -3,32 +3,32 @@
 import contextlib
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
+from scipy.stats import binned_statistic
 
 from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.files import plain, write_atomically, write_json
-from twin_gait.identification import Identification, IdentifiedModel
-from twin_gait.identification.figures import draw_fits, draw_residuals
-from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
-from twin_gait.identification.statistics import DRAWS, LEVEL
-from twin_gait.report.canvas import readable, write_figures_page
+from twin_gait.identification.fitting import Loss
+from twin_gait.identification.identify import Identification, IdentifiedModel
+from twin_gait.identification.models import Samples, thinned
+from twin_gait.identification.processing import BenchSetup, Processing, ProcessingOptions
+from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
+from twin_gait.report.canvas import readable, style_panel, write_figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds import BENCH_FRICTION
 
 DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
-SAMPLES_FILE = "samples.csv"
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
-REPORT_FILE = "report.html"
-SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _LISTED_SAMPLES = 100_000
 # Models that a simulation takes, with the law whose keys are their parameters.
@@ -54,15 +54,14 @@ def write_identification(
     pictures: bool = True,
 ) -> dict[str, Any]:
     """Write everything into a folder that appears when all is written."""
-    laws = {} if joint is None else _parameter_laws(result)
+    files = {} if joint is None else _parameter_files(result, joint)
     document: dict[str, Any] = plain(_identification_document(result, joint))
-    document["parameter_files"] = {file: model for file, (model, _) in laws.items()}
+    document["parameter_files"] = {file: model for file, (model, _) in files.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         write_json(staging / DOCUMENT_FILE, document)
-        write_atomically(staging / SAMPLES_FILE, _samples_csv(result))
-        for file, (model, law) in laws.items():
-            assert joint is not None  # without one there are no laws
-            write_atomically(staging / file, _parameter_file(file, law, model, joint))
+        write_atomically(staging / "samples.csv", _samples_csv(result))
+        for file, (_, text) in files.items():
+            write_atomically(staging / file, text)
         if pictures:
             _draw(result, staging, joint)
     return document
@@ -70,7 +69,7 @@ def write_identification(
 
 def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
     figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
-    left_out = (f"left out: {run.by} [N m]" for run in result.models[0].validations)
+    left_out = (f"left out: {run.left_out} [N m]" for run in result.models[0].validations)
     heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
     rows = [
         (readable(item.name), item.fit.model.formula, f"{item.goodness.rmse:.3g}",
@@ -78,104 +77,80 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
         for item in result.models
     ]  # fmt: skip
     title = "Friction" if joint is None else f"Friction of the {joint}"
-    write_figures_page(folder / REPORT_FILE, figures, title, "models best first", [heads, *rows])
+    write_figures_page(folder / "report.html", figures, title, "models best first", [heads, *rows])
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
     """The result as plain numbers, SI units in the keys."""
-    options, validations = result.options, result.models[0].validations
-    left_out = validations[0].by if validations and math.isfinite(validations[0].rmse) else None
+    options, best = result.options, result.models[0]
+    order = f"rmse with {best.validations[0].left_out} left out" if math.isfinite(best.rank[0]) else "BIC"
+    balance = any(test.from_bench for test in result.tests)
+    usual = Processing.ZERO_PHASE if balance else Processing.NONE
+    processing = replace(options.processing, processing=options.processing.processing or usual)
+    bench = options.bench if balance else None
     return {
-        "schema_version": SCHEMA_VERSION,
-        "joint": None if joint is None else str(joint),
+        "schema_version": 1,
+        "joint": joint,
         "models": [_model(item) for item in result.models],
         "skipped": result.skipped,
         "warnings": result.warnings,
         "method": {
-            "order": "BIC" if left_out is None else f"rmse with {left_out} left out",
-            "loss": str(options.fit.loss),
-            "huber_sigmas": None if options.fit.loss is Loss.LINEAR else HUBER_SIGMAS,
-            "physical": options.fit.physical,
-            "interval_level": LEVEL,
-            "interval_method": "one-step bootstrap over tests, Student's t",
-            "bootstrap_draws": DRAWS,
-            "seed": options.fit.seed,
-            "processing": _processing(result),
+            "order": order,
+            **asdict(options.fit),
+            "processing": section_of(ProcessingOptions).document(processing),
+            "bench": None if bench is None else section_of(BenchSetup).document(bench),
         },
         "tests": [{"name": test.name, "mass_kg": test.mass, "samples": test.counts} for test in result.tests],
     }
 
 
-def _processing(result: Identification) -> dict[str, Any]:
-    options, bench = result.options.processing, result.options.bench
-    balance = any(test.from_bench for test in result.tests)
-    default = "zero_phase" if balance else "none"
-    document: dict[str, Any] = {"name": default if options.processing is None else str(options.processing)}
-    if balance and bench is not None:
-        document |= {
-            "cutoff_Hz": options.cutoff,
-            "load_angle": str(bench.load_angle),
-            "lever_m": bench.lever,
-            "link_inertia_kgm2": bench.link_inertia,
-            "torque_constant_Nm_per_A": bench.actuator.torque_constant,
-            "gear_ratio": bench.actuator.gear_ratio,
-            "armature_kgm2": bench.actuator.armature,
-        }
-    return document
-
-
 def _model(item: IdentifiedModel) -> dict[str, Any]:
-    known, threshold = item.uncertainty, item.fit.threshold
     return {
         "name": item.name,
         "formula": item.fit.model.formula,
         "parameters": item.fit.model.parameters(item.fit.x),
-        "intervals_95": known.intervals,
-        "intervals_by": {"drawn": known.by, "blocks": known.blocks},
-        "standard_errors_if_independent": known.standard_errors,
+        "intervals_95": item.uncertainty.intervals,
+        "intervals_by": {"drawn": item.uncertainty.by, "blocks": item.uncertainty.blocks},
+        "standard_errors_if_independent": item.uncertainty.standard_errors,
         **asdict(item.goodness),
-        "cross_validation": [
-            {"left_out": run.by, "folds": run.folds, "rmse": run.rmse} for run in item.validations
-        ],
-        "loss": str(Loss.LINEAR if math.isinf(threshold) else Loss.HUBER),
+        "cross_validation": [asdict(run) for run in item.validations],
+        "loss": Loss.LINEAR if math.isinf(item.fit.threshold) else Loss.HUBER,
         "robust_sigma_Nm": item.fit.sigma,
-        "beyond_threshold_share": float((np.abs(item.residuals) > threshold).mean()),
         "warnings": item.warnings,
     }
 
 
 def _samples_csv(result: Identification) -> str:
     """Samples that were fitted, and what the best model makes of them; at most 100 000 rows."""
-    samples, best = result.samples, result.models[0]
-    used = np.flatnonzero(samples.used)
-    step = -(-len(used) // _LISTED_SAMPLES)
-    chosen = used[::step]
-    columns: dict[str, np.ndarray | None] = {
+    samples = result.samples.used_only()
+    columns = {
+        "test": np.array([test.name for test in result.tests])[samples.test],
         "time_s": samples.time,
         "angle_rad": samples.angle,
         "velocity_rad_per_s": samples.velocity,
         "load_torque_Nm": samples.load,
         "temperature_degC": samples.temperature,
         "friction_torque_Nm": samples.torque,
+        "model_torque_Nm": samples.torque - result.models[0].residuals,
     }
-    rows = {name: values[chosen] for name, values in columns.items() if values is not None}
-    rows["model_torque_Nm"] = rows["friction_torque_Nm"] - best.residuals[::step]
-    table = pd.DataFrame({"test": [result.tests[test].name for test in samples.test[chosen]], **rows})
-    return table.to_csv(index=False, float_format="%.7g", lineterminator="\n")
+    table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
+    shown = table.iloc[:: -(-len(table) // _LISTED_SAMPLES)]
+    return shown.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 
-def _parameter_laws(result: Identification) -> dict[str, tuple[str, parameters.FrictionLaw]]:
-    """Model and law of each parameter file: the best that its reader knows and that takes no power back.
+def _parameter_files(result: Identification, joint: JointName) -> dict[str, tuple[str, str]]:
+    """Model and text of each parameter file: the best that its reader knows and that takes no power back.
 
     The plant takes static laws and bristles, the compensator the firmware's law alone.
     """
-    found: dict[str, tuple[str, parameters.FrictionLaw]] = {}
+    found: dict[str, tuple[str, str]] = {}
     for item in result.models:
         for file, entries in PARAMETER_FILES.items():
             if file not in found and item.name in entries:
                 values = item.fit.model.parameters(item.fit.x)
                 with contextlib.suppress(ValueError):  # pydantic's, of a law that would drive the joint
-                    found[file] = (item.name, law_of(entries[item.name], values))
+                    law = law_of(entries[item.name], values)
+                    found[file] = (item.name, _parameter_file(file, law, item.name, joint))
     return found
 
 
@@ -202,3 +177,81 @@ def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: J
     name = f"identified_{joint}_{Path(file).stem}"
     description = f"Friction of the {joint} by the model {model} of {DOCUMENT_FILE}."
     return dump_yaml({"preset": PRESET, "name": name, "description": description, **section})
+
+
+_SHOWN_SAMPLES = 15_000
+_LONG = 1e9  # [s]
+_LINES = ((VERMILLION, "-"), (BLUE, "--"), (BLUISH_GREEN, "-."), (ORANGE, ":"))  # of the best models
+_TEST_COLOURS = np.array([SKY_BLUE, REDDISH_PURPLE, BLUISH_GREEN, ORANGE, BLUE, GREY])
+_BINS = 30
+_PANELS = {"all speeds": 1.0, "slow": 0.25}  # share of the largest speed that each shows
+
+
+def draw_fits(result: Identification) -> Figure:
+    """Draw the samples and the best models over the speed."""
+    samples, best = result.samples.used_only(), result.models[0]
+    figure = Figure(figsize=(12.0, 5.2), layout="constrained")
+    figure.suptitle(f"Friction · best: {readable(best.name)}, RMSE {best.goodness.rmse:.3g} N m")
+    low, high = float(samples.velocity.min()), float(samples.velocity.max())
+    even, shown = np.linspace(-1.0, 1.0, 1201), thinned(samples, _SHOWN_SAMPLES)
+    grid = max(-low, high) * even * np.abs(even)  # denser near zero
+    grid = grid[(low <= grid) & (grid <= high)]
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, (title, share) in zip(panels, _PANELS.items(), strict=True):
+        axes.plot(shown.velocity, shown.torque, ".", color="0.72", markersize=2.0, label="measured")
+        for item, (colour, style) in zip(result.models, _LINES, strict=False):
+            label = f"{readable(item.name)}{' (steady sliding)' if item.fit.model.dynamic else ''}"
+            curve = _steady_curve(item, samples, grid)
+            axes.plot(grid[1:], curve[1:], color=colour, linestyle=style, label=label)
+        axes.set_xlim(share * min(low, 0.0), share * max(high, 0.0))
+        axes.set_xlabel("velocity [rad/s]")
+        style_panel(axes, title, "friction torque [N m]")
+    bottom, top = np.quantile(samples.torque, [0.001, 0.999])
+    margin = 0.15 * max(top - bottom, 1e-9)
+    panels[0].set_ylim(bottom - margin, top + margin)
+    panels[0].legend(fontsize="small", frameon=False, loc="upper left", markerscale=4.0)
+    return figure
+
+
+def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
+    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples.
+
+    Each speed is kept for long, whatever came before; that of a state at the first one is not known.
+    """
+    number = len(velocity)
+    known = {name: getattr(samples, name) for name in ("angle", "load", "temperature")}
+    steady = replace(
+        samples.rows(np.zeros(number, dtype=int)),
+        velocity=velocity,
+        fresh=np.arange(number) == 0,
+        period=np.full(number, _LONG),
+        **{name: np.full(number, np.abs(x).mean()) for name, x in known.items() if x is not None},
+    )
+    return item.fit.model.predict(item.fit.x, steady)
+
+
+def draw_residuals(result: Identification) -> Figure:
+    """Draw the residuals of the best model against speed, load, angle, time and temperature, and medians."""
+    samples, best = result.samples.used_only(), result.models[0]
+    known = {
+        "velocity [rad/s]": samples.velocity,
+        "load torque [N m]": samples.load,
+        "joint angle [rad]": samples.angle,
+        "time in the test [s]": samples.time,
+        "temperature [°C]": samples.temperature,
+    }
+    columns = {name: values for name, values in known.items() if values is not None}
+    figure = Figure(figsize=(1.0 + 3.6 * len(columns), 4.0), layout="constrained")
+    figure.suptitle(f"Residuals of {readable(best.name)}: measured less predicted")
+    panels = figure.subplots(1, len(columns), sharey=True, squeeze=False)[0]
+    some = slice(None, None, -(-len(samples) // _SHOWN_SAMPLES))
+    colours = _TEST_COLOURS[samples.test[some] % len(_TEST_COLOURS)]
+    for axes, (label, values) in zip(panels, columns.items(), strict=True):
+        axes.scatter(values[some], best.residuals[some], s=3.0, c=colours, alpha=0.5, linewidths=0.0)
+        middle, edges, _ = binned_statistic(values, best.residuals, "median", bins=_BINS)
+        axes.stairs(middle, edges, baseline=None, color=BLACK, linewidth=1.6)
+        axes.set_xlabel(label)
+        style_panel(axes, "", "residual [N m]")
+    limit = float(np.quantile(np.abs(best.residuals), 0.999)) * 1.15 or 1.0
+    panels[0].set_ylim(-limit, limit)
+    return figure

@@ -1,13 +1,11 @@
 from .machine import Replay as Replay
 from .machine import replay as replay
-from .reading import LogFormat as LogFormat
-from .reading import read_recording as read_recording
+from .machine import replay_log as replay_log
+from .recording import LogFormat as LogFormat
 from .recording import Recording as Recording
 from .recording import at_ticks as at_ticks
-from .request import NormativeWalk as NormativeWalk
-from .request import normative_walk as normative_walk
-from .request import replay_log as replay_log
-from .writing import Agreement as Agreement
+from .recording import normative_walk as normative_walk
+from .recording import read_recording as read_recording
 from .writing import agreement as agreement
 from .writing import summarise_replay as summarise_replay
 from .writing import write_replay as write_replay

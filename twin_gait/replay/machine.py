@@ -1,4 +1,4 @@
-"""The gait state machine over a recorded walk: what the controller would have decided.
+"""The gait state machine over a recorded walk, of a log or of a run: what the controller would have decided.
 
 The recorded angles pass through the velocity estimator of the firmware and the evaluator of the state
 machine, tick by tick in the order of the engines: measure, then advance both legs on one snapshot. A walk
@@ -6,24 +6,33 @@ that lacks a signal which a guard reads is refused.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.core.belt import walk_command
 from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.exceptions import GaitTableError
-from twin_gait.gait import TICK, GaitTable, compile_guards
+from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
+from twin_gait.experiment import Experiment, PlantParameters
+from twin_gait.gait import TICK, GaitTable, compile_guards, signals
 from twin_gait.gait.guards import PhaseMembership, atoms
 from twin_gait.gait.machine import POSTURE, GaitStateMachine, PhaseSwitch
-from twin_gait.gait.signals import ANGLE, LOAD, OTHER, OTHER_TIME, TIME, VELOCITY, is_device, signal_of
+from twin_gait.gait.scaling import scale_table
 from twin_gait.parameters import SensorParameters
-from twin_gait.replay.recording import Recording
+from twin_gait.parameters.quantities import POSITIVE
+from twin_gait.replay.recording import LogFormat, Recording, is_normative, normative_walk, read_recording
+from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import Side
 
 PROGRESS_TICKS = 500
-OTHER_PHASE = f"{OTHER}phase"
+OTHER_PHASE = f"{signals.OTHER}phase"
 Signals = dict[str, np.ndarray]  # by name in SI, shape ``(n,)``
+Progress = Callable[[int, int], None]
+DEFAULT_TABLE = "treadmill"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +56,8 @@ def replay(
     body_weight: float | None = None,
     start_phases: Mapping[Side, str] | None = None,
     postures: Mapping[int, str] | None = None,
-    fast_time_constant: float | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    fast_time_constant: float = SensorParameters.fast_time_constant,
+    progress: Progress = lambda done, total: None,
 ) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
@@ -60,8 +69,8 @@ def replay(
     phase.
     """
     own = {side: _own(recording, table, side, body_weight, fast_time_constant) for side in recording.sides}
-    signals = {side: _heard(recording, own, side) for side in recording.sides}
-    assumed = _assumed(recording, table, signals)
+    heard = {side: _heard(recording, own, side) for side in recording.sides}
+    assumed = _assumed(recording, table, heard)
     program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
     machines = [
         GaitStateMachine(
@@ -69,11 +78,11 @@ def replay(
         )
         for side in sides
     ]
-    read = [_columns(table, signals[side], total) for side in sides]
-    time, other_time = table.signals.index(TIME), table.signals.index(OTHER_TIME)
+    read = [_columns(table, heard[side], total) for side in sides]
+    time, other_time = table.signals.index(signals.TIME), table.signals.index(signals.OTHER_TIME)
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
-        if progress is not None and tick % PROGRESS_TICKS == 0:
+        if tick % PROGRESS_TICKS == 0:
             progress(tick, total)
         posture = (postures or {}).get(tick)
         for machine in machines:
@@ -89,10 +98,9 @@ def replay(
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
-    if progress is not None:
-        progress(total, total)
+    progress(total, total)
     velocities = {
-        side: {joint: own[side][VELOCITY.of(joint)] for joint in table.joints if joint in joints}
+        side: {joint: own[side][signals.VELOCITY.of(joint)] for joint in table.joints if joint in joints}
         for side, joints in recording.angles.items()
     }
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
@@ -100,31 +108,33 @@ def replay(
 
 
 def _own(
-    recording: Recording, table: GaitTable, side: Side, body_weight: float | None, time_constant: float | None
+    recording: Recording, table: GaitTable, side: Side, body_weight: float | None, time_constant: float
 ) -> Signals:
     """Recorded signals of a leg: angles as its boards have them, fast estimates of velocities, the load."""
     sensors, found = SensorParameters(), Signals()
-    gain = first_order_gain(TICK, sensors.fast_time_constant if time_constant is None else time_constant)
+    gain = first_order_gain(TICK, time_constant)
     for joint in (joint for joint in table.joints if joint in recording.angles[side]):
         encoder, measured = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, recording.n_ticks))
         for tick, value in enumerate(recording.angles[side][joint].tolist()):
             measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
-        found[ANGLE.of(joint)], found[VELOCITY.of(joint)] = measured
+        found[signals.ANGLE.of(joint)], found[signals.VELOCITY.of(joint)] = measured
     if body_weight and side in recording.loads:
-        found[LOAD.name] = recording.loads[side] / body_weight
+        found[signals.LOAD.name] = recording.loads[side] / body_weight
     return found
 
 
 def _heard(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
     """What is known to the guards of a leg, but for times in a phase."""
-    others = {OTHER + name: item for other in own if other is not side for name, item in own[other].items()}
+    others = {
+        signals.OTHER + name: item for other in own if other is not side for name, item in own[other].items()
+    }
     return {**recording.device, **own[side], **others}
 
 
 def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
     """Signals in the order of the table, shape ``(ticks, n_signals)``; unknown ones as at first, or 0."""
-    unknown = {name: np.full(ticks, np.nan_to_num(signal_of(name).first)) for name in table.signals}
+    unknown = {name: np.full(ticks, np.nan_to_num(signals.signal_of(name).first)) for name in table.signals}
     return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
@@ -147,17 +157,117 @@ def _read_by_guards(table: GaitTable) -> Iterator[tuple[str, str]]:
             yield from ((name, f"{item.source} → {item.target} ({item.cause})") for name in names)
 
 
-def _assumed(recording: Recording, table: GaitTable, signals: Mapping[Side, Signals]) -> dict[str, float]:
+def _assumed(recording: Recording, table: GaitTable, heard: Mapping[Side, Signals]) -> dict[str, float]:
     """What was told and is in no log, and what it is taken for; refuses a walk that lacks anything else."""
-    counted = {TIME} if len(signals) == 1 else {TIME, OTHER_TIME, OTHER_PHASE}
+    counted = {signals.TIME} if len(heard) == 1 else {signals.TIME, signals.OTHER_TIME, OTHER_PHASE}
     assumed = {}
     for name, reader in _read_by_guards(table):
-        for side in (side for side, known in signals.items() if name not in counted and name not in known):
-            if name == OTHER_PHASE or not is_device(name) or signal_of(name).column:
+        for side in (side for side, known in heard.items() if name not in counted and name not in known):
+            if name == OTHER_PHASE or not signals.is_device(name) or signals.signal_of(name).column:
                 raise GaitTableError(
                     f"{recording.source}: the table {table.name} reads {name} in {reader}, not known of the "
-                    f"{side} leg: name its column with --columns (of {LOAD.name} add --total-mass KG; of "
-                    f"{OTHER}… name those of both legs), or take another table"
+                    f"{side} leg: name its column with --columns (of {signals.LOAD.name} add --total-mass "
+                    f"KG; of {signals.OTHER}… name those of both legs), or take another table"
                 )
-            assumed[name] = signal_of(name).first / signal_of(name).unit.factor
+            assumed[name] = signals.signal_of(name).first / signals.signal_of(name).unit.factor
     return assumed
+
+
+def replay_log(
+    log: str,
+    *,
+    table: str | None = None,
+    log_format: LogFormat | None = None,
+    speed: float | None = None,
+    mass: float | None = None,
+    start_phases: Mapping[Side, str] | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Replay:
+    """Replay a walk.
+
+    ``log``: run directory, log file, or a walk from the literature such as ``koopman@1.5``; ``table``:
+    packaged table or file, by default that of a run, or ``treadmill``; ``log_format``: columns, units and
+    signs of the log; ``speed`` of the belt in [m] / [s] that the table is scaled to, by default that of a
+    run, or else the table is taken as it is written; ``mass`` of wearer and device in [kg], for guards on the
+    load of the foot, by default that of a run; ``start_phases``: phase of each leg at the first tick, where
+    it is to be another than the recorded one; ``progress``: called with ticks done and ticks in all, now and
+    then. Raises TwinGaitError if log, table or options have a mistake, or do not fit each other.
+    """
+    for name, value in (("speed", speed), ("mass", mass)):
+        if value is not None:
+            POSITIVE.require(name, value)
+    recording, experiment = _open(log, log_format or LogFormat())
+    chosen = _table(table, speed, experiment)
+    weight, starts = None if mass is None else mass * PlantParameters().gravity, dict(start_phases or {})
+    postures, time_constant = dict[int, str](), SensorParameters().fast_time_constant
+    if experiment is not None:
+        world, time_constant = experiment.build_world(), experiment.sensors.fast_time_constant
+        told, postures = _told(experiment, chosen, recording)
+        recording = replace(recording, device={**recording.device, **told})
+        known = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
+        weight, starts = weight or world.body_weight, {**known, **starts}
+    return replay(
+        recording,
+        chosen,
+        body_weight=weight,
+        start_phases=starts,
+        postures=postures,
+        fast_time_constant=time_constant,
+        progress=progress,
+    )
+
+
+def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None]:
+    """The recording, and the experiment if it is of a run."""
+    path = Path(log).expanduser()
+    if is_normative(log):
+        if log_format != LogFormat():
+            raise ParameterError(f"{log}: has no columns to choose; leave columns, units, convention out")
+        return normative_walk(log), None
+    if not path.is_dir():
+        return read_recording(path, log_format), None
+    for name in (EXPERIMENT_FILE, LOG_FILE):
+        if not (path / name).is_file():
+            raise RunDirectoryError(f"{path}: not a run directory: it has no {name}")
+    recording = read_recording(path / LOG_FILE, log_format)
+    # What a run does not log of the device stayed as at first: nothing in it moved the signal.
+    still = {signal.name: np.full(recording.n_ticks, signal.first) for signal in signals.DEVICE_SIGNALS}
+    experiment = load_experiment(path / EXPERIMENT_FILE).experiment
+    return replace(recording, source=str(path), device={**still, **recording.device}), experiment
+
+
+def _told(
+    experiment: Experiment, table: GaitTable, recording: Recording
+) -> tuple[dict[str, np.ndarray], dict[int, str]]:
+    """What the legs of a run were told, by signal, and the phases that modes sent both into, by tick."""
+    modes, walking = experiment.modes, experiment.scenario.walking
+    if modes is not None:
+        replace(experiment, table=table)  # refuses a table that does not offer their postures
+        log = pd.read_parquet(Path(recording.source) / LOG_FILE, columns=["mode"])[: recording.n_ticks]
+        first = modes.phase_index(experiment.initial_mode or modes.phase_names[0])
+        codes, known = log["mode"].to_numpy(int), list(modes.phases.values())
+        entries = np.flatnonzero(np.diff(codes, prepend=first))
+        sent = {tick: known[codes[tick]].posture for tick in entries.tolist()}
+        told = {
+            signals.WALK.name: [mode.walk for mode in known],
+            signals.STEP.name: [mode.step for mode in known],
+        }
+        commands = {name: np.array(values, dtype=float)[codes] for name, values in told.items()}
+        return commands, {tick: posture for tick, posture in sent.items() if posture is not None}
+    if walking is None or walking.belt.ramp == 0.0:
+        return {}, {}
+    start, stop = walking.belt.start, walking.belt.stop
+    return {signals.WALK.name: np.array([walk_command(time, start, stop) for time in recording.time])}, {}
+
+
+def _table(name: str | None, speed: float | None, experiment: Experiment | None) -> GaitTable:
+    """The table asked for, else that of the run, scaled as guards need it: to the speed and the wearer."""
+    if name is not None or experiment is None:
+        table = load_gait_table(name or DEFAULT_TABLE)
+    else:
+        table = experiment.table
+    height = None
+    if experiment is not None and experiment.scenario.walking is not None:
+        speed, known = speed or experiment.scenario.walking.speed, experiment.known_patient
+        height = None if known is None else known.height
+    return scale_table(table, carried_mass=None, speed=speed, height=height)

@@ -1,15 +1,25 @@
-"""A recorded walk at the ticks of the controller."""
+"""A recorded walk at the ticks of the controller: from the columns of a log file, or from the literature."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from twin_gait.exceptions import ParameterFileError
+from twin_gait.control import SafetyState
+from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Convention
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import LONGEST_RUN
+from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK
+from twin_gait.measures import reference
+from twin_gait.parameters import Patient, require
+from twin_gait.runs.log_files import LogTable, number_of, read_table
 from twin_gait.vocabulary import JointName, Side
 
 # A log whose instants are those of the ticks to this precision is taken as it is.
@@ -18,7 +28,6 @@ SAME_INSTANT = 1e-6  # [s]
 FURTHEST_BACKWARDS = -30.0  # [deg]
 LARGEST_ANGLE = 180.0  # [deg]; beyond it degrees were taken for radians
 LONGEST_GAP, GAP_ROWS = 0.1, 5.0  # [s] and usual rows: a longer gap hides switches
-Key = TypeVar("Key", bound=str)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +78,7 @@ def at_ticks(samples: Recording, time: np.ndarray) -> Recording:
     grid = grid[grid <= time[-1] + SAME_INSTANT]
     held = np.clip(np.searchsorted(time, grid + SAME_INSTANT, side="right") - 1, 0, len(time) - 1)
 
-    def smooth(columns: Mapping[Key, np.ndarray]) -> dict[Key, np.ndarray]:
+    def smooth(columns: Mapping[Any, np.ndarray]) -> dict[Any, np.ndarray]:
         within = np.minimum(grid, time[-1])
         return {name: PchipInterpolator(time, values)(within) for name, values in columns.items()}
 
@@ -91,10 +100,7 @@ def _mistakes(time: np.ndarray, angles: Mapping[Side, Mapping[str, np.ndarray]])
     if steps[last] < SAME_INSTANT:
         yield "time", f"must ascend, but {time[last + 1]:g} s follows {time[last]:g} s in row {last + 2}"
     if not TICK <= duration <= LONGEST_RUN:
-        yield (
-            "time",
-            f"spans {duration:g} s; expected seconds, {TICK:g} to {LONGEST_RUN:g}: cut it",
-        )
+        yield "time", f"spans {duration:g} s; expected seconds, {TICK:g} to {LONGEST_RUN:g}: cut it"
     if steps[row] > max(LONGEST_GAP, GAP_ROWS * float(np.median(steps))):
         text = f"has no rows for {steps[row]:.3g} s from {time[row]:g} s on (row {row + 1}); cut it there"
         yield "time", text
@@ -107,3 +113,145 @@ def _mistakes(time: np.ndarray, angles: Mapping[Side, Mapping[str, np.ndarray]])
             if joint == JointName.KNEE and degrees.min() < FURTHEST_BACKWARDS:
                 text = f"bends backwards by {-degrees.min():.0f} deg; flexion must come out positive"
                 yield f"{side} {joint}", f"{text}, so choose the --convention and --units of the log"
+
+
+TIME = "time"
+_UNIT_ENDINGS = {"_rad": RADIANS, "_deg": DEGREES, "[rad]": RADIANS, "[deg]": DEGREES, "(deg)": DEGREES}
+_ANGLES = {f"{side}_{joint}_angle": (side, joint) for side, joint in product(Side, JointName)}
+_OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
+# By quantity what its column is usually called. The controller saw the measured angle; a log of another
+# device may have degrees.
+_USUAL: Mapping[str, tuple[str, ...]] = {
+    TIME: ("time_s", "time", "Time", "t"),
+    **{name: (f"{name[:-5]}measured_angle_rad", f"{name}_rad", f"{name}_deg") for name in _ANGLES},
+    **{f"{side}_foot_normal_force": (f"{side}_foot_normal_force_N",) for side in Side},
+    **{f"{side}_phase": (f"{side}_phase",) for side in Side},
+    **{name: (signal.column,) for name, signal in _OF_DEVICE.items()},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogFormat:
+    """How to read a log."""
+
+    # names and signs of the angles; None takes this package's own, and asks for one for files of OpenSim,
+    # whose models differ
+    convention: Convention | None = None
+    # column of a quantity, where it has a name of its own: ``{"left_hip_angle": "hip_l"}``
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: str | None = None  # ``rad`` or ``deg``, for columns that do not say
+
+    def __post_init__(self) -> None:
+        """Check names and units."""
+        for quantity in self.columns:
+            if quantity not in _USUAL:
+                raise ParameterError(f"columns: no quantity {quantity!r}; there are {', '.join(_USUAL)}")
+        require(self.units in (None, RADIANS, DEGREES), "units", "rad or deg", self.units)
+
+
+def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording:
+    """Read a recorded walk.
+
+    ``path``: a .parquet or .csv file with columns such as ``left_hip_angle_rad``, or any with the names
+    given; or a .mot or .sto file of OpenSim; ``log_format``: how to read it. Returns the walk at the ticks of
+    the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
+    message names file, column and the way out. Of a run whose legs were held, what comes before it.
+    """
+    table, log_format = read_table(path), log_format or LogFormat()
+    if "safety_state" in table:  # from a trip on no guard moves the legs
+        held = np.flatnonzero(table.numbers("safety_state") == SafetyState.HOLD.code)
+        table = replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
+    if log_format.convention is None and table.opensim:
+        text = (
+            "OpenSim's models differ in the sign of the knee: add --convention opensim_gait2392 "
+            "(flexion negative) or rajagopal (flexion positive)"
+        )
+        raise ParameterFileError(table.source, "convention", text)
+    convention = log_format.convention or HOUSE
+    found = _columns_of(table, log_format, convention)
+
+    def radians(column: str) -> np.ndarray:
+        numbers = table.numbers(column)
+        return np.radians(numbers) if _unit_of(column, table, log_format, convention) == DEGREES else numbers
+
+    def of_legs(kind: str, read: Callable[[str], np.ndarray]) -> dict[Side, np.ndarray]:
+        named = {side: f"{side}_{kind}" for side in angles}
+        return {side: read(found[name]) for side, name in named.items() if name in found}
+
+    angles = dict[Side, dict[str, np.ndarray]]()
+    for name, (side, joint) in _ANGLES.items():
+        if name in found:
+            angles.setdefault(side, {})[joint] = convention.turned(joint, radians(found[name]))
+    loads, phases = of_legs("foot_normal_force", table.numbers), of_legs("phase", table.words)
+    device = {
+        signal.name: (radians if signal.column.endswith("_rad") else table.numbers)(found[name])
+        for name, signal in _OF_DEVICE.items()
+        if name in found
+    }
+    recording = Recording(table.source, 0.0, angles, loads, phases, device)
+    return at_ticks(recording, table.numbers(found.get(TIME, TIME)))
+
+
+def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) -> dict[str, str]:
+    """By quantity the column that was named for it, or else the first of its usual ones that there is."""
+    usual = dict(_USUAL)
+    if convention.name != HOUSE.name:
+        own = convention.columns
+        usual |= {name: (own[place],) if place in own else () for name, place in _ANGLES.items()}
+    named = {quantity: table.full_name(column) for quantity, column in log_format.columns.items()}
+    known = {quantity: next(filter(table.__contains__, names), None) for quantity, names in usual.items()}
+    found = {**{quantity: column for quantity, column in known.items() if column}, **named}
+    if not _ANGLES.keys() & found.keys():
+        names = ", ".join(convention.columns.values()) or f"columns, of which {convention.name} names none"
+        way_out = "name the columns with --columns, or choose one of --convention"
+        text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}"
+        raise ParameterFileError(table.source, "", text)
+    return found
+
+
+def _unit_of(column: str, table: LogTable, log_format: LogFormat, convention: Convention) -> str:
+    """Unit of angles: the one that the name of their column says, else the file, the user, the convention."""
+    asked = log_format.units
+    endings = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
+    stated = next(endings, table.unit)
+    if stated is not None and asked not in (None, stated):
+        text = f"is in {stated} by name or header; leave --units {asked} out"
+        raise ParameterFileError(table.source, column, text)
+    unit = stated or asked or convention.unit
+    if unit is None:
+        text = "does not say its unit: add --units deg or --units rad"
+        raise ParameterFileError(table.source, column, text)
+    return unit
+
+
+KOOPMAN, WINTER = "koopman", "winter"
+
+
+def is_normative(name: str) -> bool:
+    """Whether a name asks for a walk from the literature."""
+    return name == WINTER or name.startswith(f"{KOOPMAN}@")
+
+
+def normative_walk(name: str, *, strides: int = 8) -> Recording:
+    """A walk of curves from the literature; the left leg begins at heel contact, the right one mid-stride.
+
+    ``name``: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
+    ``winter`` for the means of Winter (1991) at natural cadence; ``strides``: how many. Raises ParameterError
+    if there is no such walk, or the regression does not reach the speed.
+    """
+    curve: Callable[[JointName, np.ndarray], np.ndarray] = reference.normative_angle
+    joints: tuple[JointName, ...] = reference.WINTER_JOINTS
+    cycle_time = reference.WINTER_CYCLE_TIME
+    if name != WINTER:
+        kind, _, text = name.partition("@")
+        speed, height = number_of(text) / reference.KILOMETRES_PER_HOUR, Patient().height
+        expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
+        require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
+        curve = partial(reference.reference_curve, speed=speed, height=height)
+        joints, cycle_time = tuple(JointName), reference.reference_cycle_time(speed, height)
+    time = np.arange(round(strides * cycle_time / TICK)) * TICK
+    angles = {}
+    for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
+        percent = reference.CYCLE * np.mod(time / cycle_time + lead, 1.0)
+        angles[side] = {str(joint): curve(joint, percent) for joint in joints}
+    return Recording(name, 0.0, angles, {}, {})

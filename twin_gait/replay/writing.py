@@ -3,7 +3,7 @@
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,31 +22,25 @@ from twin_gait.vocabulary import JointName, Side
 
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
-FIGURE = "figures/replay.png"
 SHOWN_TICKS = 6000
 WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
 
 
-class Agreement(NamedTuple):
-    """Replayed against recorded phases of one leg."""
+def agreement(result: Replay) -> dict[Side, dict[str, Any]]:
+    """Replayed against recorded phases of each leg whose phases were recorded.
 
-    equal_share: float  # of the ticks
-    # for each phase of the table, the time in [s] by which the replay enters it later than the record, for
-    # every recorded entry; NaN for one that the replay has no partner for
-    lags: dict[str, np.ndarray]
-
-
-def agreement(result: Replay) -> dict[Side, Agreement]:
-    """Compare replayed with recorded phases of each leg whose phases were recorded."""
+    ``equal_share`` of the ticks; ``entry_lags_s``: for each phase of the table the time by which the replay
+    enters it later than the record, for every recorded entry; None for one without a partner.
+    """
     names, found = result.table.phase_names, {}
     for side, recorded in result.recording.phases.items():
         ours, theirs = result.phases[side], pd.Index(names).get_indexer(pd.Index(recorded))
-        lags = {
+        lags = {}
+        for index, name in enumerate(names):
             # entry_lags counts what begins before the event as positive; a late replay is positive here.
-            name: 0.0 - entry_lags(_entries(ours, index), _entries(theirs, index), TICK)
-            for index, name in enumerate(names)
-        }
-        found[side] = Agreement(float(np.mean(ours == theirs)), lags)
+            early = entry_lags(_entries(ours, index), _entries(theirs, index), TICK)
+            lags[name] = [finite_or_none(0.0 - lag) for lag in early]
+        found[side] = {"equal_share": float(np.mean(ours == theirs)), "entry_lags_s": lags}
     return found
 
 
@@ -56,19 +50,17 @@ def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
     return entries[entries > 0]
 
 
-class StridePhases(NamedTuple):
-    """Phases of one stride, from an entry into the first phase of the table to the next."""
-
-    start: int  # first tick
-    end: int  # first tick of the next stride
-    phases: tuple[int, ...]  # indices of the phases in order
+Stride = tuple[int, int, tuple[int, ...]]  # first tick, that of the next stride, and its phases in order
 
 
-def stride_phases(phases: np.ndarray) -> list[StridePhases]:
-    """Split a leg's phases into strides. ``phases``: index of the phase at each tick, shape ``(n,)``."""
+def stride_phases(phases: np.ndarray) -> list[Stride]:
+    """Strides of a leg, from an entry into the first phase of the table to the next.
+
+    ``phases``: index of the phase at each tick, shape ``(n,)``.
+    """
     spells = phase_spells(phases)
     return [
-        StridePhases(int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
+        (int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
         for start, end in pairwise(_entries(phases, 0))
     ]
 
@@ -88,36 +80,29 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
     agreement with recorded phases where there are some.
     """
     names, compared = result.table.phase_names, agreement(result)
+    cycles, sides = meant_cycles(result.table), {}
+    for side in result.recording.sides:
+        strides, own = stride_phases(result.phases[side]), (x for x in result.switches if x.side is side)
+        # Into postures first, then in the order of the table.
+        counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
+        mean = TICK * (strides[-1][1] - strides[0][0]) / len(strides) if strides else None
+        sides[str(side)] = {
+            "strides": len(strides),
+            "strides_with_the_whole_cycle": sum(phases in cycles for _, _, phases in strides),
+            "stride_time_mean_s": mean,
+            "switches": [
+                {"from": source, "to": target, "cause": cause, "count": count}
+                for (_, source, target, cause), count in sorted(counts.items())
+            ],
+            "agreement": compared.get(side),
+        }
     return {
         "log": result.recording.source,
         "table": result.table.name,
         "duration_s": result.recording.n_ticks * TICK,
         "assumed_signals": dict(result.assumed),
-        "cycles": [[names[index] for index in cycle] for cycle in sorted(meant_cycles(result.table))],
-        "sides": {
-            str(side): _summary_of(result, side, compared.get(side)) for side in result.recording.sides
-        },
-    }
-
-
-def _summary_of(result: Replay, side: Side, compared: Agreement | None) -> dict[str, Any]:
-    strides, cycles = stride_phases(result.phases[side]), meant_cycles(result.table)
-    own = (item for item in result.switches if item.side is side)
-    # Into postures first, then in the order of the table.
-    counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
-    return {
-        "strides": len(strides),
-        "strides_with_the_whole_cycle": sum(item.phases in cycles for item in strides),
-        "stride_time_mean_s": TICK * (strides[-1].end - strides[0].start) / len(strides) if strides else None,
-        "switches": [
-            {"from": source, "to": target, "cause": cause, "count": count}
-            for (_, source, target, cause), count in sorted(counts.items())
-        ],
-        "agreement": compared
-        and {
-            "equal_share": compared.equal_share,
-            "entry_lags_s": {name: list(map(finite_or_none, lags)) for name, lags in compared.lags.items()},
-        },
+        "cycles": [[names[index] for index in cycle] for cycle in sorted(cycles)],
+        "sides": sides,
     }
 
 
@@ -143,8 +128,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
         write_atomically(staging / SWITCHES_FILE, switches)
         write_json(staging / SUMMARY_FILE, summarise_replay(result))
         if pictures:
-            (staging / FIGURE).parent.mkdir()
-            canvas.save(replay_figure(result), staging / FIGURE)
+            canvas.write_pictures({"replay": replay_figure(result)}, staging / canvas.FIGURES_FOLDER)
 
 
 def joints_of(result: Replay) -> list[str]:
@@ -175,17 +159,11 @@ def replay_figure(result: Replay) -> Figure:
             angle = np.degrees(recording.angles[side][joint][-SHOWN_TICKS:])
             colour = JOINT_COLOURS[JointName(joint)] if joint in set(JointName) else BLACK
             lines += axes.plot(time, angle, color=colour, label=f"{joint} angle")
+        causes = {"transform": column[0].get_xaxis_transform(), "rotation": 90, "size": "x-small"}
         for switch in result.switches:
-            if switch.side is side and switch.tick >= recording.n_ticks - len(time):
-                column[0].text(
-                    recording.start + switch.time,
-                    1.03,
-                    canvas.readable(switch.cause),
-                    transform=column[0].get_xaxis_transform(),
-                    rotation=90,
-                    ha="center",
-                    size="x-small",
-                )
+            place = recording.start + switch.time
+            if switch.side is side and place >= time[0]:
+                column[0].text(place, 1.03, canvas.readable(switch.cause), ha="center", **causes)
         canvas.draw_phase_bars(column[-1], time, rows, names, height=0.8, linewidth=0)
         column[-1].set_xlabel(f"{side} leg, time [s]")
         occurring.update(*(phases.tolist() for _, phases in rows))
