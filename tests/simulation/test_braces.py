@@ -30,10 +30,11 @@ from twin_gait.runs.log_files import read_table
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.filling import new_episode, structure_of
+from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.log import BRACED_WORK_SOURCES
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.rooms.motion import integrate
+from twin_gait.simulation.structure import structure_of
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bracing import carries

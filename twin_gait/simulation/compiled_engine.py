@@ -15,13 +15,14 @@ from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points,
 from twin_gait.simulation.binding import is_ours, kernel_functions
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import Episode, Switch, noise_width
-from twin_gait.simulation.filling import Structure, new_episode, structure_of
+from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
+from twin_gait.simulation.structure import Structure, structure_of
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop

@@ -1,9 +1,9 @@
-"""The episode of a problem: its record at tick 0, and what of it is structure."""
+"""The episode of a problem: its record at tick 0."""
 
 import math
 import reprlib
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any
 
 from twin_gait.control import gait_controller as ccu
 from twin_gait.control.controller import Controller, Plan, require_whole_numbers
@@ -14,18 +14,16 @@ from twin_gait.core.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
-from twin_gait.parameters import ImpedancePlace, NetworkParameters
+from twin_gait.parameters import NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
 from twin_gait.simulation.problem import (
@@ -46,41 +44,6 @@ _CAPACITY = 16
 # What is felt of a chair, by phase.
 FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, STRAIGHTEN: RISES, REACH_BACK: REACHES, LOWER: LOWERS}
 _LATELY = 32  # [ticks]; likewise delays of the bus
-
-Structure: TypeAlias = dict[str, int | tuple[int, ...]]
-
-
-def structure_of(problem: Problem, n_points: int) -> Structure:
-    """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`."""
-    experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
-    legs = len(problem.sides)
-    return {
-        "LEGS": legs,
-        "JOINTS_PER_LEG": problem.joints_per_leg,
-        "POINTS_PER_FOOT": n_points // legs,
-        "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
-        "FORWARD": -1 if model.forward_index is None else model.forward_index,
-        "PITCH": -1 if model.pitch_index is None else model.pitch_index,
-        "CRUTCHES": len(problem.world.arms),
-        "SEATED": problem.world.seat is not None,
-        "SHIFT": problem.world.wearer_shift,
-        "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
-        "WITH_FRICTION": tuple(
-            place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL
-        ),
-        "RK4": experiment.stepping.method is IntegrationMethod.RK4,
-        "FAULTY": bool(experiment.faults),
-        "SUPERVISED": experiment.modes is not None,
-        "INERTIA_WANTED": control.inertia_compensation > 0.0,
-        "WEARER": bool(problem.limbs[0].moments),
-        **problem.controller.constants(),
-        "DELAYED": control.delay_ticks > 0,
-        "SLOPED": problem.world.slope != 0.0,
-        "NETWORKED": experiment.network is not None,
-        "INERTIAL": has_inertial_unit(experiment),
-        "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
-    }
 
 
 def new_episode(

@@ -50,6 +50,7 @@ SOURCES = (
     "compiling",
     "episode",
     "interface",
+    "structure",
     "log",
     "record",
 )

@@ -4,21 +4,7 @@ from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode, Sole
-from twin_gait.simulation.interface import (
-    CRUTCHES,
-    PITCH,
-    POINTS_PER_FOOT,
-    RK4,
-    SEATED,
-    SHIFT,
-    WITH_FRICTION,
-    dynamics,
-    lanes,
-    log_row,
-    observe,
-    side_by_side,
-    write_row,
-)
+from twin_gait.simulation.interface import dynamics, lanes, log_row, observe, side_by_side, write_row
 from twin_gait.simulation.rooms.sensors import normal_force, point_force
 from twin_gait.simulation.rooms.surroundings import (
     drag_tips,
@@ -28,6 +14,7 @@ from twin_gait.simulation.rooms.surroundings import (
     pull_harness,
     push_crutches,
 )
+from twin_gait.simulation.structure import CRUTCHES, PITCH, POINTS_PER_FOOT, RK4, SEATED, SHIFT, WITH_FRICTION
 
 
 def integrate(e: Episode, tick: int) -> None:

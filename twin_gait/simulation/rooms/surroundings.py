@@ -15,17 +15,8 @@ from twin_gait.core.seat import seat_the_hips, seat_the_thigh
 from twin_gait.core.trunk import harness_pull, pitching_moment
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
-from twin_gait.simulation.interface import (
-    ANKLES,
-    CRUTCHES,
-    FORWARD,
-    PELVIS,
-    PITCH,
-    SHIFT,
-    WEARER,
-    lanes,
-    noise_row,
-)
+from twin_gait.simulation.interface import lanes, noise_row
+from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SHIFT, WEARER
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
 
