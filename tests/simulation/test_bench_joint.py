@@ -20,8 +20,9 @@ from twin_gait.parameters import (
     LuGreFriction,
     SensorParameters,
 )
-from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, simulate_bench, tick
-from twin_gait.simulation.bench_joint.filling import bench_episode
+from twin_gait.simulation.bench_joint import tick
+from twin_gait.simulation.bench_joint.episode import BenchVariation
+from twin_gait.simulation.bench_joint.loop import BenchRun, bench_episode, simulate_bench
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.keeping import SOURCES, source_files
 from twin_gait.simulation.record import dtype_of, stored

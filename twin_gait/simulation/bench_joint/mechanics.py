@@ -30,13 +30,9 @@ def drive_winding(e: BenchEpisode, velocity: float) -> None:
         winding.duty = winding.voltage / e.bus_voltage
         return
     if winding.drive == PI:
+        error, limit = winding.target_current - winding.sample, e.bus_voltage
         wanted, winding.integral = current_loop_step(
-            winding.target_current - winding.sample,
-            winding.integral,
-            winding.proportional_gain,
-            winding.integral_gain,
-            winding.period,
-            e.bus_voltage,
+            error, winding.integral, winding.proportional_gain, winding.integral_gain, winding.period, limit
         )
         full = counts if counts > 0 else 1
         winding.voltage = inverter_voltage(wanted / e.bus_voltage * full, counts, e.bus_voltage)
@@ -97,17 +93,11 @@ def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> fl
     if OTHER_LAWS:
         deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection)
     friction = -friction_torque(law, velocity, deflection, load)
-    if more.coulomb_per_load != 0.0 or more.coulomb_per_kelvin != 0.0 or more.viscous_per_kelvin != 0.0:
+    per_load, coulomb, viscous = more.coulomb_per_load, more.coulomb_per_kelvin, more.viscous_per_kelvin
+    if per_load != 0.0 or coulomb != 0.0 or viscous != 0.0:
+        turnover = 0.1 * law.stribeck_velocity
         friction -= conditioned_torque(
-            velocity,
-            load,
-            more.temperature,
-            0.0,
-            more.coulomb_per_load,
-            more.coulomb_per_kelvin,
-            0.0,
-            more.viscous_per_kelvin,
-            0.1 * law.stribeck_velocity,
+            velocity, load, more.temperature, 0.0, per_load, coulomb, 0.0, viscous, turnover
         )
     if e.ripple_cosine != 0.0 or e.ripple_sine != 0.0:
         friction -= ripple_torque(angle, e.ripple_cosine, e.ripple_sine, 2.0 * e.motor.gear_ratio)

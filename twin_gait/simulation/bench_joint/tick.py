@@ -36,11 +36,6 @@ from twin_gait.simulation.interface import log_row, noise_row, write_row
 ANGLE_NOISE, UNIT_NOISE, CURRENT_NOISE = range(3)
 
 
-def bench_at(address: int) -> BenchEpisode:
-    """The test at an address."""
-    raise NotImplementedError
-
-
 def noise(e: BenchEpisode, tick: int, place: int) -> float:
     """Noise of a tick: of the encoder in [rad], else standard normal."""
     return noise_row(e, tick * (CURRENT_NOISE + e.winding.periods) + place)[0]
@@ -135,20 +130,15 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
 
 def _control_torque(e: BenchEpisode) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
-    law, limits, encoder, asked = e.torque_control, e.test.limits, e.encoder, e.asked
-    inertia = e.rotor.inertia + e.link.inertia
-    asked.position, path_velocity, path_acceleration = cosine_path(
-        e.time, e.path.start_angle, e.path.amplitude, e.path.frequency
+    law, limits, encoder, asked, path = e.torque_control, e.test.limits, e.encoder, e.asked, e.path
+    inertia, gain = e.rotor.inertia + e.link.inertia, law.friction_compensation_gain
+    place, path_velocity, path_acceleration = cosine_path(
+        e.time, path.start_angle, path.amplitude, path.frequency
     )
+    fast, model = encoder.velocity_fast - path_velocity, _model_friction(e, path_velocity)
+    asked.equilibrium = place
     asked.impedance, asked.friction = controller_torques(
-        encoder.angle,
-        encoder.velocity_fast - path_velocity,
-        encoder.velocity_slow,
-        law.stiffness,
-        law.damping,
-        asked.position,
-        law.friction_compensation_gain,
-        _model_friction(e, path_velocity),
+        encoder.angle, fast, encoder.velocity_slow, law.stiffness, law.damping, place, gain, model
     )
     asked.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
     asked.target = law.target_torque + inertia * path_acceleration
@@ -158,17 +148,13 @@ def _control_torque(e: BenchEpisode) -> None:
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     """Friction torque of the compensator's model; the old one knew no slow velocity."""
-    model, old = e.torque_control.friction_model, e.old_model
+    law, old = e.torque_control.friction_model, e.old_model
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if e.follows_path else measured, e.torque_control.dead_zone)
     if e.old:
         return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
-        velocity,
-        model.breakaway_torque,
-        model.coulomb_friction,
-        model.breakaway_velocity,
-        model.viscous_friction,
+        velocity, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
     )
 
 
