@@ -27,7 +27,7 @@ from twin_gait.simulation.structure import Structure, structure_of
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop
 
-_SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
+_FLOAT, _SWITCHES = np.dtype(float), dtype_of(Switch(0, 0, 0, 0, 0))
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -176,8 +176,7 @@ def loop_of(
         names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
         return compile_loop(entry, names, own=pattern.controller if own else "")
 
-    key = source_key(f"{entry.__name__} {pattern.text}", "compiled_engine", "vectors", "../kernels")
-    return kept_loop(key, make, on_compile, pattern.own)
+    return kept_loop(source_key(f"{entry.__name__} {pattern.text}"), make, on_compile, pattern.own)
 
 
 def bound_to(pattern: Pattern) -> dict[str, Any]:
@@ -199,17 +198,16 @@ def _text(dtype: np.dtype[Any]) -> str:
 
 def bound_kernel(bodies: generated.KernelBodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    return kernel_functions(
-        generated.write_kernel(bodies), {item.name: item.function for item in generated.SIDE_BY_SIDE}
-    )
+    called = {item.name: item.function for item in generated.SIDE_BY_SIDE}
+    return kernel_functions(generated.write_kernel(bodies), called)
 
 
 @lru_cache(maxsize=32)
 def compiled_rows(width: int, noises: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
-    from twin_gait.simulation.compiling import jit, numbers_at, rows_at
+    from twin_gait.simulation.compiling import jit, rows_at
 
-    logs, readings, switches = numbers_at(width), numbers_at(noises), rows_at(_SWITCHES)
+    logs, readings, switches = rows_at(_FLOAT, width), rows_at(_FLOAT, noises), rows_at(_SWITCHES)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)

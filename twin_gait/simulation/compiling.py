@@ -80,9 +80,8 @@ class Pruning(CompilerBase):  # type: ignore[misc]
         self.state.flags.no_rewrites = True  # would leave out the pruning as well
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state, "pruning")
         manager.add_pass_after(DeadBranchPrune, ReconstructSSA)
-        manager.passes = [
-            (self.lowering if item is NativeLowering else item, why) for item, why in manager.passes
-        ]
+        own = {NativeLowering: self.lowering}
+        manager.passes = [(own.get(item, item), why) for item, why in manager.passes]
         manager.finalize()
         return [manager]
 
@@ -98,9 +97,7 @@ class _Distinct(ir.values.MDValue):  # type: ignore[misc]  # llvmlite has no typ
         buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
 
     def __eq__(self, other: object) -> bool:
-        return (
-            self is other
-        )  # llvmlite takes metadata with equal operands for one, and so one group for another
+        return self is other  # llvmlite would take metadata with equal operands for one
 
     __hash__ = ir.values.MDValue.__hash__
 
@@ -150,14 +147,10 @@ def record_at(dtype: np.dtype[Any]) -> Any:
     return jit(lambda address: numba.carray(_pointer(address), 1, dtype)[0])
 
 
-def rows_at(dtype: np.dtype[Any]) -> Any:
-    """Compiled function from an address and a number to the record with that number."""
-    return jit(lambda address, number: numba.carray(_pointer(address), _ENDLESS, dtype)[number])
-
-
-def numbers_at(width: int) -> Any:
-    """Compiled function from an address and a number to the row of that number in a table of floats."""
-    return jit(lambda address, number: numba.carray(_pointer(address), (_ENDLESS, width), np.float64)[number])
+def rows_at(dtype: np.dtype[Any], *shape: int) -> Any:
+    """Compiled function from an address and a number to that record, or to that row of some shape."""
+    rows = (_ENDLESS, *shape)
+    return jit(lambda address, number: numba.carray(_pointer(address), rows, dtype)[number])
 
 
 class CompiledLoop(NamedTuple):

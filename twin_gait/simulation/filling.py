@@ -17,6 +17,7 @@ from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
+from twin_gait.core.safety import Bounds
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
@@ -28,12 +29,11 @@ from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
 from twin_gait.simulation.problem import (
     NEVER,
+    ActuatedJoint,
     Problem,
     fault_records,
-    has_inertial_unit,
     phase_time_out_ticks,
     ticks,
-    watch_bounds,
 )
 from twin_gait.simulation.record import ABSENT, Record, copied, float_in, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
@@ -96,7 +96,7 @@ def new_episode(
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         requests=_requests(problem),
-        trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
+        trunk_unit=_trunk_unit(problem) if problem.inertial else ABSENT,
         swing_phases=[float(problem.table.is_swing(name)) for name in phases if world.arms],
         chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
         recording=episode.Recording(
@@ -142,7 +142,7 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
             encoder=new_encoder(resolution, angle, experiment.sensors.window),
             motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
-            bounds=watch_bounds(problem, joint),
+            bounds=_bounds(problem, joint),
             # What is on its way at the start may take so long.
             silent_ticks=-_delay_ticks(experiment.network),
         ),
@@ -150,6 +150,35 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
         # What is put in at the end of a tick is taken out for the next one.
         line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         reading=angle,
+    )
+
+
+def _bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
+    """Bounds of the monitor for a joint."""
+    control, model = problem.experiment.control, problem.control_model
+    settings, motor = control.safety, problem.actuator(joint)
+    lower, upper = model.position_limits(joint.side, joint.joint)
+    continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
+    cooling = min(1.0, TICK / settings.thermal_time_constant)
+    resistance = motor.resistance + problem.experiment.plant.electronics.inverter_resistance
+    fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 in a URDF that leaves it open
+    return taken_from(
+        Bounds,
+        settings,
+        lower=lower,
+        upper=upper,
+        highest_speed=settings.speed_share * (fastest if fastest > 0.0 else math.inf),
+        stop_distance_factor=0.5 / settings.stopping_deceleration,
+        frozen_ticks=ticks(settings.frozen_time),
+        model_gain=min(1.0, TICK / settings.model_time_constant),
+        highest_torque=control.limits.torque,
+        torque_ticks=ticks(settings.torque_time),
+        highest_current=settings.current_share * control.limits.current,
+        heating=cooling / (continuous * continuous),
+        cooling=cooling,
+        drive_ticks=ticks(settings.drive_time),
+        emf_constant=motor.torque_constant * motor.gear_ratio,
+        model_resistance=settings.model_resistance_ratio * resistance,
     )
 
 
@@ -281,10 +310,8 @@ def _with_room(entries: list[Record], blank: Record) -> list[Record]:
 def _supply(problem: Problem) -> episode.Supply:
     battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
     power = electronics.constant_power + len(problem.joints) * electronics.inverter_power
-    voltage = battery.voltage
-    return episode.Supply(
-        voltage, battery.internal_resistance, power, electronics.regeneration, bus_voltage=voltage
-    )
+    voltage, resistance = battery.voltage, battery.internal_resistance
+    return episode.Supply(voltage, resistance, power, electronics.regeneration, bus_voltage=voltage)
 
 
 def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:

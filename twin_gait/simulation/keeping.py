@@ -12,7 +12,6 @@ import contextlib
 import ctypes
 import hashlib
 import hmac
-import json
 import os
 import platform
 import secrets
@@ -37,23 +36,7 @@ NativeFunction = Callable[..., int]
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
 # What a compiled loop is made of or made by, in this package; folders stand for all their modules.
-SOURCES = (
-    "../core",
-    "../control/controllers",
-    "../control/gait_controller",
-    "../control/joint_board",
-    "../control/supervisor",
-    "../gait/signals",
-    "../network/messages",
-    "rooms",
-    "binding",
-    "compiling",
-    "episode",
-    "interface",
-    "structure",
-    "log",
-    "record",
-)
+SOURCES = "../core", "../control", "../kernels", "../gait/signals", "../network/messages", "."
 
 
 def cache_folder() -> Path | None:
@@ -136,27 +119,27 @@ def _home(variable: str, folder: str) -> Path:
 
 
 @lru_cache(maxsize=8)
-def source_key(what: str, *more: str) -> str:
-    """Hash over what is compiled and every source, package and processor that it depends on."""
-    digest = hashlib.sha256(what.encode() + _content(*SOURCES, *more))
+def source_key(what: str) -> str:
+    """Hash over what is compiled and every source, package and processor that it may depend on."""
+    digest = hashlib.sha256(what.encode() + _content())
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
     digest.update(f"{platform.python_version()} {platform.machine()} {' '.join(target())}".encode())
     return digest.hexdigest()[:24]
 
 
-@lru_cache(maxsize=4)
-def _content(*names: str) -> bytes:
-    """Hash over modules, read once in a process: an edit during a long batch changes nothing in it."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files(*names))).digest()
+@lru_cache(maxsize=1)
+def _content() -> bytes:
+    """Hash over all sources, read once in a process: an edit during a long batch changes nothing in it."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files())).digest()
 
 
-def source_files(*names: str) -> list[Path]:
-    """Modules of this package by name, of a folder all of them."""
+def source_files() -> list[Path]:
+    """Modules that :data:`SOURCES` stands for."""
     home, found = Path(__file__).parent, []
-    for name in names:
+    for name in SOURCES:
         path = home / f"{name}.py"  # before a folder: an older version may have left one of this name
-        found += [path] if path.is_file() else sorted((home / name).glob("*.py"))
+        found += [path] if path.is_file() else sorted((home / name).rglob("*.py"))
     return found
 
 
@@ -181,7 +164,7 @@ class MachineCode(NamedTuple):
 
 def write_code(path: Path, code: MachineCode) -> None:
     """Keep compiled code, sealed; where that is not possible it is not kept."""
-    content = json.dumps({"symbol": code.symbol}).encode() + b"\n" + code.object_code
+    content = code.symbol.encode() + b"\n" + code.object_code
     proof = seal(path.name, content)
     if proof is not None:
         # A full or read-only disk: the code is in memory and need not be kept.
@@ -195,8 +178,8 @@ def read_code(path: Path) -> MachineCode | None:
     expected = seal(path.name, content)
     if expected is None or not hmac.compare_digest(proof, expected.encode()):
         return None
-    header, _, object_code = content.partition(b"\n")
-    return MachineCode(object_code, json.loads(header)["symbol"])
+    symbol, _, object_code = content.partition(b"\n")
+    return MachineCode(object_code, symbol.decode())
 
 
 def load_function(code: MachineCode) -> NativeFunction:

@@ -74,10 +74,8 @@ class LaneEngine:
             running = self._take_out(running, done)
         for lane in running.tolist():
             self._finish(lane, done, logs[lane], kept)
-        return [
-            engine.result(int(end), log[:, :end].T)
-            for engine, end, log in zip(self.engines, self._ends, logs, strict=True)
-        ]
+        ended = zip(self.engines, self._ends.tolist(), logs, strict=True)
+        return [engine.result(end, log[:, :end].T) for engine, end, log in ended]
 
     def _run_ticks(self, first: int, end: int) -> int:
         """Run some ticks, fewer if an episode ends on the way; their rows go to the begin of the chunk."""
@@ -143,9 +141,7 @@ def has_lane_loop(engine: EpisodeEngine) -> bool:
 
 
 def _key_of(pattern: Pattern) -> str:
-    return source_key(
-        f"in lanes {pattern.text}", "compiled_engine", "lane_engine", "lanes", "views", "../kernels"
-    )
+    return source_key(f"in lanes {pattern.text}")
 
 
 def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:

@@ -12,23 +12,9 @@ from twin_gait.leg_model import LegModel
 from twin_gait.vocabulary import JointName, Side
 
 LOG_SCHEMA_VERSION = 2
+UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
 # How a unit is written at the end of a name.
-SUFFIXES = {
-    "rad": "rad",
-    "rad/s": "rad_per_s",
-    "rad/s²": "rad_per_s2",
-    "N m": "Nm",
-    "A": "A",
-    "N m/rad": "Nm_per_rad",
-    "N m s/rad": "Nms_per_rad",
-    "N": "N",
-    "m": "m",
-    "m/s": "m_per_s",
-    "s": "s",
-    "V": "V",
-    "W": "W",
-    "J": "J",
-}
+SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
 CODES = ("safety_state", "trip_cause", "mode", "request", "refused")  # columns without a unit
 
 
@@ -176,12 +162,11 @@ SUPERVISOR = Columns(
 )
 
 WORK_SOURCES = tuple(name.removesuffix("_work_J") for name in WORK.columns)
-BRACED_WORK_SOURCES = (*WORK_SOURCES, "brace")
 
 
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
     """Sources of work that a log has columns for; the braces are one of them if there are any."""
-    return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
+    return (*WORK_SOURCES, "brace") if "brace_work_J" in columns else WORK_SOURCES
 
 
 def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:

@@ -204,9 +204,8 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
     except TwinGaitError as error:
         raise JobFailed(first, str(error)) from error
     share = (time.perf_counter() - began) / len(engines)
-    return [
-        run_of(engine.problem, result, share, kept) for engine, result in zip(engines, results, strict=True)
-    ]
+    done = zip(engines, results, strict=True)
+    return [run_of(engine.problem, result, share, kept) for engine, result in done]
 
 
 def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:

@@ -8,7 +8,7 @@ from typing import TypeAlias
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.parameters import ImpedancePlace
-from twin_gait.simulation.problem import Problem, has_inertial_unit
+from twin_gait.simulation.problem import Problem
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
 # place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
@@ -52,6 +52,6 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "DELAYED": control.delay_ticks > 0,
         "SLOPED": problem.world.slope != 0.0,
         "NETWORKED": experiment.network is not None,
-        "INERTIAL": has_inertial_unit(experiment),
+        "INERTIAL": problem.inertial,
         "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
     }

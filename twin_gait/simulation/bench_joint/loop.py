@@ -125,7 +125,7 @@ def _compiled(
 @lru_cache(maxsize=8)
 def _key(episode: np.dtype[Any], other_laws: bool) -> str:
     """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
-    return source_key(repr((episode, other_laws, TICK)), "compiled_engine", "bench_joint")
+    return source_key(repr((episode, other_laws, TICK)))
 
 
 def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:

@@ -117,11 +117,9 @@ def drive(e: Episode, tick: int) -> None:
 
 def _drive(e: Episode, number: int) -> None:
     joint = e.joints[number]
-    board, place = joint.board, joint.place
-    current, torque = driven_motor(
-        joint.motor, board.command.target_current, e.v[place], e.supply.bus_voltage
-    )
-    off = board.command.drive_off or joint.off
+    asked, place = joint.board.command, joint.place
+    current, torque = driven_motor(joint.motor, asked.target_current, e.v[place], e.supply.bus_voltage)
+    off = asked.drive_off or joint.off
     joint.current = 0.0 if off else current
     joint.current_deviation = 0.0
     e.motor[place] = 0.0 if off else torque
