@@ -1,10 +1,8 @@
 """The engine that runs the rooms of a tick compiled, over a kernel written for the structure of the model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,15 +15,12 @@ from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import Episode, Switch, noise_width
 from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, kept_loop, source_key
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
 from twin_gait.simulation.structure import Structure, structure_of
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
 
 _FLOAT, _SWITCHES = np.dtype(float), dtype_of(Switch(0, 0, 0, 0, 0))
 

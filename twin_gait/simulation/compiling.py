@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -34,7 +34,7 @@ from twin_gait.control.controller import (
     require_whole_numbers,
 )
 from twin_gait.simulation.binding import bind, is_ours
-from twin_gait.simulation.keeping import ARGUMENTS, MachineCode, NativeFunction, function_at
+from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, MachineCode, function_at
 
 _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
@@ -151,13 +151,6 @@ def rows_at(dtype: np.dtype[Any], *shape: int) -> Any:
     """Compiled function from an address and a number to that record, or to that row of some shape."""
     rows = (_ENDLESS, *shape)
     return jit(lambda address, number: numba.carray(_pointer(address), rows, dtype)[number])
-
-
-class CompiledLoop(NamedTuple):
-    """A loop compiled in this process."""
-
-    function: NativeFunction  # Takes whole numbers and returns one.
-    code: MachineCode | None  # What can be kept of it, or None if it needs more than the C library.
 
 
 def compile_loop(

@@ -13,7 +13,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT
 from twin_gait.parameters import NODES
 from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED
-from twin_gait.simulation.log import LogLayout
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 
@@ -50,23 +50,6 @@ class EngineResult(NamedTuple):
     reason: str  # Why, if it did not complete.
     trip: Trip | None = None  # What the safety monitor tripped on, or None.
     traffic: BusTraffic | None = None  # Of the bus, or None without one.
-
-
-def log_layout(problem: Problem) -> LogLayout:
-    """Columns that a problem's log has."""
-    legs = problem.world.model.legs
-    return LogLayout(
-        legs=dict.fromkeys(legs, problem.experiment.joints),
-        passive=problem.passive,
-        feet=tuple(side for side in legs if problem.world.contact_frames.get(side)),
-        pelvis=problem.world.model.pelvis_index is not None,
-        forward=problem.world.model.forward_index is not None,
-        free=problem.world.model.pitch_index is not None,
-        crutches=problem.sides[: len(problem.world.arms)],
-        seat=problem.world.seat is not None,
-        braced=problem.world.braces is not None,
-        supervised=problem.experiment.modes is not None,
-    )
 
 
 class EpisodeEngine(ABC):

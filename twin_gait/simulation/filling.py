@@ -27,14 +27,7 @@ from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
-from twin_gait.simulation.problem import (
-    NEVER,
-    ActuatedJoint,
-    Problem,
-    fault_records,
-    phase_time_out_ticks,
-    ticks,
-)
+from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks, ticks
 from twin_gait.simulation.record import ABSENT, Record, copied, float_in, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 
@@ -142,7 +135,7 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
             encoder=new_encoder(resolution, angle, experiment.sensors.window),
             motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
-            bounds=_bounds(problem, joint),
+            bounds=_bounds(problem, number),
             # What is on its way at the start may take so long.
             silent_ticks=-_delay_ticks(experiment.network),
         ),
@@ -153,9 +146,9 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
     )
 
 
-def _bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
+def _bounds(problem: Problem, number: int) -> Bounds:
     """Bounds of the monitor for a joint."""
-    control, model = problem.experiment.control, problem.control_model
+    joint, control, model = problem.joints[number], problem.experiment.control, problem.control_model
     settings, motor = control.safety, problem.actuator(joint)
     lower, upper = model.position_limits(joint.side, joint.joint)
     continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)

@@ -6,8 +6,6 @@ is used by the next run. Code is loaded only from the user's own files, and only
 secret says that this program wrote them. Nothing here needs the compiler.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import hashlib
@@ -21,15 +19,12 @@ from collections.abc import Callable
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from llvmlite import binding
 
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
 
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
 NativeFunction = Callable[..., int]
@@ -160,6 +155,13 @@ class MachineCode(NamedTuple):
 
     object_code: bytes  # Object file.
     symbol: str  # Name of the function in it.
+
+
+class CompiledLoop(NamedTuple):
+    """A loop compiled in this process."""
+
+    function: NativeFunction  # Takes whole numbers and returns one.
+    code: MachineCode | None  # What can be kept of it, or None if it needs more than the C library.
 
 
 def write_code(path: Path, code: MachineCode) -> None:

@@ -5,21 +5,16 @@ the block, takes all of them through a tick. An episode that has ended leaves th
 as a copy of another one's, which changes nothing. With few left the rest run alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
 from twin_gait.simulation.engine import EngineResult, EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import NativeFunction, is_kept, kept_loop, source_key
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
+from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, is_kept, kept_loop, source_key
 
 # With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
 WIDTH = 32

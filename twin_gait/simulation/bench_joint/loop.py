@@ -1,12 +1,10 @@
 """A test on the joint bench: its record at tick 0, and its run, compiled and kept or as plain Python."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,13 +28,10 @@ from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UN
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows, run_at
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, kept_loop, source_key
 from twin_gait.simulation.log import writer_of
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
 
 
 @dataclass(frozen=True, eq=False)
