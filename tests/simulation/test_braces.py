@@ -29,12 +29,11 @@ from twin_gait.report.run_figures import draw_angles
 from twin_gait.runs.log_files import read_table
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.rooms.motion import integrate
-from twin_gait.simulation.structure import structure_of
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bracing import carries
@@ -55,9 +54,9 @@ def without_motors(
 ) -> tuple[Episode, Callable[[Episode, int], None]]:
     """Device and wearer by themselves on Pinocchio, and what moves them by one step."""
     problem = build_problem(experiment)
-    e = new_episode(problem, [], [], 0, record=False)
-    e.step, e.substeps = step, 1
-    structure = {**structure_of(problem, 0), "RK4": method is IntegrationMethod.RK4}
+    _, e, structure = laid_out(problem)
+    e.step, e.substeps, e.recording.on = step, 1, False
+    structure["RK4"] = method is IntegrationMethod.RK4
     kernel = PinocchioKernel(problem.world, problem.control_model).functions
     return e, bind(integrate, {**structure, **kernel})
 

@@ -1,15 +1,14 @@
 """The engine that runs the rooms of a tick compiled, over a kernel written for the structure of the model."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from twin_gait.control.controller import TickFunction
-from twin_gait.kernels import generated
-from twin_gait.leg_model import LegModel
-from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
+from twin_gait.kernels.generated import SIDE_BY_SIDE, KernelBodies, kernel_structure, write_kernel
+from twin_gait.leg_model.bodies import BodyArrays, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import Episode, Switch, noise_width
@@ -63,7 +62,8 @@ class CompiledEngine(EpisodeEngine):
         cannot compile the controller.
         """
         super().__init__(problem)
-        bodies, episode, structure = laid_out(problem, record=record)
+        bodies, episode, structure = laid_out(problem)
+        episode.recording.on = record
         self.store = stored(episode)
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.
@@ -98,7 +98,7 @@ class Pattern(NamedTuple):
 
     episode: np.dtype[Any]  # Layout of the record.
     log: LogLayout  # Of a row.
-    bodies: generated.KernelBodies  # What the kernel is written for.
+    bodies: KernelBodies  # What the kernel is written for.
     structure: Structure  # Constants that are bound.
     controller: str  # Name of the controller.
     functions: Mapping[str, TickFunction]  # Of the controller, that are bound.
@@ -106,7 +106,7 @@ class Pattern(NamedTuple):
     @property
     def text(self) -> str:
         """All that the loop depends on beside its sources, and functions that are not of this package."""
-        bodies = generated.kernel_structure(self.bodies)
+        bodies = kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
         return repr((_text(self.episode), self.log.writer, bodies, self.structure, ours))
 
@@ -116,38 +116,26 @@ class Pattern(NamedTuple):
         return tuple(item for item in self.functions.values() if not is_ours(item))
 
 
-def laid_out(problem: Problem, *, record: bool = True) -> tuple[generated.KernelBodies, Episode, Structure]:
+def laid_out(problem: Problem) -> tuple[KernelBodies, Episode, Structure]:
     """Bodies of a problem, its episode at tick 0, and the constants to bind."""
-    world = problem.world
+    bodies = _bodies_of(problem)
+    return bodies, new_episode(problem, bodies), structure_of(problem, len(bodies.points))
+
+
+def _bodies_of(problem: Problem) -> KernelBodies:
+    """Bodies of models that share nothing but the ground, one after the other; the last has the feet."""
+    world, bodies = problem.world, list[BodyArrays]()
+    for chain in world.chains:
+        first = len(bodies)
+        for body in export_bodies(chain.model):
+            bodies.append(body._replace(parent=body.parent + first if body.parent >= 0 else body.parent))
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
-    bodies, points = _forest(world.chains, frames)
-    control_bodies = export_bodies(problem.control_model.model)
+    found = contact_points(world.chains[-1].model, frames)
+    points = [point._replace(body=point.body + first) for point in found]
+    control = export_bodies(problem.control_model.model)
     # The last guide of each pelvis, or on the bench the first joint of each chain.
     guides = range(world.model.pelvis_index or 0, len(bodies), world.model.nv)
-    episode = new_episode(
-        problem,
-        generated.body_values(bodies, points),
-        generated.body_values(control_bodies),
-        len(points),
-        record=record,
-    )
-    kernel = generated.KernelBodies(
-        bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0
-    )
-    return kernel, episode, structure_of(problem, len(points))
-
-
-def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[BodyArrays], list[ContactPoint]]:
-    """Bodies of models that share nothing but the ground, one after the other; the last has the feet."""
-    bodies: list[BodyArrays] = []
-    for chain in chains:
-        first = len(bodies)
-        bodies += [
-            body._replace(parent=body.parent + first if body.parent >= 0 else body.parent)
-            for body in export_bodies(chain.model)
-        ]
-    points = [point._replace(body=point.body + first) for point in contact_points(chains[-1].model, frames)]
-    return bodies, points
+    return KernelBodies(bodies, points, control, world.model.up_axis, guides, world.slope != 0.0)
 
 
 def loop_of(
@@ -157,17 +145,13 @@ def loop_of(
 
     Raises UncompiledControllerError if numba cannot compile the controller.
     """
-    own = {}
-    if pattern.own:
-        from twin_gait.simulation.compiling import compiled_ticks
-
-        own = compiled_ticks(pattern.controller, pattern.functions, pattern.episode["controller"])
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop, record_at
+        from twin_gait.simulation.compiling import compile_loop, compiled_ticks, record_at
         from twin_gait.simulation.vectors import in_vectors
 
         bound = bound_to(pattern)
+        own = compiled_ticks(pattern.controller, pattern.functions, pattern.episode["controller"])
         names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
         return compile_loop(entry, names, own=pattern.controller if own else "")
 
@@ -191,10 +175,10 @@ def _text(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def bound_kernel(bodies: generated.KernelBodies) -> dict[str, Any]:
+def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    called = {item.name: item.function for item in generated.SIDE_BY_SIDE}
-    return kernel_functions(generated.write_kernel(bodies), called)
+    called = {item.name: item.function for item in SIDE_BY_SIDE}
+    return kernel_functions(write_kernel(bodies), called)
 
 
 @lru_cache(maxsize=32)

@@ -153,9 +153,9 @@ class Switch:
 class Recording:
     """Log, switches and noise; their rows are behind an address."""
 
-    on: bool  # Whether the log is written.
     most_switches: int  # That there is room for.
     n_noise: int  # Rows of it, taken in turn.
+    on: bool = True  # Whether the log is written.
     log: int = 0  # Address of its first row.
     first_row: int = 0  # Tick of that row.
     switches: int = 0  # Address of the first switch.

@@ -22,6 +22,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
+from twin_gait.kernels.generated import KernelBodies, body_values
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import NetworkParameters
@@ -39,12 +40,11 @@ FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, STRAIGHTEN: RISES, REACH_BACK: REAC
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
 
-def new_episode(
-    problem: Problem, bodies: list[float], control_bodies: list[float], n_points: int, *, record: bool = True
-) -> episode.Episode:
-    """The episode of a problem at tick 0, with run-time values of the kernels of plant and controller."""
+def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
+    """The episode of a problem at tick 0; ``bodies``: what the kernels of plant and controller are of."""
     experiment, world = problem.experiment, problem.world
     n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
+    most_switches = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
     faults = fault_records(problem)
     pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
     legs = world.model.legs.items()
@@ -66,7 +66,7 @@ def new_episode(
         external=[0.0] * n,
         torque=[0.0] * n,
         stages=episode.Stages(*([0.0] * n for _ in range(4))),
-        bodies=bodies,
+        bodies=body_values(bodies.bodies, bodies.points),
         rates=Rates(
             period=TICK,
             fast_gain=problem.fast_gain,
@@ -75,7 +75,7 @@ def new_episode(
         ),
         supply=_supply(problem),
         limits=limits_of(problem, problem.experiment.network),
-        controller=_controller(problem, control_bodies),
+        controller=_controller(problem, body_values(bodies.control_bodies)),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[episode.Sole() for _ in problem.sides],
         network=ABSENT if experiment.network is None else _network(problem, experiment.network),
@@ -83,7 +83,7 @@ def new_episode(
         ankles=ankles,
         passive=passive,
         ground=world.ground(),
-        points=[Point() for _ in range(max(n_points, 1))],
+        points=[Point() for _ in range(max(len(bodies.points), 1))],
         imposed_motion=world.imposed_motion or ImposedMotion(),
         braces=[] if world.braces is None else world.braces.braces,
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
@@ -92,9 +92,7 @@ def new_episode(
         trunk_unit=_trunk_unit(problem) if problem.inertial else ABSENT,
         swing_phases=[float(problem.table.is_swing(name)) for name in phases if world.arms],
         chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
-        recording=episode.Recording(
-            record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
-        ),
+        recording=episode.Recording(most_switches, len(problem.noise)),
     )
     return copied(filled)  # nothing in it belongs to the world, or stands in it twice
 

@@ -163,4 +163,4 @@ class BenchEpisode:
     torques: Torques = field(default_factory=Torques)
     time: float = 0.0  # Of the tick in [s].
     # Of the noise each number is a row, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.
-    recording: Recording = field(default_factory=lambda: Recording(on=True, most_switches=0, n_noise=1))
+    recording: Recording = field(default_factory=lambda: Recording(most_switches=0, n_noise=1))
