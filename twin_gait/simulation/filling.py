@@ -200,8 +200,10 @@ def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
 
 
 def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
-    supply = problem.experiment.plant.battery.voltage
-    settings, modes = problem.experiment.control.safety, problem.experiment.modes
+    experiment, control = problem.experiment, problem.experiment.control
+    supply, settings, modes = experiment.plant.battery.voltage, control.safety, experiment.modes
+    gain = control.inertia_compensation
+    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
     legs = [_leg(problem, number) for number in range(len(problem.sides))]
     return ccu.ControllerState(
         joints=[
@@ -214,7 +216,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
         supply=ccu.WatchedSupply(
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),
-        model=_control_model(problem, bodies),
+        model=ccu.ControlModel(bodies, experiment.plant.gravity, q, a, gravity, inertia, gain),
         memory=memory_of(problem.controller, problem.plan),
         supervisor=ABSENT if modes is None else _supervisor(problem, modes),
     )
@@ -320,12 +322,6 @@ def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
         lowering_ticks=ticks(safety.lowering_time),
         hold_damping=safety.hold_damping,
     )
-
-
-def _control_model(problem: Problem, bodies: list[float]) -> ccu.ControlModel:
-    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
-    gain = problem.experiment.control.inertia_compensation
-    return ccu.ControlModel(bodies, problem.experiment.plant.gravity, q, a, gravity, inertia, gain)
 
 
 def _trunk_unit(problem: Problem) -> TrunkUnit:

@@ -141,8 +141,7 @@ class BenchEpisode:
     moment: float  # Of weight and link in [kg m].
     torsion: worlds.Torsion  # Of the gear.
     compliant: bool  # Whether there is torsion.
-    efficiency: worlds.CatalogueEfficiency  # Of the gear, from its catalogue.
-    catalogued: bool  # Whether it is that, not the constant one of the motor and gear.
+    efficiency: worlds.CatalogueEfficiency  # Of the gear, from its catalogue or constant.
     friction: PlantFriction  # Of motor and gear.
     ripple_cosine: float  # Part in [N m] of the friction that repeats with the angle.
     ripple_sine: float  # Likewise.

@@ -149,6 +149,7 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
     path = worlds.CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
+    constant = (test.actuator.gear_efficiency, 0.0, 0.0, 0.0, 0.0, 0.0)
     sine, cosine = sine_cosine(variation.ripple_phase)
     unit = test.inertial_unit or worlds.InertialUnit(sensor=worlds.InertialSensor.GYROSCOPE)
     return record.BenchEpisode(
@@ -167,8 +168,7 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
         moment=link.total_moment,
         torsion=test.torsion or worlds.Torsion(),
         compliant=test.torsion is not None,
-        efficiency=test.efficiency or worlds.CatalogueEfficiency(),
-        catalogued=test.efficiency is not None,
+        efficiency=test.efficiency or worlds.CatalogueEfficiency(coefficients=constant),
         friction=friction.law.scaled(variation.friction_ratio).in_plant(),
         ripple_cosine=friction.ripple * cosine,
         ripple_sine=friction.ripple * sine,

@@ -51,11 +51,12 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
             plant, load = one.plant[i], gear_load(one.plant[i], one.motor[i], one.a[i])
             passive = passive_torque(plant, one.torque[i], q[i], v[i], load, q[i] - one.q[i])
             one.torque[i] = one.motor[i] + one.external[i] + passive
-    motion = e.imposed_motion
-    if motion.place >= 0:
+    if e.imposed_motion.place >= 0:
         for one in lanes(e):
             q, v = _state(one, staged)
-            _impose(one, time, q, v)
+            motion = one.imposed_motion
+            motion.torque = imposed_motion_torque(motion, time, q[motion.place], v[motion.place])
+            one.torque[motion.place] += motion.torque
     if SHIFT > 0:
         for i in range(SHIFT):
             for one in lanes(e):
@@ -153,13 +154,6 @@ def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
     if staged:
         return one.stages.q, one.stages.v
     return one.q, one.v
-
-
-def _impose(one: Episode, time: float, q: list[float], v: list[float]) -> None:
-    """Add the torque of the imposed motion."""
-    motion = one.imposed_motion
-    motion.torque = imposed_motion_torque(motion, time, q[motion.place], v[motion.place])
-    one.torque[motion.place] += motion.torque
 
 
 def _euler_step(e: Episode, time: float, known: bool) -> None:
