@@ -50,6 +50,7 @@ def motor_torque(e: BenchEpisode, current: float) -> float:
 def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
     """Accelerations of rotor and link at the present state and current."""
     torque = motor_torque(e, e.winding.current)
+    e.torques.motor = torque
     return accelerations(e, time, torque, e.rotor.angle, e.rotor.velocity, e.link.angle, e.link.velocity)
 
 

@@ -15,20 +15,8 @@ from twin_gait.core.inertial import angular_acceleration, tangential_specific_fo
 from twin_gait.core.motor_drive import cosine_path, inverter_voltage, six_step_current
 from twin_gait.core.transparency import transparency_duty
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.bench_joint.episode import (
-    ACCELEROMETER,
-    DUTY,
-    ENCODER,
-    GYROSCOPE,
-    OPEN,
-    BenchEpisode,
-)
-from twin_gait.simulation.bench_joint.mechanics import (
-    drive_winding,
-    mechanical_step,
-    motor_torque,
-    present_accelerations,
-)
+from twin_gait.simulation.bench_joint.episode import ACCELEROMETER, DUTY, ENCODER, OPEN, BenchEpisode
+from twin_gait.simulation.bench_joint.mechanics import drive_winding, mechanical_step, present_accelerations
 from twin_gait.simulation.episode import DIVERGED, DIVERGED_VELOCITY
 from twin_gait.simulation.interface import log_row, noise_row, write_row
 
@@ -51,7 +39,6 @@ def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
         measure(e, tick)
         control(e, tick)
         e.rotor.acceleration, _ = present_accelerations(e, e.time)
-        e.torques.motor = motor_torque(e, e.winding.current)
         write_row(e, log_row(e, tick))
         e.winding.energy = 0.0
         for number in range(e.winding.periods):
@@ -101,7 +88,7 @@ def _sense(e: BenchEpisode, tick: int) -> None:
 
 def _unit_reading(e: BenchEpisode) -> float:
     """What the unit would report without noise: velocity, or specific force along its path."""
-    if e.acceleration.source == GYROSCOPE:
+    if e.acceleration.source != ACCELEROMETER:
         return e.link.velocity
     _, acceleration = present_accelerations(e, e.time)
     return tangential_specific_force(

@@ -9,12 +9,11 @@ from twin_gait.simulation.rooms.sensors import normal_force, point_force
 from twin_gait.simulation.rooms.surroundings import (
     drag_tips,
     energy_of_tips,
+    hold_trunk,
     move_tips,
-    press_seat,
-    pull_harness,
     push_crutches,
 )
-from twin_gait.simulation.structure import CRUTCHES, PITCH, POINTS_PER_FOOT, RK4, SEATED, SHIFT, WITH_FRICTION
+from twin_gait.simulation.structure import CRUTCHES, POINTS_PER_FOOT, RK4, SEATED, SHIFT, WITH_FRICTION
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -67,10 +66,7 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
                 one.torque[i + SHIFT] += brace.torque
     for one in lanes(e):
         q, v = _state(one, staged)
-        if PITCH >= 0:
-            pull_harness(one, q, v)
-        if SEATED:
-            press_seat(one, q, v)
+        hold_trunk(one, q, v)
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
         if SEATED:
             one.contact_power += one.seat.power
