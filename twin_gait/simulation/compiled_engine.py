@@ -10,18 +10,18 @@ from twin_gait.control.controller import TickFunction
 from twin_gait.kernels.generated import SIDE_BY_SIDE, KernelBodies, kernel_structure, write_kernel
 from twin_gait.leg_model.bodies import BodyArrays, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
-from twin_gait.simulation.engine import EpisodeEngine
-from twin_gait.simulation.episode import Episode, Switch, noise_width
+from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
+from twin_gait.simulation.episode import Episode, noise_width
 from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.record import dtype_of, stored
+from twin_gait.simulation.record import stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
 from twin_gait.simulation.structure import Structure, structure_of
 
-_FLOAT, _SWITCHES = np.dtype(float), dtype_of(Switch(0, 0, 0, 0, 0))
+_FLOAT = np.dtype(float)
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -45,16 +45,13 @@ class CompiledEngine(EpisodeEngine):
     Attributes:
         store: All that the loop changes, beside log and switches: the record, an array of shape ``(1,)``.
         episode: The record.
-        switches: Room for the switches of the phases.
         pattern: What its loop is compiled for.
         loop: The compiled loop; episodes of one pattern have the same.
     """
 
     chunk_ticks = 2000
 
-    def __init__(
-        self, problem: Problem, *, record: bool = True, on_compile: Callable[[], None] | None = None
-    ) -> None:
+    def __init__(self, problem: Problem, *, record: bool = True, on_compile: OnCompile = None) -> None:
         """Lay the problem out and get the compiled loop.
 
         ``record``: whether to keep the log; without it only the switches and the last state remain.
@@ -68,7 +65,7 @@ class CompiledEngine(EpisodeEngine):
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.
         self._noise = np.ascontiguousarray(problem.noise)
-        self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
+        self.switches = np.zeros(episode.recording.most_switches, SWITCHES)
         self.point_at_rows()
         acting = problem.controller.name, problem.controller.functions()
         self.pattern = Pattern(self.store.dtype, self.layout, bodies, structure, *acting)
@@ -85,12 +82,6 @@ class CompiledEngine(EpisodeEngine):
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         return self.loop(self.store.ctypes.data, first, end)
-
-    def switch_rows(self, first: int) -> list[tuple[int, int, int, int, int]]:
-        """See :meth:`EpisodeEngine.switch_rows`."""
-        found: list[tuple[int, int, int, int, int]]
-        found = self.switches[first : self.episode["recording"]["n_switches"]].tolist()
-        return found
 
 
 class Pattern(NamedTuple):
@@ -139,7 +130,7 @@ def _bodies_of(problem: Problem) -> KernelBodies:
 
 
 def loop_of(
-    pattern: Pattern, on_compile: Callable[[], None] | None, entry: Callable[[int, int, int], int] = run_at
+    pattern: Pattern, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_at
 ) -> NativeFunction:
     """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be.
 
@@ -186,7 +177,7 @@ def compiled_rows(width: int, noises: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, rows_at
 
-    logs, readings, switches = rows_at(_FLOAT, width), rows_at(_FLOAT, noises), rows_at(_SWITCHES)
+    logs, readings, switches = rows_at(_FLOAT, width), rows_at(_FLOAT, noises), rows_at(SWITCHES)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from llvmlite import binding
 
@@ -28,6 +28,7 @@ from twin_gait.files import write_atomically
 
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
 NativeFunction = Callable[..., int]
+OnCompile: TypeAlias = Callable[[], None] | None  # what is called if a loop has to be compiled first
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
 # What a compiled loop is made of or made by, in this package; folders stand for all their modules.
@@ -224,10 +225,7 @@ _loops: dict[tuple[str, tuple[Any, ...]], NativeFunction] = {}
 
 
 def kept_loop(
-    key: str,
-    make: Callable[[], CompiledLoop],
-    on_compile: Callable[[], None] | None,
-    own: tuple[Any, ...] = (),
+    key: str, make: Callable[[], CompiledLoop], on_compile: OnCompile, own: tuple[Any, ...] = ()
 ) -> NativeFunction:
     """The loop of a key.
 

@@ -5,7 +5,7 @@ the block, takes all of them through a tick. An episode that has ended leaves th
 as a copy of another one's, which changes nothing. With few left the rest run alone.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -14,7 +14,14 @@ import numpy as np
 from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
 from twin_gait.simulation.engine import EngineResult, EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, is_kept, kept_loop, source_key
+from twin_gait.simulation.keeping import (
+    CompiledLoop,
+    NativeFunction,
+    OnCompile,
+    is_kept,
+    kept_loop,
+    source_key,
+)
 
 # With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
 WIDTH = 32
@@ -117,7 +124,7 @@ def kind_of(engine: EpisodeEngine) -> Hashable | None:
     return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
 
 
-def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None = None) -> NativeFunction:
+def lane_loop(pattern: Pattern, on_compile: OnCompile = None) -> NativeFunction:
     """The loop for blocks of episodes of one pattern, compiled if need be."""
 
     def make() -> CompiledLoop:

@@ -1,7 +1,6 @@
 """A test on the joint bench: its record at tick 0, and its run, compiled and kept or as plain Python."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -28,7 +27,7 @@ from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UN
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows, run_at
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
 from twin_gait.simulation.log import writer_of
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
@@ -66,7 +65,7 @@ def simulate_bench(
     seed: int = 0,
     variation: record.BenchVariation | None = None,
     compiled: bool = True,
-    on_compile: Callable[[], None] | None = None,
+    on_compile: OnCompile = None,
 ) -> BenchRun:
     """Simulate a test.
 
@@ -102,9 +101,7 @@ def simulate_bench(
     return BenchRun(test, rows[:done], RunStatus.DIVERGED if status == DIVERGED else RunStatus.COMPLETED)
 
 
-def _compiled(
-    episode: np.dtype[Any], names: dict[str, Any], on_compile: Callable[[], None] | None
-) -> NativeFunction:
+def _compiled(episode: np.dtype[Any], names: dict[str, Any], on_compile: OnCompile) -> NativeFunction:
     """The compiled loop of tests of one layout."""
 
     def make() -> CompiledLoop:
